@@ -1,0 +1,1 @@
+"""First-party localisers of rhs."""

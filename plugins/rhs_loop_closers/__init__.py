@@ -1,0 +1,1 @@
+"""First-party loop_closers of rhs."""

@@ -1,0 +1,1 @@
+"""First-party planners of rhs."""

@@ -1,0 +1,1 @@
+"""First-party sensors of rhs."""

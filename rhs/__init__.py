@@ -1,0 +1,1 @@
+"""Robotic Home Sentinel: camera to patrol, as an experiment."""

@@ -1,0 +1,43 @@
+"""The errors a user can meet. Each message says what was found, what was expected and what to type."""
+
+from __future__ import annotations
+
+
+class RhsError(Exception):
+    """Any failure that rhs foresaw; shown as one line."""
+
+    exit_code = 1
+
+
+class ConfigError(RhsError):
+    """Refused before anything ran: a setting, a file or a combination of parts is not usable."""
+
+    exit_code = 2
+
+
+class PluginError(ConfigError):
+    """A plugin is unknown, cannot be imported, or shares its name with another."""
+
+
+class ContractError(RhsError):
+    """A part returned something its contract forbids (wrong shape, NaN pose, no status)."""
+
+
+class RecordingError(RhsError):
+    """A recording cannot be read or written."""
+
+
+def check_range(owner: str, name: str, value: float, *, low: float, high: float, unit: str = "") -> None:
+    """Refuse a number outside the closed range [low, high]; NaN and infinities are always outside.
+
+    Raises ConfigError naming the key, the value and the allowed range.
+    """
+    if not low <= value <= high:
+        unit_text = f" {unit}" if unit else ""
+        raise ConfigError(f"{owner}.{name}={value} is outside the allowed range [{low:g}, {high:g}]{unit_text}")
+
+
+def check_choice(owner: str, name: str, value: str, choices: tuple[str, ...]) -> None:
+    """Refuse a word that is not one of `choices`."""
+    if value not in choices:
+        raise ConfigError(f"{owner}.{name}={value} is not one of {', '.join(choices)}")

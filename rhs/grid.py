@@ -1,0 +1,62 @@
+"""Occupancy grids: cells and metres, occupancy calls, growth by the robot's radius.
+
+Row index is y, column index is x; `origin_m` is the corner of cell (0, 0), whose centre is half a cell further.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """probability (H, W) float32: chance that the cell is occupied, NaN where never observed."""
+
+    probability: np.ndarray
+    resolution_m: float
+    origin_m: tuple[float, float]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.probability.shape  # type: ignore[return-value]
+
+    def cells(self, points_m: np.ndarray) -> np.ndarray:
+        """(N, 2) integer (row, column) of (N, 2) points x, y in metres; may lie outside the grid."""
+        points = np.atleast_2d(np.asarray(points_m, float))
+        column_row = np.floor((points - np.asarray(self.origin_m)) / self.resolution_m + 1e-9).astype(int)
+        return column_row[:, ::-1]
+
+    def centres(self, cells: np.ndarray) -> np.ndarray:
+        """(N, 2) metres x, y of the centres of (N, 2) (row, column) cells."""
+        return (np.atleast_2d(cells)[:, ::-1] + 0.5) * self.resolution_m + np.asarray(self.origin_m)
+
+    def inside(self, points_m: np.ndarray) -> np.ndarray:
+        """(N,) bool: the point lies on the grid."""
+        rc = self.cells(points_m)
+        return np.all((rc >= 0) & (rc < np.array(self.shape)), axis=1)
+
+    def occupied(self, threshold: float = 0.65) -> np.ndarray:
+        """(H, W) bool: observed and at least `threshold` likely to be occupied."""
+        with np.errstate(invalid="ignore"):
+            return self.probability >= threshold
+
+    def free(self, threshold: float = 0.25) -> np.ndarray:
+        """(H, W) bool: observed and less than `threshold` likely to be occupied."""
+        with np.errstate(invalid="ignore"):
+            return self.probability < threshold
+
+    def blocked(self, radius_m: float, *, free_below: float = 0.25, unknown_is_blocked: bool = True) -> np.ndarray:
+        """(H, W) bool: where the centre of a round robot may not be: not free, grown by its radius (thesis 5.5)."""
+        obstacle = ~self.free(free_below) if unknown_is_blocked else self.occupied(free_below)
+        return inflate(obstacle, radius_m / self.resolution_m)
+
+
+def inflate(obstacle: np.ndarray, radius_cells: float) -> np.ndarray:
+    """Cells whose centre is at most `radius_cells` from the centre of an obstacle cell (exact distance transform)."""
+    if radius_cells <= 0 or not obstacle.any():
+        return obstacle.copy()
+    from scipy.ndimage import distance_transform_edt
+
+    return distance_transform_edt(~obstacle) <= radius_cells + 1e-9

@@ -1,0 +1,247 @@
+"""What the parts hand to one another: frozen, without behaviour.
+
+NaN means unknown in every array. Poses are 4x4 (`map_from_body`), covariances 6x6; see rhs.geometry for frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from .geometry import Camera
+
+
+class Tracking(StrEnum):
+    """How far a Motion can be trusted."""
+
+    OK = "ok"
+    DEGENERATE = "degenerate"  # some direction is not observed; the covariance says which
+    LOST = "lost"  # nothing was measured; the motion is a guess
+
+
+class Knowing(StrEnum):
+    """Whether a Belief is a place or a hope."""
+
+    TRACKING = "tracking"
+    CONVERGING = "converging"
+    LOST = "lost"
+
+
+class PlanReason(StrEnum):
+    """Why a plan is, or is not, there."""
+
+    OK = "ok"
+    START_BLOCKED = "start_blocked"
+    GOAL_BLOCKED = "goal_blocked"
+    OUTSIDE = "outside_map"
+    DISCONNECTED = "disconnected"
+    BUDGET_SPENT = "budget_spent"
+
+
+@dataclass(frozen=True, eq=False)
+class Twist:
+    """A unicycle command held for a time: forward metres per second, radians per second to the left, seconds."""
+
+    forward_mps: float
+    turn_radps: float
+    duration_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Ranges over bearings in the body frame, beams leaving `origin_xy_m`.
+
+    bearings_rad (N,): left positive. ranges_m (N,): metres along the beam, NaN unknown, +inf nothing within max_range_m.
+    """
+
+    bearings_rad: np.ndarray
+    ranges_m: np.ndarray
+    max_range_m: float
+    origin_xy_m: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """An ideal view at one instant, before any sensor.
+
+    image (H, W, 3) uint8 RGB or None. depth (H, W) float32, metres along the optical axis, NaN unknown, or None.
+    command: what the robot was told since the previous view, or None. travel: (3,) true wheel travel since the previous
+    view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
+    """
+
+    index: int
+    stamp_s: float
+    image: np.ndarray | None = None
+    depth: np.ndarray | None = None
+    command: Twist | None = None
+    travel: np.ndarray | None = None
+    scan: Scan | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What this sensor reports of a Capture. Arrays are read-only.
+
+    wheel: (3,) encoder travel since the previous view (dx, dy, dyaw), with slip, or None.
+    """
+
+    index: int
+    stamp_s: float
+    camera: Camera
+    image: np.ndarray | None = None
+    depth: np.ndarray | None = None
+    scan: Scan | None = None
+    command: Twist | None = None
+    wheel: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion of the body since the previous observation.
+
+    When status is lost, previous_from_body is the part's best guess and the covariance is honest about it.
+    observability (6,): square roots of the information per direction in the body frame (1/m, 1/rad), or None.
+    scan: a scan the odometry believes in without depth (walls seen by one camera), or None.
+    details: numbers for the per-step table (inliers, matches, ...).
+    """
+
+    previous_from_body: np.ndarray
+    covariance: np.ndarray
+    status: Tracking
+    reason: str = ""
+    observability: np.ndarray | None = None
+    scan: Scan | None = None
+    details: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """Where the robot thinks it is. probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
+
+    map_from_body: np.ndarray
+    covariance: np.ndarray
+    status: Knowing = Knowing.TRACKING
+    probability: float = 1.0
+    details: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Key-points of one view. pixels (N, 2) float32; descriptors (N, D) (float32 RootSIFT or uint8 ORB);
+    points (N, 3) float32 in the camera frame, NaN where depth is unknown."""
+
+    pixels: np.ndarray
+    descriptors: np.ndarray
+    points: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A vertical wall an odometry believes in: a segment in the map, metres, from floor to ceiling."""
+
+    start_xy_m: np.ndarray
+    end_xy_m: np.ndarray
+    floor_m: float = 0.0
+    ceiling_m: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One step of a survey as the loop closer, the mapper and the localiser get it afterwards.
+
+    features is None for views that were not stored as places."""
+
+    index: int
+    stamp_s: float
+    camera: Camera
+    motion: Motion
+    map_from_body: np.ndarray
+    covariance: np.ndarray
+    scan: Scan | None
+    features: Features | None
+
+
+@dataclass(frozen=True, eq=False)
+class Revision:
+    """What an odometry says of the whole survey once it is over: poses (N, 4, 4), a scan per view, and its walls."""
+
+    poses: np.ndarray
+    scans: tuple[Scan | None, ...]
+    walls: tuple[Wall, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class LoopEdge:
+    """View `later` seen from view `earlier`: earlier_from_later 4x4 with 6x6 covariance; accepted or why not."""
+
+    earlier: int
+    later: int
+    earlier_from_later: np.ndarray
+    covariance: np.ndarray
+    inliers: int
+    accepted: bool = True
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """Corrected poses (N, 4, 4) of all views of a survey, and the loops they rest on."""
+
+    poses: np.ndarray
+    edges: tuple[LoopEdge, ...] = ()
+    details: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningProblem:
+    """blocked (H, W) bool, row = y, True where the robot's centre may not be; cell (0, 0) has its centre at
+    origin_m + resolution_m / 2, origin_m is the corner. start_m, goal_m: (2,) metres in the map frame."""
+
+    blocked: np.ndarray
+    resolution_m: float
+    origin_m: tuple[float, float]
+    start_m: np.ndarray
+    goal_m: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """points_m (N, 2) from start to goal, metres, empty on failure; raw_m before simplification.
+    sketch: (E, 2, 2) segments of the tree or roadmap, for pictures only. Times in milliseconds."""
+
+    reason: PlanReason
+    points_m: np.ndarray
+    raw_m: np.ndarray
+    learn_ms: float = 0.0
+    plan_ms: float = 0.0
+    sketch: np.ndarray | None = None
+    details: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def found(self) -> bool:
+        return self.reason is PlanReason.OK
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Everything about one captured view. truth: world_from_body 4x4 or None; it is for recorders and metrics only.
+    timings_ms: stage -> milliseconds. event: a word for the table ("arrived", "replan", "blocked", ...)."""
+
+    index: int
+    phase: str
+    stamp_s: float
+    observation: Observation
+    motion: Motion
+    belief: Belief
+    scan: Scan | None
+    truth: np.ndarray | None
+    path: Path | None
+    mission: int
+    event: str
+    command: Twist | None
+    timings_ms: Mapping[str, float]
+    clearance_m: float = np.nan
+    collided: bool = False
