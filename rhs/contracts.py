@@ -92,6 +92,9 @@ class Source(Protocol):
     def lead(self) -> Capture | None:
         """The next view of the survey: the robot led along its route, or the next recorded view. None at the end."""
 
+    def begin_patrol(self) -> None:
+        """The survey is over: put in the obstacles that the map must not know."""
+
     def drive(self, command: Twist) -> Capture:
         """Drive on a command, then look. Only sources that provide `driving`."""
 
