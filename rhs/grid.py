@@ -9,6 +9,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MARGIN_CELLS = 2  # round the area to map: a wall on its border, seen with depth noise, must still fall on the grid
+
+
+def frame_of(
+    bounds_m: tuple[float, float, float, float], resolution_m: float
+) -> tuple[tuple[int, int], tuple[float, float]]:
+    """Shape (rows, columns) and origin (x, y) metres of the one grid everybody draws over an area.
+
+    bounds_m: (x_min, y_min, x_max, y_max). Whole multiples of the resolution are cell *centres*: the corner lies half a
+    cell off, so a wall that follows the decimetres falls in one row of cells and not on the border between two. The
+    grid reaches MARGIN_CELLS past the bounds on each side.
+    """
+    low = np.floor(np.asarray(bounds_m[:2]) / resolution_m + 1e-6) - MARGIN_CELLS
+    high = np.ceil(np.asarray(bounds_m[2:]) / resolution_m - 1e-6) + MARGIN_CELLS
+    columns, rows = (high - low).astype(int) + 1
+    x_m, y_m = (low - 0.5) * resolution_m
+    return (int(rows), int(columns)), (float(x_m), float(y_m))
+
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:

@@ -1,0 +1,24 @@
+"""Facts about cells and metres."""
+
+import numpy as np
+
+from rhs.grid import OccupancyGrid, frame_of
+
+
+def test_whole_decimetres_are_cell_centres():
+    (rows, columns), origin_m = frame_of((0.0, 0.0, 20.0, 10.0), 0.1)
+    grid = OccupancyGrid(np.zeros((rows, columns)), 0.1, origin_m)
+    points = np.array([[0.0, 0.0], [2.0, 1.0], [20.0, 10.0], [0.1, 9.9]])
+    np.testing.assert_allclose(grid.centres(grid.cells(points)), points, atol=1e-9)
+
+
+def test_the_grid_reaches_two_cells_past_the_bounds():
+    shape, origin_m = frame_of((0.0, 0.0, 20.0, 10.0), 0.1)
+    assert shape == (105, 205)
+    np.testing.assert_allclose(origin_m, (-0.25, -0.25))
+
+
+def test_bounds_between_cells_are_covered():
+    shape, origin_m = frame_of((-0.33, 0.27, 1.04, 2.0), 0.1)
+    grid = OccupancyGrid(np.zeros(shape), 0.1, origin_m)
+    assert grid.inside(np.array([[-0.33, 0.27], [1.04, 2.0]])).all()
