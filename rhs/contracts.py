@@ -88,6 +88,8 @@ class Source(Protocol):
     """Hands out ideal captures: a simulator or a recording. Its `build` gets a SourceContext instead."""
 
     camera: Camera
+    facts: WorldFacts  # of the simulated world, or what a recording tells (no places, bounds round its start)
+    views_expected: int | None  # length of the survey for the progress bar, None when unknown
 
     def lead(self) -> Capture | None:
         """The next view of the survey: the robot led along its route, or the next recorded view. None at the end."""

@@ -54,7 +54,8 @@ class Twist:
 class Scan:
     """Ranges over bearings in the body frame, beams leaving `origin_xy_m`.
 
-    bearings_rad (N,): left positive. ranges_m (N,): metres along the beam, NaN unknown, +inf nothing within max_range_m.
+    bearings_rad (N,): left positive. ranges_m (N,): metres along the beam, NaN unknown, +inf
+    nothing within max_range_m.
     """
 
     bearings_rad: np.ndarray

@@ -1,0 +1,209 @@
+"""The sentinel: visits places in order on its own belief, watching for what the map does not know (thesis 5.5-5.6)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .contracts import Localiser, Planner, Source
+from .control import Pace, ahead_on_path, closest_on_path, steer, turn
+from .geometry import planar, wrap
+from .grid import OccupancyGrid, inflate
+from .mission import Logbook, MissionSettings
+from .obstacles import ObstacleWatch
+from .patrol import Decision
+from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, PlanReason, Scan, Twist
+
+LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
+
+
+class Sentinel:
+    """Pilot of the patrol. One call of `decide` per view; the book of missions is in `book`."""
+
+    phase = "patrol"
+
+    def __init__(self, localiser: Localiser, planner: Planner, grid: OccupancyGrid, free: np.ndarray, *,
+                 places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings) -> None:
+        self.localiser, self.planner, self.settings = localiser, planner, settings
+        self.grid = grid
+        self.growth_cells = (radius_m + settings.margin_m) / grid.resolution_m
+        self.radius_m = radius_m
+        self.mapped = inflate(~free, self.growth_cells)
+        self.watch = ObstacleWatch(grid, free, tolerance_m=settings.wall_tolerance_m)
+        self.book = Logbook(places)
+        self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
+                         arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
+        self.plans: list[dict] = []
+        self._begin_place()
+
+    def _begin_place(self) -> None:
+        self.path: Path | None = None
+        self.attempts = 0
+        self.look_again: list[float] = []
+        self.looked_again = False
+        self.seen_obstacles: list[np.ndarray] = []
+        self.still = 0
+        self.last_pose: np.ndarray | None = None
+        self.lost_steps = 0
+
+    # --- the pilot's side of the loop -------------------------------------------------------------------------
+
+    def first(self, source: Source) -> Capture | None:
+        source.begin_patrol()
+        return source.drive(Twist(0.0, 0.0, 0.05)) if self.book.places else None
+
+    def locate(self, observation: Observation, motion: Motion) -> Belief:
+        return self.localiser.update(observation, motion)
+
+    def note(self, belief: Belief, scan: Scan) -> None:
+        if belief.status is Knowing.TRACKING:
+            self.watch.look(belief.map_from_body, scan)
+
+    def move(self, source: Source, command: Twist | None) -> Capture | None:
+        return None if command is None else source.drive(command)
+
+    def decide(self, belief: Belief, scan: Scan | None) -> Decision:
+        """Arrived? Lost? Blocked? Otherwise follow the path."""
+        if belief.status is not Knowing.TRACKING:
+            return self._find_oneself(scan)
+        pose = planar(belief.map_from_body)
+        events: list[str] = []
+        if self.book.current is not None and self._near(pose):
+            self._finish("arrived", "", events)
+        while not self.book.done:
+            mission = self.book.current or self.book.open(pose[:2])
+            command = self._pursue(pose, belief, scan, events)
+            if command is not None:
+                mission.steps += 1
+                return Decision(command, self.path, "+".join(events), mission.mission)
+        return Decision(None, None, "+".join(events), len(self.book.missions))
+
+    # --- one mission --------------------------------------------------------------------------------------------
+
+    def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[str]) -> Twist | None:
+        """The next command of the current mission, or None when it has just ended."""
+        if self.look_again:
+            return turn(self.look_again.pop() * self.pace.turn_step_rad, self.pace)
+        if self._stuck(pose):
+            return self._finish("gave_up", "no progress: commands moved the robot less than 5 cm each", events)
+        if self.path is not None and self._path_blocked(pose, scan, events):
+            self.path = None
+        if self.path is not None and closest_gap(self.path, pose) > 0.6:
+            self.path = None
+            self.book.missions[-1].replans += 1
+            events.append("replan")
+        if self.path is None and not self._plan(pose, events):
+            return self._after_failed_plan(events)
+        assert self.path is not None
+        command = steer(self.path.points_m, belief.map_from_body, self.pace)
+        if command.forward_mps > 0 and scan is not None and clear_ahead_m(scan, self.radius_m) < 0.1:
+            self.path = None
+            events.append("stopped")
+            return turn(self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
+        return command
+
+    def _plan(self, pose: np.ndarray, events: list[str]) -> bool:
+        self.attempts += 1
+        mission = self.book.missions[-1]
+        blocked = self.mapped | inflate(self.watch.cells, self.growth_cells)
+        problem = PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, pose[:2].copy(),
+                                  np.array(mission.goal_m))
+        plan = self.planner.plan(problem)
+        self.plans.append({"mission": mission.mission, "plan": plan})
+        self.path = plan if plan.found and len(plan.points_m) >= 2 else None
+        self.last_reason = plan.reason
+        events.append("plan" if self.path is not None else f"no_plan:{plan.reason}")
+        return self.path is not None
+
+    def _after_failed_plan(self, events: list[str]) -> Twist | None:
+        """Forget what was seen and look again once; then give the place up, with the planner's reason."""
+        if self.last_reason is PlanReason.OK or (not self.watch.cells.any() and self.looked_again):
+            pass
+        elif self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
+            self.looked_again = True
+            self.watch.forget()
+            self.look_again = list(LOOK_AGAIN_TURNS)
+            return turn(-self.pace.turn_step_rad, self.pace)
+        return self._finish("gave_up", f"no path: {self.last_reason}", events)
+
+    def _path_blocked(self, pose: np.ndarray, scan: Scan | None, events: list[str]) -> bool:
+        """True when something unknown stands on the path ahead; a new obstacle ends the mission, a known one grows."""
+        obstacles = self.watch.cells
+        if not obstacles.any():
+            return False
+        assert self.path is not None
+        ahead = ahead_on_path(self.path.points_m, pose[:2], self.settings.watch_m)
+        where = self.grid.centres(np.argwhere(obstacles))
+        gaps = np.linalg.norm(where[:, None, :] - ahead[None, :, :], axis=2).min(axis=1)
+        hits = where[gaps < self.radius_m + 0.5 * self.grid.resolution_m]
+        if len(hits) == 0:
+            return False
+        at = hits.mean(axis=0)
+        known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)
+        self.seen_obstacles.append(at)
+        if known:
+            self.book.missions[-1].replans += 1
+            events.append("replan")
+        else:
+            self.book.close("aborted", f"obstacle near ({at[0]:.1f}, {at[1]:.1f}) m")
+            self.book.open(pose[:2]).replans += 1
+            events.append("blocked")
+        return True
+
+    def _finish(self, status: str, reason: str, events: list[str]) -> None:
+        self.book.close(status, reason)
+        events.append(status)
+        self.watch.forget()
+        self._begin_place()
+
+    def _near(self, pose: np.ndarray) -> bool:
+        goal = np.array(self.book.missions[-1].goal_m)
+        return float(np.linalg.norm(pose[:2] - goal)) <= self.settings.arrive_m
+
+    def _stuck(self, pose: np.ndarray) -> bool:
+        if self.last_pose is not None:
+            shift = np.linalg.norm(pose[:2] - self.last_pose[:2])
+            moved = shift > 0.05 or abs(wrap(pose[2] - self.last_pose[2])) > 0.03
+            self.still = 0 if moved else self.still + 1
+        self.last_pose = pose
+        limit = self.settings.tries * 10
+        return self.still >= self.settings.stuck_steps or self.attempts > limit
+
+    def _find_oneself(self, scan: Scan | None) -> Decision:
+        """Not knowing where it is, the robot looks round, then goes where there is room."""
+        self.path = None
+        self.lost_steps += 1
+        mission = self.book.current.mission if self.book.current else len(self.book.missions)
+        if self.lost_steps > 400:
+            if self.book.current is not None:
+                self._finish("gave_up", "lost: the robot did not find itself in 400 views", [])
+            else:
+                self.book.open(np.array([np.nan, np.nan]))
+                self._finish("gave_up", "lost: the robot did not find itself in 400 views", [])
+            if self.book.done:
+                return Decision(None, None, "lost", mission)
+        return Decision(wander(scan, self.radius_m, self.pace, self.lost_steps), None, "lost", mission)
+
+
+def closest_gap(path: Path, pose: np.ndarray) -> float:
+    """Distance in metres from the pose to the path."""
+    _, near = closest_on_path(path.points_m, pose[:2])
+    return float(np.linalg.norm(near - pose[:2]))
+
+
+def clear_ahead_m(scan: Scan, radius_m: float) -> float:
+    """Free metres in front of a round robot, from the beams inside its swath; inf when nothing is seen there."""
+    x = scan.origin_xy_m[0] + scan.ranges_m * np.cos(scan.bearings_rad)
+    y = scan.origin_xy_m[1] + scan.ranges_m * np.sin(scan.bearings_rad)
+    inside = np.isfinite(scan.ranges_m) & (np.abs(y) < radius_m) & (x > 0)
+    return float(x[inside].min() - radius_m) if inside.any() else np.inf
+
+
+def wander(scan: Scan | None, radius_m: float, pace: Pace, count: int) -> Twist:
+    """Forward while there is room, otherwise turn towards the more open side."""
+    if scan is None or clear_ahead_m(scan, radius_m + 0.1) < 0.6:
+        side = 1.0
+        if scan is not None:
+            seen = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, scan.max_range_m)
+            side = 1.0 if seen[scan.bearings_rad > 0].mean() >= seen[scan.bearings_rad <= 0].mean() else -1.0
+        return turn(side * pace.turn_step_rad, Pace(turn_step_rad=pace.turn_step_rad))
+    return Twist(pace.speed_mps, 0.0, pace.step_m / pace.speed_mps)
