@@ -1,0 +1,46 @@
+"""Settings of the mapper `occupancy`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.errors import ConfigError, check_range
+
+
+@dataclass
+class Occupancy:
+    """Bayes occupancy grid of the thesis (eqs 3.8-3.13) from scans."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"scan"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    # Side of a cell, metres. The thesis uses 0.1.
+    resolution_m: float = 0.1
+    # TrueHit: chance that the sensor reports an obstacle that is there. The thesis gives no value.
+    true_hit: float = 0.8
+    # FalseAlarm: chance that it reports one that is not there.
+    false_alarm: float = 0.1
+    # Beams are used up to here, metres; what lies further only says that the way there is free. Depth noise grows with
+    # the square of the distance and passes one cell (0.1 m) near 8 m.
+    range_max_m: float = 7.0
+    # Beliefs stay within [1 - bound, bound], so that a cell can change its mind after a hundred equal views.
+    belief_bound: float = 0.99
+
+    def __post_init__(self) -> None:
+        owner = "mapper.occupancy"
+        check_range(owner, "resolution_m", self.resolution_m, low=0.01, high=2.0, unit="m")
+        check_range(owner, "true_hit", self.true_hit, low=0.01, high=0.999)
+        check_range(owner, "false_alarm", self.false_alarm, low=0.001, high=0.99)
+        check_range(owner, "range_max_m", self.range_max_m, low=0.1, high=200.0, unit="m")
+        check_range(owner, "belief_bound", self.belief_bound, low=0.6, high=0.999999)
+        if self.false_alarm >= self.true_hit:
+            raise ConfigError(
+                f"{owner}.false_alarm={self.false_alarm} must be smaller than {owner}.true_hit={self.true_hit}: "
+                "a hit has to speak for an obstacle"
+            )
+
+    def build(self, context: Any) -> Any:
+        from .occupancy import OccupancyMapper
+
+        return OccupancyMapper(self, context.world.bounds_m)

@@ -1,0 +1,21 @@
+"""The one door to numba: compiled once, kept on disk where that is possible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`function` compiled by numba without fast-math (same numbers everywhere) and cached beside its file.
+
+    Where neither the package nor the user's cache folder can be written (a read-only installation), it is compiled
+    anew by each process instead of failing. Import only from modules that are themselves imported when chosen: numba
+    takes half a second to load.
+    """
+    import numba
+
+    try:
+        return numba.njit(cache=True)(function)
+    except RuntimeError:  # numba: "no locator available"
+        return numba.njit(function)
