@@ -35,24 +35,11 @@ from .records import (
     Scan,
     Twist,
     View,
+    WorldFacts,
 )
+from .world import World
 
 KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser")
-
-
-@dataclass(frozen=True)
-class WorldFacts:
-    """The public facts of a world: what a person commissioning the robot would tell it.
-
-    start: (x m, y m, yaw rad), where the map begins. places: names and (x, y) metres of favourite locations.
-    bounds_m: (x_min, y_min, x_max, y_max) of the area to map. robot_radius_m: of the round robot.
-    """
-
-    name: str
-    start: tuple[float, float, float]
-    places: tuple[tuple[str, float, float], ...]
-    bounds_m: tuple[float, float, float, float]
-    robot_radius_m: float
 
 
 @dataclass(frozen=True)
@@ -73,6 +60,16 @@ class Context:
     world: WorldFacts
     folder: FilePath
     features: FeatureSettings
+
+
+@dataclass(frozen=True)
+class SourceContext:
+    """All that the `build` of a source gets: its own random generator, the whole world (None for a recording made
+    elsewhere), a folder for files."""
+
+    rng: np.random.Generator
+    world: World | None
+    folder: FilePath
 
 
 class Plugin(Protocol):

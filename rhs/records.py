@@ -41,6 +41,21 @@ class PlanReason(StrEnum):
     BUDGET_SPENT = "budget_spent"
 
 
+@dataclass(frozen=True)
+class WorldFacts:
+    """The public facts of a world: what a person commissioning the robot would tell it.
+
+    start: (x m, y m, yaw rad), where the map begins. places: names and (x, y) metres of favourite locations.
+    bounds_m: (x_min, y_min, x_max, y_max) of the area to map. robot_radius_m: of the round robot.
+    """
+
+    name: str
+    start: tuple[float, float, float]
+    places: tuple[tuple[str, float, float], ...]
+    bounds_m: tuple[float, float, float, float]
+    robot_radius_m: float
+
+
 @dataclass(frozen=True, eq=False)
 class Twist:
     """A unicycle command held for a time: forward metres per second, radians per second to the left, seconds."""

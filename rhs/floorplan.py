@@ -1,0 +1,196 @@
+"""What a world is: walls, boxes, places, route; and its true plan as a grid.
+
+All lengths in metres, angles in radians, world frame: x east, y north, z up, the floor at z = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .grid import OccupancyGrid, frame_of
+from .records import WorldFacts
+
+@dataclass(frozen=True)
+class Surface:
+    """How a surface looks. recipe: plaster, brick, wood, carpet, tiles or plain; colour: mean RGB, 0..255;
+    roughness: amplitude of the pattern in grey levels; fold: 1, 2 or 4, rotational symmetry about the middle."""
+
+    recipe: str = "plaster"
+    colour: tuple[float, float, float] = (200.0, 195.0, 185.0)
+    roughness: float = 12.0
+    fold: int = 1
+
+
+@dataclass(frozen=True)
+class Blank:
+    """A stretch of a wall with neither painting nor pattern: from_m to to_m along segment number `segment`."""
+
+    segment: int
+    from_m: float
+    to_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A wall standing on a polyline. points_m (N, 2); height in metres; `paintings`: whether any hang on it.
+
+    twins (N-1,): segments of this wall with the same number look the same; empty: all differ.
+    """
+
+    name: str
+    points_m: np.ndarray
+    height_m: float
+    surface: Surface = field(default_factory=Surface)
+    paintings: bool = True
+    twins: tuple[int, ...] = ()
+    blanks: tuple[Blank, ...] = ()
+
+    @property
+    def segments_m(self) -> np.ndarray:
+        """(N-1, 2, 2) start and end of each straight piece."""
+        return np.stack([self.points_m[:-1], self.points_m[1:]], axis=1)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box on the floor or above it: centre x, y; size along its own axes and up; yaw; height of its underside."""
+
+    name: str
+    centre_m: tuple[float, float]
+    size_m: tuple[float, float, float]
+    yaw_rad: float = 0.0
+    bottom_m: float = 0.0
+    surface: Surface = field(default_factory=lambda: Surface(recipe="wood", colour=(150.0, 110.0, 70.0)))
+
+    @property
+    def corners_m(self) -> np.ndarray:
+        """(4, 2) corners of its footprint, counter-clockwise."""
+        half = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size_m[:2])
+        c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        return half @ np.array([[c, s], [-s, c]]) + np.array(self.centre_m)
+
+
+@dataclass(frozen=True)
+class Paintings:
+    """unique: how many different ones exist; density 0..1: share of the hanging places in use;
+    spacing_m: distance between hanging places; width_m, height_m: least and greatest size; middle_m: height above floor."""
+
+    unique: int = 1000
+    density: float = 1.0
+    spacing_m: float = 2.0
+    width_m: tuple[float, float] = (0.8, 1.5)
+    height_m: tuple[float, float] = (0.7, 1.1)
+    middle_m: float = 1.4
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A building. start: (x m, y m, yaw rad). places: (name, x m, y m). route_m (N, 2): the survey, first point = start.
+
+    obstacles are unknown to the survey and put in when the patrol begins. path: the file it was read from.
+    """
+
+    name: str
+    path: Path
+    start: tuple[float, float, float]
+    robot_radius_m: float
+    camera_height_m: float
+    walls: tuple[Wall, ...]
+    boxes: tuple[Box, ...]
+    obstacles: tuple[Box, ...]
+    places: tuple[tuple[str, float, float], ...]
+    route_m: np.ndarray
+    paintings: Paintings
+    floor: Surface
+    ceiling: Surface
+    seed: int
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the walls."""
+        points = np.concatenate([wall.points_m for wall in self.walls])
+        return (*map(float, points.min(axis=0)), *map(float, points.max(axis=0)))  # type: ignore[return-value]
+
+    def facts(self) -> WorldFacts:
+        """What a person commissioning the robot would tell it."""
+        return WorldFacts(self.name, self.start, self.places, self.bounds_m, self.robot_radius_m)
+
+
+def mapping_grid_frame(world: World | WorldFacts, resolution_m: float) -> tuple[tuple[int, int], tuple[float, float]]:
+    """((rows, columns), origin_m) of every grid of this world, the robot's map and the true plan alike."""
+    return frame_of(world.bounds_m, resolution_m)
+
+
+def truth_grid(world: World, resolution_m: float = 0.1, *, with_obstacles: bool = False) -> OccupancyGrid:
+    """The true plan: 1 where a wall or box touches the cell, 0 where the robot's centre point could get from the start
+    without crossing one, NaN elsewhere (solid cores of the building, outside)."""
+    touched = touched_cells(world, resolution_m, with_obstacles=with_obstacles)
+    shape, origin = mapping_grid_frame(world, resolution_m)
+    grid = OccupancyGrid(np.full(shape, np.nan, np.float32), resolution_m, origin)
+    row, column = grid.cells(np.array(world.start[:2]))[0]
+    probability = grid.probability.copy()
+    if 0 <= row < shape[0] and 0 <= column < shape[1]:
+        from scipy.ndimage import label
+
+        regions, _ = label(~touched)
+        if regions[row, column] > 0:
+            probability[regions == regions[row, column]] = 0.0
+    probability[touched] = 1.0
+    return OccupancyGrid(probability, resolution_m, origin)
+
+
+def touched_cells(world: World, resolution_m: float, *, with_obstacles: bool = False) -> np.ndarray:
+    """(H, W) bool in the frame of `mapping_grid_frame`: some wall or box touches the cell."""
+    shape, origin = mapping_grid_frame(world, resolution_m)
+    touched = np.zeros(shape, bool)
+    polygons = [segment for wall in world.walls for segment in wall.segments_m]
+    polygons += [box.corners_m for box in world.boxes + (world.obstacles if with_obstacles else ())]
+    for polygon in polygons:
+        _touch(touched, polygon, resolution_m, origin)
+    return touched
+
+
+def _touch(touched: np.ndarray, polygon: np.ndarray, resolution_m: float, origin: tuple[float, float]) -> None:
+    """Set the cells that a convex polygon (N, 2), or a segment, touches: separating axes of polygon and square."""
+    half = 0.5 * resolution_m
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    first = np.maximum(np.floor((low - origin) / resolution_m).astype(int) - 1, 0)
+    last = np.minimum(np.floor((high - origin) / resolution_m).astype(int) + 2, touched.shape[::-1])
+    if np.any(first >= last):
+        return
+    x = (np.arange(first[0], last[0]) + 0.5) * resolution_m + origin[0]
+    y = (np.arange(first[1], last[1]) + 0.5) * resolution_m + origin[1]
+    axes = [np.array([1.0, 0.0]), np.array([0.0, 1.0])]
+    axes += [np.array([-e[1], e[0]]) / np.hypot(*e) for e in np.diff(polygon, axis=0)]
+    meets = np.ones((len(y), len(x)), bool)
+    for axis in axes:
+        reach = half * np.abs(axis).sum() - 1e-6  # a wall exactly on a cell border belongs to neither side by rounding
+        centre = axis[0] * x[None, :] + axis[1] * y[:, None]
+        shadow = polygon @ axis
+        meets &= (centre + reach >= shadow.min()) & (centre - reach <= shadow.max())
+    touched[first[1] : last[1], first[0] : last[0]] |= meets
+
+
+def distance_m(world: World, point_m: np.ndarray, *, with_obstacles: bool = False) -> tuple[float, str]:
+    """Distance in metres from a point (2,) to the nearest wall or box, 0 inside a box, and the name of that thing."""
+    best, name = np.inf, ""
+    for wall in world.walls:
+        for a, b in wall.segments_m:
+            d = _to_segment(point_m, a, b)
+            if d < best:
+                best, name = d, f"wall '{wall.name}'"
+    for box in world.boxes + (world.obstacles if with_obstacles else ()):
+        c, s = np.cos(box.yaw_rad), np.sin(box.yaw_rad)
+        local = np.array([[c, s], [-s, c]]) @ (np.asarray(point_m) - box.centre_m)
+        d = float(np.hypot(*np.maximum(np.abs(local) - 0.5 * np.array(box.size_m[:2]), 0.0)))
+        if d < best:
+            best, name = d, f"box '{box.name}'"
+    return float(best), name
+
+
+def _to_segment(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+    along = np.clip((point - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-12), 0.0, 1.0)
+    return float(np.hypot(*(point - a - along * (b - a))))
