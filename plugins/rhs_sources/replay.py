@@ -1,0 +1,99 @@
+"""The replay source: hands out the views of a recording, one per call, read one ahead in a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import math
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from rhs.errors import ConfigError
+from rhs.records import Capture, Twist, WorldFacts
+
+from .replay_tum import Recording, is_tum, open_tum
+
+log = logging.getLogger("rhs.replay")
+
+
+class ReplaySource:
+    """A recording as a Source. It can be led, not driven: a run with it is a survey without a patrol.
+
+    Reading and decoding overlap with whatever the caller does between two views; the views do not depend on that.
+    """
+
+    def __init__(self, settings) -> None:
+        recording = open_recording(settings)
+        self.camera = recording.camera
+        self.views_expected = recording.total  # None when only reading tells
+        self.facts = recording.facts or _facts(settings)
+        self.rejected = recording.rejected  # what the rules for stamps threw away: reason -> count
+        if self.rejected:
+            counts = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items()))
+            log.warning("replay %s: rejected or unpaired: %s", settings.path, counts)
+        self._views = recording.views
+        self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
+        self._ahead = self._reader.submit(next, self._views, None)
+        self._truth: np.ndarray | None = None
+
+    def lead(self) -> Capture | None:
+        """The next recorded view, or None at the end."""
+        view = self._ahead.result()
+        if view is None:
+            self._truth = None
+            return None
+        self._ahead = self._reader.submit(next, self._views, None)
+        capture, self._truth = view
+        return capture
+
+    def begin_patrol(self) -> None:
+        """Nothing to put in: a recording cannot be changed."""
+
+    def drive(self, command: Twist) -> Capture:
+        raise ConfigError("source=replay cannot be driven; a recording ends with its survey (found a patrol to drive)")
+
+    def teleport(self, world_from_body: np.ndarray) -> None:
+        raise ConfigError("source=replay cannot be teleported; type source=simulator")
+
+    def truth(self) -> np.ndarray | None:
+        """World_from_body of the last view, interpolated from the recording's ground truth; None when unknown."""
+        return self._truth
+
+    def clearance_m(self) -> tuple[float, bool]:
+        return math.nan, False
+
+    def close(self) -> None:
+        self._reader.shutdown(wait=True, cancel_futures=True)
+
+
+def open_recording(settings) -> Recording:
+    """Open `settings.path` by its format. Raises ConfigError saying what was found."""
+    if not settings.path:
+        raise ConfigError("source.path is empty; type source.path=FOLDER_OR_FILE of the recording")
+    path = Path(settings.path).expanduser()
+    if not path.exists():
+        raise ConfigError(f"source.path={settings.path}: no such file or folder")
+    kind = settings.format if settings.format != "auto" else _format_of(path)
+    if kind == "tum":
+        return open_tum(path, settings)
+    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM folder (rgb.txt, depth.txt)")
+
+
+def _facts(settings) -> WorldFacts:
+    """A recording made elsewhere: it begins at the origin of its map, and nobody named its places."""
+    half = settings.extent_m
+    return WorldFacts(Path(settings.path).name, (0.0, 0.0, 0.0), (), (-half, -half, half, half), 0.2)
+
+
+def _format_of(path: Path) -> str:
+    if path.is_dir() and is_tum(path):
+        return "tum"
+    return "unknown"
+
+
+def _found(path: Path) -> str:
+    if path.is_file():
+        return f"found a file of {path.stat().st_size} bytes"
+    names = sorted(p.name for p in path.iterdir())
+    return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

@@ -1,0 +1,63 @@
+"""The cameras of well-known recordings, and what a user may write instead.
+
+Figures: TUM RGB-D benchmark, "Intrinsic camera calibration of the Kinect" (freiburg1, freiburg2 with lens distortion;
+freiburg3 images are already undistorted); PrimeSense and 7-Scenes defaults as their data sets state them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.errors import ConfigError
+from rhs.geometry import Camera
+
+PRESETS = {
+    "tum_fr1": Camera(640, 480, 517.3, 516.5, 318.6, 255.3, distortion=(0.2624, -0.9531, -0.0054, 0.0026, 1.1633)),
+    "tum_fr2": Camera(640, 480, 520.9, 521.0, 325.1, 249.7, distortion=(0.2312, -0.7849, -0.0033, -0.0001, 0.9172)),
+    "tum_fr3": Camera(640, 480, 535.4, 539.2, 320.1, 247.6),
+    "primesense": Camera(640, 480, 525.0, 525.0, 319.5, 239.5),
+    "seven_scenes": Camera(640, 480, 585.0, 585.0, 320.0, 240.0),
+}
+
+
+def chosen_camera(wanted, size: tuple[int, int], *, recorded: Camera | None, where: str) -> Camera:
+    """The camera to use for images of `size` (width, height): the user's, else the one the recording holds.
+
+    Hand-held recordings have no floor: the body is the camera's mount, so only the axes differ. Raises ConfigError
+    when there are no intrinsics or when they are of another image size.
+    """
+    width, height = size
+    if isinstance(wanted, str) and wanted == "auto":
+        if recorded is None:
+            raise ConfigError(
+                f"{where} holds no camera intrinsics;"
+                f" type source.camera={'|'.join(PRESETS)} or source.camera=[fx,fy,cx,cy]"
+            )
+        camera = recorded
+    elif isinstance(wanted, str):
+        if wanted not in PRESETS:
+            raise ConfigError(f"source.camera={wanted} is not one of auto, {', '.join(PRESETS)} or [fx,fy,cx,cy]")
+        camera = PRESETS[wanted]
+    else:
+        fx, fy, cx, cy = (float(v) for v in wanted)
+        return Camera(width, height, fx, fy, cx, cy)
+    if (camera.width, camera.height) != size:
+        raise ConfigError(
+            f"images in {where} are {width}x{height} but source.camera={wanted} is for {camera.width}x{camera.height};"
+            f" type source.camera=[fx,fy,cx,cy] for this size"
+        )
+    return camera
+
+
+def check_pose(pose: np.ndarray, where: str) -> np.ndarray:
+    """The 4x4 pose with its rotation made exact; refused when it is not a rigid motion (S08)."""
+    rotation = pose[:3, :3]
+    if not np.all(np.isfinite(pose)):
+        raise ConfigError(f"{where}: the pose holds NaN or infinity; expected a rigid 4x4 motion")
+    determinant = float(np.linalg.det(rotation))
+    if abs(determinant - 1.0) > 0.05 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 0.05:
+        raise ConfigError(f"{where}: the rotation is not in SO(3) (determinant {determinant:.3f}; expected 1)")
+    u, _, vt = np.linalg.svd(rotation)
+    out = pose.astype(float).copy()
+    out[:3, :3] = u @ vt
+    return out

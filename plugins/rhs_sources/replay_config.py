@@ -1,0 +1,89 @@
+"""Settings of `source=replay`: a recording led through the same loop as a simulated world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.errors import ConfigError, check_choice, check_range
+
+FORMATS = ("auto", "tum", "seven_scenes", "bag", "carmen")
+
+
+@dataclass
+class Replay:
+    """A TUM RGB-D or 7-Scenes folder, run.mcap, a ROS 2 or ROS 1 bag, or a CARMEN laser log."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel"})
+
+    # Folder or file to read; relative paths count from where the command is typed.
+    path: str = ""
+    # tum_fr1, tum_fr2, tum_fr3, primesense, seven_scenes, [fx,fy,cx,cy] in pixels, or auto: what the recording says.
+    camera: Any = "auto"
+    # How to read the path: auto, tum, seven_scenes, bag or carmen; auto looks at the files.
+    format: str = "auto"
+    # Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000).
+    depth_scale: float = 0.0
+    # Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m.
+    max_depth_m: float = 20.0
+    # Colour, depth and true pose belong together when their stamps differ by at most this, seconds (TUM's habit).
+    max_difference_s: float = 0.02
+    # True poses are interpolated across gaps up to this long, seconds; beyond it the truth is unknown.
+    max_truth_gap_s: float = 0.1
+    # A stamp further than this ahead of the one before is a jump of the clock, seconds; rejected when alone.
+    max_jump_s: float = 60.0
+    # First recorded view to use, and every how many.
+    start: int = 0
+    stride: int = 1
+    # Number of views to use at most; 0 means all.
+    count: int = 0
+    # Topics of a bag; empty takes the only topic of a fitting type.
+    color_topic: str = ""
+    depth_topic: str = ""
+    info_topic: str = ""
+    scan_topic: str = ""
+    wheel_topic: str = ""
+    # Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown.
+    truth_topic: str = ""
+    # Or the fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth.
+    truth_frame: str = ""
+    # Half the side of the square to map round the start, metres; a recording does not say how large its world is.
+    extent_m: float = 10.0
+    # Beams of a CARMEN laser cover this many degrees, centred ahead.
+    laser_fov_deg: float = 180.0
+
+    def __post_init__(self) -> None:
+        owner = "source.replay"
+        check_choice(owner, "format", self.format, FORMATS)
+        check_range(owner, "depth_scale", self.depth_scale, low=0.0, high=1e6, unit="steps per metre")
+        check_range(owner, "max_depth_m", self.max_depth_m, low=0.1, high=1e4, unit="m")
+        check_range(owner, "max_difference_s", self.max_difference_s, low=0.0, high=10.0, unit="s")
+        check_range(owner, "max_truth_gap_s", self.max_truth_gap_s, low=0.0, high=1e4, unit="s")
+        check_range(owner, "max_jump_s", self.max_jump_s, low=0.01, high=1e9, unit="s")
+        check_range(owner, "start", self.start, low=0, high=1e9)
+        check_range(owner, "stride", self.stride, low=1, high=1e6)
+        check_range(owner, "count", self.count, low=0, high=1e9)
+        check_range(owner, "extent_m", self.extent_m, low=1.0, high=1e3, unit="m")
+        check_range(owner, "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
+        if not isinstance(self.camera, str):
+            _check_intrinsics(owner, self.camera)
+
+    def build(self, context):
+        from .replay import ReplaySource
+
+        return ReplaySource(self)
+
+
+def _check_intrinsics(owner: str, values) -> None:
+    try:
+        numbers = [float(v) for v in values]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != 4:
+        found = f"{owner}.camera={values} is neither a preset nor four numbers"
+        raise ConfigError(f"{found}; type source.camera=[fx,fy,cx,cy]")
+    for name, value in zip(("fx", "fy"), numbers, strict=False):
+        check_range(owner, f"camera {name}", value, low=1.0, high=1e5, unit="pixels")
+    for name, value in zip(("cx", "cy"), numbers[2:], strict=True):
+        check_range(owner, f"camera {name}", value, low=-1e5, high=1e5, unit="pixels")

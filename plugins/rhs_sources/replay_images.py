@@ -1,0 +1,83 @@
+"""Images of recordings: read, checked, and turned into RGB and metres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rhs.errors import ConfigError
+
+MAX_PIXELS = 64_000_000  # a bound on what a damaged or hostile file can make us allocate
+
+
+def read_color(path: Path) -> np.ndarray:
+    """(H, W, 3) uint8 RGB of an image file; a grey image becomes three equal channels."""
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
+    if image is None:
+        raise _unreadable(path, "a colour image")
+    return image
+
+
+def read_depth(path: Path, *, scale: float, max_depth_m: float) -> np.ndarray:
+    """(H, W) float32 metres, NaN unknown, of a 16-bit (or float) depth file."""
+    import cv2
+
+    raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if raw is None:
+        raise _unreadable(path, "a 16-bit depth image")
+    return metres(raw, scale=scale, max_depth_m=max_depth_m, where=path.name)
+
+
+def metres(raw: np.ndarray, *, scale: float, max_depth_m: float, where: str) -> np.ndarray:
+    """(H, W) float32 metres: `raw / scale`; 0, 65535, non-finite, negative and beyond max_depth_m become NaN."""
+    if raw.ndim == 3 and raw.shape[2] == 1:
+        raw = raw[:, :, 0]
+    if raw.ndim != 2 or raw.dtype not in (np.uint16, np.float32):
+        bits, channels = raw.dtype.itemsize * 8, 1 if raw.ndim == 2 else raw.shape[2]
+        raise ConfigError(
+            f"depth in {where} is {bits}-bit with {channels} channel(s); expected 16-bit or float with one channel"
+        )
+    if raw.dtype == np.uint16:
+        table = _table(float(scale), float(max_depth_m))
+        return table[raw]
+    depth = raw / np.float32(scale)
+    return np.where((depth > 0) & (depth <= max_depth_m), depth, np.float32(np.nan))
+
+
+def check_pair(color: np.ndarray, depth: np.ndarray, where: str) -> None:
+    """Refuse colour and depth of different sizes."""
+    if color.shape[:2] != depth.shape[:2]:
+        (h, w), (dh, dw) = color.shape[:2], depth.shape[:2]
+        raise ConfigError(f"{where}: colour is {w}x{h} but depth is {dw}x{dh}; expected registered images of one size")
+
+
+def check_depth(depth: np.ndarray, *, scale: float, where: str) -> None:
+    """Refuse a depth image whose typical value no camera sees: the scale is wrong (an empty image passes)."""
+    known = depth[np.isfinite(depth)]
+    typical = float(np.median(known)) if known.size else 1.0
+    if not 0.05 <= typical <= 100.0:
+        raise ConfigError(
+            f"{where}: typical depth is {typical:.3g} m with source.depth_scale={scale:g}; expected 0.05..100 m;"
+            " type source.depth_scale=STEPS_PER_METRE"
+        )
+
+
+_TABLES: dict[tuple[float, float], np.ndarray] = {}
+
+
+def _table(scale: float, max_depth_m: float) -> np.ndarray:
+    """(65536,) float32 metres of each 16-bit value: looking up is faster than dividing and masking."""
+    if (scale, max_depth_m) not in _TABLES:
+        values = (np.arange(65536) / scale).astype(np.float32)
+        values[[0, 65535]] = np.nan
+        values[values > max_depth_m] = np.nan
+        _TABLES[(scale, max_depth_m)] = values
+    return _TABLES[(scale, max_depth_m)]
+
+
+def _unreadable(path: Path, expected: str) -> ConfigError:
+    found = "no such file" if not path.is_file() else f"{path.stat().st_size} bytes that are no image"
+    return ConfigError(f"{path}: found {found}; expected {expected}")

@@ -1,0 +1,122 @@
+"""Rules for the time stamps of recordings, association of two lists, and poses between two stamps."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rhs.errors import ConfigError
+from rhs.geometry import inverse, rotation_of_quaternion, se3
+
+
+def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
+    """Indices of the stamps that are kept, in order of arrival, and how many were rejected and why.
+
+    A stamp must be finite and later than the last one kept: a `duplicate` or `backward` stamp is rejected. One that
+    leaps ahead by more than max_jump_s is rejected as an `outlier` when the next falls back behind it; when the clock
+    goes on from there it is kept and counted as a `jump`. So intervals are always positive.
+    """
+    kept: list[int] = []
+    counts: Counter = Counter()
+    stamps = np.asarray(stamps_s, float)
+    for i, stamp in enumerate(stamps):
+        if not np.isfinite(stamp):
+            counts["not_finite"] += 1
+            continue
+        last = stamps[kept[-1]] if kept else -np.inf
+        if stamp == last:
+            counts["duplicate"] += 1
+        elif stamp < last:
+            counts["backward"] += 1
+        elif i + 1 < len(stamps) and stamp - stamps[i + 1] > max_jump_s:
+            counts["outlier"] += 1
+        else:
+            counts["jump"] += bool(kept) and stamp - last > max_jump_s
+            kept.append(i)
+    return kept, +counts
+
+
+def associate(a_s: np.ndarray, b_s: np.ndarray, max_difference_s: float) -> list[tuple[int, int]]:
+    """Pairs (i, j) of nearest stamps, one to one, closest pairs first (TUM's rule), sorted by i. O(n log n)."""
+    order = np.argsort(b_s, kind="stable")
+    sorted_b = b_s[order]
+    slack = max_difference_s + 1e-9
+    low = np.searchsorted(sorted_b, a_s - slack)
+    high = np.searchsorted(sorted_b, a_s + slack, side="right")
+    candidates = sorted(
+        (abs(a_s[i] - sorted_b[j]), i, int(order[j])) for i in range(len(a_s)) for j in range(low[i], high[i])
+    )
+    used_a, used_b, pairs = set(), set(), []
+    for _, i, j in candidates:
+        if i not in used_a and j not in used_b:
+            used_a.add(i)
+            used_b.add(j)
+            pairs.append((i, j))
+    return sorted(pairs)
+
+
+def rows(path) -> list[tuple[int, list[str]]]:
+    """(line number, words) of a text list; `#` begins a comment, commas count as spaces."""
+    out = []
+    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
+        words = line.split("#", 1)[0].replace(",", " ").split()
+        if words:
+            out.append((number, words))
+    return out
+
+
+def number_of(text: str, where: str) -> float:
+    """The number in `text`; ConfigError with the place otherwise."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ConfigError(f"{where}: found {text[:40]!r} where a number was expected") from None
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True poses world_from_camera (N, 4, 4) at ascending stamps (N,), seconds."""
+
+    stamps_s: np.ndarray
+    poses: np.ndarray
+    max_gap_s: float
+    rejected: Counter = field(default_factory=Counter)
+
+    def at(self, stamp_s: float) -> np.ndarray | None:
+        """The pose at a stamp: linear and spherical interpolation between neighbours; None outside or in a gap."""
+        j = int(np.searchsorted(self.stamps_s, stamp_s))
+        if j < len(self.stamps_s) and abs(self.stamps_s[j] - stamp_s) < 1e-9:
+            return self.poses[j]
+        if j == 0 or j == len(self.stamps_s) or self.stamps_s[j] - self.stamps_s[j - 1] > self.max_gap_s:
+            return None
+        share = (stamp_s - self.stamps_s[j - 1]) / (self.stamps_s[j] - self.stamps_s[j - 1])
+        return between(self.poses[j - 1], self.poses[j], share)
+
+
+def between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
+    """The 4x4 pose at `share` (0..1) of the way from a to b, position and rotation apart."""
+    from rhs.geometry import exp_so3, log_so3
+
+    turn = log_so3((inverse(a) @ b)[:3, :3])
+    return se3(a[:3, :3] @ exp_so3(share * turn), (1.0 - share) * a[:3, 3] + share * b[:3, 3])
+
+
+def read_tum_truth(path, settings) -> Truth:
+    """A TUM trajectory (stamp tx ty tz qx qy qz qw) as Truth. Raises ConfigError with file and line."""
+    stamps, poses = [], []
+    for number, words in rows(path):
+        where = f"{path.name}:{number}"
+        if len(words) < 8:
+            raise ConfigError(f"{where}: found {len(words)} columns; expected stamp tx ty tz qx qy qz qw")
+        values = [number_of(w, where) for w in words[:8]]
+        if not np.all(np.isfinite(values)):
+            raise ConfigError(f"{where}: the pose holds NaN or infinity; expected finite numbers")
+        try:
+            poses.append(se3(rotation_of_quaternion(np.array(values[4:])), np.array(values[1:4])))
+        except ValueError as error:
+            raise ConfigError(f"{where}: {error}") from None
+        stamps.append(values[0])
+    kept, rejected = ascending(stamps, settings.max_jump_s)
+    return Truth(np.array(stamps)[kept], np.array(poses).reshape(-1, 4, 4)[kept], settings.max_truth_gap_s, rejected)

@@ -1,0 +1,130 @@
+"""TUM RGB-D folders: rgb.txt and depth.txt (or associations.txt), images, groundtruth.txt.
+
+Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012. Depth 5000 = 1 m, 0 = unknown.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rhs.errors import ConfigError
+from rhs.geometry import Camera, inverse
+from rhs.records import Capture, WorldFacts
+
+from .replay_cameras import chosen_camera
+from .replay_images import check_depth, check_pair, read_color, read_depth
+from .replay_stamps import Truth, ascending, associate, number_of, read_tum_truth, rows
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a format hands to the source: its camera, the views with their true poses (None unknown), and its counts."""
+
+    camera: Camera
+    views: Iterator[tuple[Capture, np.ndarray | None]]
+    total: int | None
+    rejected: Counter
+    facts: WorldFacts | None = None
+
+
+def is_tum(path: Path) -> bool:
+    return any((path / name).is_file() for name in ("associations.txt", "rgb.txt"))
+
+
+def open_tum(path: Path, settings) -> Recording:
+    """The paired views of a TUM folder in order of time. Raises ConfigError when something is missing."""
+    pairs, rejected = _pairs(path, settings)
+    if not pairs:
+        raise ConfigError(
+            f"{path}: no colour and depth image within {settings.max_difference_s:g} s of each other;"
+            " type source.max_difference_s=SECONDS"
+        )
+    truth_file = path / "groundtruth.txt"
+    truth = read_tum_truth(truth_file, settings) if truth_file.is_file() else None
+    if truth is not None:
+        rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
+    return open_pairs(pairs, settings, truth=truth, default_scale=5000.0, rejected=rejected)
+
+
+def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter) -> Recording:
+    """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early."""
+    scale = settings.depth_scale or default_scale
+    folder = str(pairs[0][1].parent.parent)
+    first = _read(pairs[0], scale, settings)
+    check_depth(first[1], scale=scale, where=pairs[0][2].name)
+    camera = chosen_camera(settings.camera, first[0].shape[1::-1], recorded=None, where=folder)
+    wanted = pairs[settings.start :: settings.stride][: settings.count or None]
+    if not wanted:
+        raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
+
+    def views():
+        for index, pair in enumerate(wanted):
+            color, depth = _read(pair, scale, settings)
+            capture = Capture(index, pair[0], image=color, depth=depth)
+            pose = truth.at(pair[0]) if truth is not None else None
+            yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
+
+    return Recording(camera, views(), len(wanted), rejected)
+
+
+def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray]:
+    color = read_color(pair[1])
+    depth = read_depth(pair[2], scale=scale, max_depth_m=settings.max_depth_m)
+    check_pair(color, depth, pair[1].name)
+    return color, depth
+
+
+def _pairs(path: Path, settings) -> tuple[list[tuple[float, Path, Path]], Counter]:
+    """(colour stamp, colour file, depth file) in order of time; rgb.txt and depth.txt win over associations.txt."""
+    if (path / "rgb.txt").is_file():
+        if not (path / "depth.txt").is_file():
+            raise ConfigError(f"{path}: rgb.txt is there but depth.txt is not; replay needs both")
+        (color_s, colors, lost_a), (depth_s, depths, lost_b) = (
+            _list(path / name, settings) for name in ("rgb.txt", "depth.txt")
+        )
+        pairs = associate(color_s, depth_s, settings.max_difference_s)
+        lost = lost_a + lost_b + Counter(unpaired=len(color_s) - len(pairs))
+        return [(float(color_s[i]), colors[i], depths[j]) for i, j in pairs], +lost
+    return _associations(path / "associations.txt", settings)
+
+
+def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
+    """Stamps and files of rgb.txt or depth.txt; lines out of order or of equal stamps are rejected and counted."""
+    stamps, files = [], []
+    for number, words in rows(path):
+        where = f"{path.name}:{number}"
+        if len(words) < 2:
+            raise ConfigError(f"{where}: found {len(words)} column(s); expected stamp and file name")
+        stamps.append(number_of(words[0], where))
+        files.append(_inside(path.parent, words[1], where))
+    if not stamps:
+        raise ConfigError(f"{path}: the list is empty; expected lines of stamp and file name")
+    kept, rejected = ascending(stamps, settings.max_jump_s)
+    return np.array(stamps)[kept], [files[i] for i in kept], rejected
+
+
+def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path]], Counter]:
+    entries = []
+    for number, words in rows(path):
+        where = f"{path.name}:{number}"
+        if len(words) < 4:
+            raise ConfigError(f"{where}: found {len(words)} column(s); expected stamp colour stamp depth")
+        stamp, color, _, depth = words[:4]
+        entries.append(
+            (number_of(stamp, where), _inside(path.parent, color, where), _inside(path.parent, depth, where))
+        )
+    kept, rejected = ascending([e[0] for e in entries], settings.max_jump_s)
+    return [entries[i] for i in kept], rejected
+
+
+def _inside(folder: Path, name: str, where: str) -> Path:
+    """The file `name` of `folder`; a name that leads out of the folder is refused."""
+    path = folder / name
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ConfigError(f"{where}: {name!r} leads out of the recording; expected a file inside {folder}")
+    return path

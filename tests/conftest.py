@@ -1,0 +1,25 @@
+"""What several tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def real_data():
+    """A function: name -> path in the real data that the project did not make (RHS_DATA, else ../shared/data).
+
+    It skips the test, saying so, when the data are absent."""
+
+    def find(name: str) -> Path:
+        path = Path(os.environ.get("RHS_DATA", ROOT.parent / "shared" / "data")) / name
+        if not path.exists():
+            pytest.skip(f"real data absent: {path}; set RHS_DATA to the folder that holds {name.split('/')[0]}/")
+        return path
+
+    return find
