@@ -1,8 +1,9 @@
 """Exact walks of straight lines over grid cells: marking scans, casting rays, checking segments.
 
-The walk is Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987: every cell a line
-passes through is visited once, in order. Coordinates in the compiled functions are *cells*: (metres - origin) divided by
-the resolution, so cell (row i, column j) covers i <= y < i + 1 and j <= x < j + 1. Loads numba: import it when it is needed.
+The walk is Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987: every cell a
+line passes through is visited once, in order. Coordinates in the compiled functions are *cells*: (metres - origin)
+divided by the resolution, so cell (row i, column j) covers i <= y < i + 1 and j <= x < j + 1. Loads numba: import it
+when it is needed.
 """
 
 from __future__ import annotations
