@@ -22,6 +22,7 @@ class Pace:
     speed_mps: forward speed. step_m: path length of one command. turn_step_rad: most turning in one command.
     lookahead_m: distance along the path of the point that is steered for. pivot_above_rad: heading error above which
     the robot turns before it drives. arc_radius_m: radius of such turns; 0 is a turn on the spot.
+    cut_m: how far the chord to that point may leave the path.
     """
 
     speed_mps: float = 0.5
@@ -30,6 +31,7 @@ class Pace:
     lookahead_m: float = 0.45
     pivot_above_rad: float = np.radians(25.0)
     arc_radius_m: float = 0.0
+    cut_m: float = 0.03
 
 
 def closest_on_path(points_m: np.ndarray, at_m: np.ndarray) -> tuple[float, np.ndarray]:
@@ -62,8 +64,7 @@ def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:
     """The next command that follows `path_m` (N >= 2, 2) from the believed pose."""
     x, y, yaw = planar(map_from_body)
     here = np.array([x, y])
-    arc, _ = closest_on_path(path_m, here)
-    target = point_at(path_m, arc + pace.lookahead_m)
+    target = target_on(path_m, here, pace)
     left = float(np.linalg.norm(path_m[-1] - here))
     error = float(wrap(np.arctan2(target[1] - y, target[0] - x) - yaw))
     if abs(error) > pace.pivot_above_rad:
@@ -74,6 +75,21 @@ def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:
     if abs(curvature) * step > pace.turn_step_rad:
         step = pace.turn_step_rad / abs(curvature)
     return Twist(pace.speed_mps, pace.speed_mps * curvature, step / pace.speed_mps)
+
+
+def target_on(path_m: np.ndarray, here_m: np.ndarray, pace: Pace) -> np.ndarray:
+    """(2,) the farthest point within the lookahead whose chord keeps within pace.cut_m of the path: no corner is cut."""
+    arc, near = closest_on_path(path_m, here_m)
+    stations = np.linspace(0.0, pace.lookahead_m, 10)[1:]
+    way = np.array([near, *(point_at(path_m, arc + s) for s in stations)])
+    for last in range(len(way) - 1, 2, -1):
+        chord = way[last] - near
+        length = np.linalg.norm(chord)
+        if length > 0:
+            side = np.abs(chord[0] * (way[:last, 1] - near[1]) - chord[1] * (way[:last, 0] - near[0])) / length
+            if side.max() <= pace.cut_m:
+                return way[last]
+    return way[2]
 
 
 def turn(angle_rad: float, pace: Pace) -> Twist:

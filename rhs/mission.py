@@ -16,7 +16,7 @@ class MissionSettings:
     # distance from a place at which it counts as visited, metres (belief)
     arrive_m: float = 0.25
     # added to the robot's radius when the map is grown, metres: room for the error of the belief
-    margin_m: float = 0.05
+    margin_m: float = 0.1
     # plans per place before it is given up
     tries: int = 6
     # commands without progress (less than 5 cm believed motion each) before the place is given up

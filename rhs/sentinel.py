@@ -192,9 +192,10 @@ def closest_gap(path: Path, pose: np.ndarray) -> float:
 
 def clear_ahead_m(scan: Scan, radius_m: float) -> float:
     """Free metres in front of a round robot, from the beams inside its swath; inf when nothing is seen there."""
-    x = scan.origin_xy_m[0] + scan.ranges_m * np.cos(scan.bearings_rad)
-    y = scan.origin_xy_m[1] + scan.ranges_m * np.sin(scan.bearings_rad)
-    inside = np.isfinite(scan.ranges_m) & (np.abs(y) < radius_m) & (x > 0)
+    seen = np.isfinite(scan.ranges_m)
+    x = scan.origin_xy_m[0] + scan.ranges_m[seen] * np.cos(scan.bearings_rad[seen])
+    y = scan.origin_xy_m[1] + scan.ranges_m[seen] * np.sin(scan.bearings_rad[seen])
+    inside = (np.abs(y) < radius_m) & (x > 0)
     return float(x[inside].min() - radius_m) if inside.any() else np.inf
 
 

@@ -1,0 +1,88 @@
+"""What a survey leaves behind: views, the corrected trajectory, the finished map and where the robot has stood."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .contracts import FeatureSettings, LoopCloser, Mapper, Odometry
+from .errors import ContractError
+from .grid import OccupancyGrid
+from .records import Closure, Features, Observation, Step, View
+
+
+@dataclass(frozen=True)
+class Survey:
+    """views: one per step. closure: corrected poses and loops. grid: drawn from the corrected poses."""
+
+    views: tuple[View, ...]
+    closure: Closure
+    grid: OccupancyGrid
+
+
+class ViewCollector:
+    """Turns steps into views, keeping the features of every `every`-th one, of the first and of the last."""
+
+    def __init__(self, every: int, settings: FeatureSettings,
+                 features: Callable[[Observation, FeatureSettings], Features]) -> None:
+        self.every, self.settings, self.features = every, settings, features
+        self.views: list[View] = []
+        self.last: Observation | None = None
+
+    def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
+        for step in steps:
+            stored = len(self.views) % self.every == 0 and step.observation.image is not None
+            features = self.features(step.observation, self.settings) if stored else None
+            belief = step.belief
+            self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
+                                   belief.map_from_body, belief.covariance, step.scan, features))
+            self.last = step.observation
+            yield step
+        if self.views and self.views[-1].features is None and self.last is not None and self.last.image is not None:
+            self.views[-1] = replace(self.views[-1], features=self.features(self.last, self.settings))
+
+
+def revise(views: list[View], odometry: Odometry) -> tuple[View, ...]:
+    """The views with the poses, scans and feature depths that the odometry settled on at the end, if it did."""
+    revision = odometry.revise()
+    if revision is None:
+        return tuple(views)
+    if len(revision.poses) != len(views) or len(revision.scans) != len(views):
+        raise ContractError(f"odometry {type(odometry).__name__}.revise() returned {len(revision.poses)} poses and "
+                            f"{len(revision.scans)} scans for {len(views)} views")
+    first = views[0].map_from_body
+    revised = [replace(view, map_from_body=first @ np.linalg.inv(revision.poses[0]) @ pose, scan=scan)
+               for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
+    return tuple(revised)
+
+
+def close(views: tuple[View, ...], loop_closer: LoopCloser) -> tuple[tuple[View, ...], Closure]:
+    """The views moved to the poses the loop closer found."""
+    closure = loop_closer.close(views)
+    if closure.poses.shape != (len(views), 4, 4) or not np.all(np.isfinite(closure.poses)):
+        raise ContractError(f"loop closer {type(loop_closer).__name__} returned poses of shape {closure.poses.shape}, "
+                            f"expected finite ({len(views)}, 4, 4)")
+    return tuple(replace(v, map_from_body=p) for v, p in zip(views, closure.poses, strict=True)), closure
+
+
+def draw(views: tuple[View, ...], mapper: Mapper) -> OccupancyGrid:
+    """The map, drawn anew from the corrected poses."""
+    mapper.reset()
+    for view in views:
+        if view.scan is not None:
+            mapper.update(view.map_from_body, view.scan)
+    return mapper.grid()
+
+
+def known_free(grid: OccupancyGrid, views: tuple[View, ...], radius_m: float) -> np.ndarray:
+    """(H, W) bool: cells the map calls free, and those the robot's own body has stood on without touching anything."""
+    free = grid.free()
+    rows, columns = np.indices(grid.shape)
+    x = (columns + 0.5) * grid.resolution_m + grid.origin_m[0]
+    y = (rows + 0.5) * grid.resolution_m + grid.origin_m[1]
+    for view in views:
+        px, py = view.map_from_body[:2, 3]
+        free |= (x - px) ** 2 + (y - py) ** 2 <= radius_m**2
+    return free
