@@ -78,7 +78,7 @@ def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:
 
 
 def target_on(path_m: np.ndarray, here_m: np.ndarray, pace: Pace) -> np.ndarray:
-    """(2,) the farthest point within the lookahead whose chord keeps within pace.cut_m of the path: no corner is cut."""
+    """(2,) the farthest point within the lookahead whose chord stays within pace.cut_m of the path."""
     arc, near = closest_on_path(path_m, here_m)
     stations = np.linspace(0.0, pace.lookahead_m, 10)[1:]
     way = np.array([near, *(point_at(path_m, arc + s) for s in stations)])

@@ -23,8 +23,8 @@ def scan_points(map_from_body: np.ndarray, scan: Scan, *, within_m: float) -> np
 class ObstacleWatch:
     """Compares scans with the finished map and keeps what the map does not know until told to forget it.
 
-    A cell counts as an obstacle when scan points fell into it in at least `confirm` views, the map calls it free, and no
-    wall of the map lies within `tolerance_m` (which absorbs the error of the belief).
+    A cell counts as an obstacle when scan points fell into it in at least `confirm` views, the map calls it free, and
+    no wall of the map lies within `tolerance_m` (which absorbs the error of the belief).
     """
 
     def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, confirm: int = 2,

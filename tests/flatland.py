@@ -76,7 +76,8 @@ class Flatland:
             px, py = x + reach * np.cos(yaw + bearing), y + reach * np.sin(yaw + bearing)
             r, c = (py / 0.1).astype(int), (px / 0.1).astype(int)
             inside = (r >= 0) & (r < self.occupied.shape[0]) & (c >= 0) & (c < self.occupied.shape[1])
-            hit = inside & self.occupied[np.clip(r, 0, self.occupied.shape[0] - 1), np.clip(c, 0, self.occupied.shape[1] - 1)]
+            h, w = self.occupied.shape
+            hit = inside & self.occupied[np.clip(r, 0, h - 1), np.clip(c, 0, w - 1)]
             if hit.any():
                 ranges[i] = reach[np.argmax(hit)]
         return Scan(BEARINGS, ranges, 6.0)

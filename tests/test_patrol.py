@@ -1,4 +1,4 @@
-"""The loop and the sentinel in a world without pictures: what a patrol does when the world is kind, blocked or broken."""
+"""The loop and the sentinel without pictures: what a patrol does when the world is kind, blocked or broken."""
 
 import numpy as np
 import pytest
