@@ -27,6 +27,7 @@ from .records import (
     Belief,
     Capture,
     Closure,
+    FeatureSettings,
     Motion,
     Observation,
     Path,
@@ -40,15 +41,6 @@ from .records import (
 from .world import World
 
 KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser")
-
-
-@dataclass(frozen=True)
-class FeatureSettings:
-    """Settings of the shared SIFT features; see rhs.vision."""
-
-    count: int = 300
-    contrast: float = 0.02
-    ratio: float = 0.8
 
 
 @dataclass(frozen=True)

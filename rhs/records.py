@@ -144,6 +144,18 @@ class Belief:
     details: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class FeatureSettings:
+    """Settings of the SIFT features that all parts share; see rhs.vision.
+
+    count: strongest key-points kept per 320x240 pixels (four times as many at 640x480). contrast: OpenCV's contrastThreshold, smaller keeps weaker ones.
+    ratio: Lowe's ratio between the nearest and the second nearest descriptor."""
+
+    count: int = 300
+    contrast: float = 0.02
+    ratio: float = 0.8
+
+
 @dataclass(frozen=True, eq=False)
 class Features:
     """Key-points of one view. pixels (N, 2) float32; descriptors (N, D) (float32 RootSIFT or uint8 ORB);

@@ -1,0 +1,125 @@
+"""Frame-to-frame RGB-D odometry (thesis section 3.1): SIFT, ratio test, RANSAC, weighted Procrustes, refinement.
+
+Past the thesis: pairs are weighted by the inverse variance of their depth (eqs 3.1-3.7 with weights that are not 1),
+the result can be refined on reprojection errors, carries a covariance, and says when it is degenerate or lost.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs import vision
+from rhs.contracts import Context
+from rhs.geometry import adjoint, exp_se3, inverse, log_se3, planar, se2
+from rhs.records import Features, Motion, Observation, Revision, Tracking
+from rhs.rigid import PointNoise, RansacSettings, Rigid, ransac_rigid, refine_reprojection
+
+from .fallback import guess_motion
+from .procrustes_config import Procrustes
+
+# A robot on a floor: how far its height (metres) and its roll and pitch (radians) may stray between two views.
+FLOOR_SIGMAS = np.array([np.inf, np.inf, 1e-3, 1e-3, 1e-3, np.inf])
+
+
+class ProcrustesOdometry:
+    """See the module; one instance follows one camera."""
+
+    def __init__(self, settings: Procrustes, context: Context) -> None:
+        camera = context.camera
+        self._settings = settings
+        self._feature_settings = context.features
+        self._rng = context.rng
+        self._body_from_camera = camera.body_from_camera
+        self._noise = PointNoise(
+            np.sqrt(camera.fx * camera.fy),
+            settings.pixel_sigma_px,
+            settings.depth_constant_m,
+            settings.depth_quadratic_per_m,
+        )
+        self._ransac = RansacSettings(settings.hypotheses, settings.gate_sigma)
+        self._previous: Features | None = None
+        self._last = np.eye(4)
+
+    def update(self, observation: Observation) -> Motion:
+        """Motion of the body since the previous observation: match, find the rigid motion, refine, judge."""
+        current = vision.features(observation, self._feature_settings)
+        previous, self._previous = self._previous, current
+        if previous is None:
+            return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, reason="first view")
+        p, q, matches = self._pairs(previous, current)
+        found = self._rigid(p, q)
+        motion = self._judge(observation, found, {"matches": float(matches), "pairs": float(len(p))})
+        self._last = motion.previous_from_body
+        return motion
+
+    def revise(self) -> Revision | None:
+        """Frame to frame: nothing to say afterwards."""
+        return None
+
+    def _pairs(self, previous: Features, current: Features) -> tuple[np.ndarray, np.ndarray, int]:
+        """Matched points with known depth in the current (p) and the previous (q) camera frame, and all matches."""
+        rows = vision.match(current, previous, self._ratio)
+        p, q = current.points[rows[:, 0]].astype(float), previous.points[rows[:, 1]].astype(float)
+        known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
+        return p[known], q[known], len(rows)
+
+    @property
+    def _ratio(self) -> float:
+        return self._feature_settings.ratio
+
+    def _rigid(self, p: np.ndarray, q: np.ndarray) -> Rigid | None:
+        found = ransac_rigid(p, q, noise=self._noise, rng=self._rng, settings=self._ransac)
+        if found is None or self._settings.refine == "none":
+            return found
+        return refine_reprojection(found, p, q, noise=self._noise, gate_sigma=self._settings.gate_sigma)
+
+    def _judge(self, observation: Observation, found: Rigid | None, details: dict[str, float]) -> Motion:
+        inliers = 0 if found is None else found.count
+        details["inliers"] = float(inliers)
+        if found is None or inliers < self._settings.min_inliers:
+            name, guess, covariance = guess_motion(observation, self._last)
+            reason = f"{inliers} of {details['pairs']:.0f} pairs agree, {self._settings.min_inliers} needed; took {name}"
+            return Motion(guess, covariance, Tracking.LOST, reason, details=details)
+        pose, covariance = body_motion(found, self._body_from_camera)
+        information = np.linalg.inv(covariance)
+        if self._settings.planar:
+            pose, covariance = on_floor(pose, information)
+        observability = np.sqrt(np.diag(information))
+        weak = self._weakness(covariance)
+        status = Tracking.DEGENERATE if weak else Tracking.OK
+        return Motion(pose, covariance, status, weak, observability, details=details)
+
+    def _weakness(self, covariance: np.ndarray) -> str:
+        """Why this motion is degenerate, or nothing."""
+        sigma_m = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
+        sigma_rad = np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])
+        if sigma_m > self._settings.max_sigma_m:
+            return f"translation known to {sigma_m:.3f} m only, {self._settings.max_sigma_m} m allowed"
+        if sigma_rad > self._settings.max_sigma_rad:
+            return f"rotation known to {sigma_rad:.3f} rad only, {self._settings.max_sigma_rad} rad allowed"
+        return ""
+
+
+def body_motion(camera_motion: Rigid, body_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pose (4x4) and covariance (6x6) of the body's motion from those of its camera."""
+    pose = body_from_camera @ camera_motion.a_from_b @ inverse(body_from_camera)
+    move = adjoint(body_from_camera)
+    covariance = move @ camera_motion.covariance @ move.T
+    return pose, 0.5 * (covariance + covariance.T)
+
+
+def on_floor(pose: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The planar motion (4x4) nearest to `pose` in the sense of its 6x6 information, and its 6x6 covariance.
+
+    Dropping z, roll and pitch would throw away what they say about the rest: a motion that appears to pitch also
+    appears to go forward. Instead x, y and yaw are what the measurement gives them once the floor is known.
+    """
+    free = [0, 1, 5]
+    flat = se2(*planar(pose))
+    for _ in range(2):
+        error = log_se3(inverse(flat) @ pose)
+        step = np.linalg.solve(information[np.ix_(free, free)], information[free] @ error)
+        flat = flat @ exp_se3(np.array([step[0], step[1], 0.0, 0.0, 0.0, step[2]]))
+    tight = information + np.diag(1.0 / FLOOR_SIGMAS**2)
+    covariance = np.linalg.inv(tight)
+    return flat, 0.5 * (covariance + covariance.T)

@@ -1,0 +1,86 @@
+"""What sensors do to ideal measurements: noise on images and depth, encoders that slip. Shared by the sensors."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from rhs.errors import ContractError
+from rhs.geometry import Camera
+from rhs.records import Capture
+
+
+class WheelSettings(Protocol):
+    """The settings an encoder model reads; see the config of a sensor for meanings and units."""
+
+    noise: bool
+    wheel_scale_sigma: float
+    wheel_distance_share: float
+    wheel_turn_share: float
+    wheel_slip_chance: float
+    wheel_slip_share: float
+
+
+class Encoders:
+    """Wheel travel as encoders count it: a scale error per run, noise per reading, now and then a spin."""
+
+    def __init__(self, settings: WheelSettings, rng: np.random.Generator) -> None:
+        self._settings = settings
+        self._rng = rng
+        self._scale = 1.0 + settings.wheel_scale_sigma * rng.standard_normal(2)  # of distance, of turn
+
+    def read(self, travel: np.ndarray | None) -> np.ndarray | None:
+        """(3,) dx, dy, dyaw counted for the true (3,) travel; None stays None."""
+        if travel is None:
+            return None
+        if not self._settings.noise:
+            return frozen(np.array(travel, float))
+        settings = self._settings
+        noise, chance = self._rng.standard_normal(2), self._rng.random()
+        slip = 1.0 + settings.wheel_slip_share * (chance < settings.wheel_slip_chance)
+        along = slip * (self._scale[0] + settings.wheel_distance_share * noise[0])
+        turn = slip * (self._scale[1] + settings.wheel_turn_share * noise[1])
+        return frozen(np.asarray(travel, float) * np.array([along, along, turn]))
+
+
+def noisy_image(image: np.ndarray, sigma: float, rng: np.random.Generator) -> np.ndarray:
+    """The (H, W, 3) uint8 image with Gaussian noise of `sigma` grey levels on every channel, rounded and clipped."""
+    if sigma == 0.0:
+        return frozen(image.copy())
+    noise = rng.standard_normal(image.shape, dtype=np.float32)
+    noise *= sigma
+    noise += image
+    np.rint(noise, out=noise)
+    np.clip(noise, 0, 255, out=noise)
+    return frozen(noise.astype(np.uint8))
+
+
+def check_sizes(capture: Capture, camera: Camera, *, depth: bool) -> None:
+    """Refuse a capture whose image is not the camera's size, or whose depth is missing or of another size."""
+    if capture.image is None:
+        raise ContractError(f"capture {capture.index} has no image; this sensor needs a source that provides images")
+    if capture.image.shape[:2] != (camera.height, camera.width):
+        raise ContractError(
+            f"capture {capture.index}: image is {size(capture.image)}, the camera {camera.width}x{camera.height}; "
+            "give the source the camera that took it"
+        )
+    if not depth:
+        return
+    if capture.depth is None:
+        raise ContractError(f"capture {capture.index} has no depth; choose sensor=mono or a source with depth")
+    if capture.depth.shape != capture.image.shape[:2]:
+        raise ContractError(
+            f"capture {capture.index}: depth is {size(capture.depth)}, image is {size(capture.image)}; "
+            "register the depth to the image first"
+        )
+
+
+def size(image: np.ndarray) -> str:
+    """Width x height, as people say it."""
+    return "x".join(str(n) for n in image.shape[1::-1])
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array

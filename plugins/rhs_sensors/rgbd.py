@@ -1,0 +1,59 @@
+"""Settings of the sensor `rgbd`: a Kinect-like colour and depth camera on a robot with wheel encoders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from rhs.errors import ConfigError, check_range
+
+if TYPE_CHECKING:
+    from rhs.contracts import Context
+
+
+@dataclass
+class Rgbd:
+    """Colour, depth and the scan in the depth row at the camera's height, with the noise of a Kinect."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
+
+    noise: bool = True  # false: pass everything on as it is, for recordings, which bring their own noise
+    min_range_m: float = 0.4  # nearer depths are unknown, metres along the optical axis (Kinect: 0.4)
+    max_range_m: float = 8.0  # further depths are unknown, metres (Kinect: 8)
+    depth_constant_m: float = 0.0012  # sigma_z = constant + quadratic * (z - 0.4 m)^2, metres (Nguyen 2012, Kinect)
+    depth_quadratic_per_m: float = 0.0019  # the same, 1/m
+    disparity_step_px: float = 0.125  # disparity is reported in steps of this many pixels (Kinect: 1/8); 0 = exact
+    disparity_m_px: float = 43.5  # focal length times baseline, metre pixels (Kinect: 580 px * 0.075 m)
+    image_sigma: float = 2.0  # noise of each colour channel, grey levels of 255 (1 sigma)
+    beams: int = 0  # beams of the scan, evenly spaced columns; 0 = one per image column
+    scan_rows: int = 1  # odd number of rows around the camera's height whose median is the scan; 1 = the thesis
+    wheel_scale_sigma: float = 0.02  # each run's encoders count distance and turn too long by such a share (1 sigma)
+    wheel_distance_share: float = 0.02  # noise of one reading, share of the distance since the last view (1 sigma)
+    wheel_turn_share: float = 0.03  # the same for the turn
+    wheel_slip_chance: float = 0.0  # chance per view that the wheels spin: they count wheel_slip_share too much
+    wheel_slip_share: float = 0.5  # share counted too much when the wheels spin
+
+    def __post_init__(self) -> None:
+        owner = "sensor.rgbd"
+        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
+        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        if self.min_range_m >= self.max_range_m:
+            raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
+        check_range(owner, "depth_constant_m", self.depth_constant_m, low=0.0, high=1.0, unit="m")
+        check_range(owner, "depth_quadratic_per_m", self.depth_quadratic_per_m, low=0.0, high=1.0, unit="1/m")
+        check_range(owner, "disparity_step_px", self.disparity_step_px, low=0.0, high=10.0, unit="px")
+        check_range(owner, "disparity_m_px", self.disparity_m_px, low=0.1, high=10_000.0, unit="m px")
+        check_range(owner, "image_sigma", self.image_sigma, low=0.0, high=255.0)
+        check_range(owner, "beams", self.beams, low=0, high=10_000)
+        check_range(owner, "scan_rows", self.scan_rows, low=1, high=99)
+        if self.scan_rows % 2 == 0:
+            raise ConfigError(f"{owner}.scan_rows={self.scan_rows} is even; expected an odd number such as 1 or 3")
+        check_range(owner, "wheel_scale_sigma", self.wheel_scale_sigma, low=0.0, high=0.5)
+        for name in ("wheel_distance_share", "wheel_turn_share", "wheel_slip_chance", "wheel_slip_share"):
+            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
+
+    def build(self, context: Context) -> Any:
+        from .rgbd_sensor import RgbdSensor
+
+        return RgbdSensor(self, context)

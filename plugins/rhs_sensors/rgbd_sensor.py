@@ -1,0 +1,107 @@
+"""The sensor `rgbd`: ideal depth made Kinect-like, and the depth row at the camera's height as a scan.
+
+Depth noise and range: Nguyen, Izadi and Lovell 2012 (section 4.1) and Khoshelham and Elberink 2012 (disparity steps).
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from rhs.contracts import Context
+from rhs.geometry import Camera
+from rhs.records import Capture, Observation, Scan
+
+from .degrade import Encoders, check_sizes, frozen, noisy_image
+from .rgbd import Rgbd
+
+
+class RgbdSensor:
+    """Each noise has its own random stream, so that one setting does not change another's numbers."""
+
+    def __init__(self, settings: Rgbd, context: Context) -> None:
+        self._settings = settings
+        self._camera = context.camera
+        self._image_rng, self._depth_rng, wheel_rng = context.rng.spawn(3)
+        self._encoders = Encoders(settings, wheel_rng)
+        self._rows = ScanRows(context.camera, settings)
+
+    def sense(self, capture: Capture) -> Observation:
+        check_sizes(capture, self._camera, depth=True)
+        depth = self._degraded(capture.depth)
+        return Observation(
+            capture.index,
+            capture.stamp_s,
+            self._camera,
+            image=noisy_image(capture.image, self._settings.image_sigma if self._settings.noise else 0.0, self._image_rng),
+            depth=depth,
+            scan=self._rows.scan(depth),
+            command=capture.command,
+            wheel=self._encoders.read(capture.travel),
+        )
+
+    def _degraded(self, ideal: np.ndarray) -> np.ndarray:
+        """(H, W) float32 depth with noise, in steps of disparity, NaN outside the range."""
+        settings = self._settings
+        depth = ideal.astype(np.float32, copy=True)
+        if settings.noise:
+            sigma = settings.depth_constant_m + settings.depth_quadratic_per_m * (depth - np.float32(0.4)) ** 2
+            depth += sigma * self._depth_rng.standard_normal(depth.shape, dtype=np.float32)
+            depth = quantised(depth, settings.disparity_m_px, settings.disparity_step_px)
+        with np.errstate(invalid="ignore"):
+            depth[~((depth >= settings.min_range_m) & (depth <= settings.max_range_m))] = np.nan
+        return frozen(depth)
+
+
+def quantised(depth: np.ndarray, disparity_m_px: float, step_px: float) -> np.ndarray:
+    """Depth whose disparity (disparity_m_px / depth) is a whole number of steps; NaN for depths that are not positive."""
+    if step_px == 0.0:
+        return depth
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = np.rint(np.where(depth > 0, disparity_m_px / depth, np.nan) / step_px)
+        return (disparity_m_px / (steps * step_px)).astype(np.float32)
+
+
+class ScanRows:
+    """Reads a depth image as a planar scan: in each column the pixel whose ray is level, so that every beam runs at the
+    camera's height, whatever its pitch. For an upright camera this is the row nearest to cy, the thesis's middle row.
+
+    A column without a level ray (a camera that looks up or down too much) has no beam: its range is always NaN.
+    """
+
+    def __init__(self, camera: Camera, settings: Rgbd) -> None:
+        count = min(settings.beams or camera.width, camera.width)
+        columns = np.rint(np.linspace(camera.width - 1, 0, count)).astype(int)  # right to left: bearings increase
+        rows = _level_rows(camera, columns)
+        reach = settings.scan_rows // 2
+        self._columns = columns
+        self._rows = np.clip(np.rint(rows)[None, :] + np.arange(-reach, reach + 1)[:, None], 0, camera.height - 1)
+        self._rows = self._rows.astype(int)
+        self._level = (rows > -0.5) & (rows < camera.height - 0.5)
+        rays = camera.rays(np.stack([columns, rows], axis=1).astype(float)) @ camera.body_from_camera[:3, :3].T
+        self._bearings = frozen(np.arctan2(rays[:, 1], rays[:, 0]))
+        self._stretch = np.hypot(rays[:, 0], rays[:, 1])  # metres along the floor per metre of depth
+        self._max_range_m = settings.max_range_m
+        self._origin = (float(camera.body_from_camera[0, 3]), float(camera.body_from_camera[1, 3]))
+
+    def scan(self, depth: np.ndarray) -> Scan:
+        """Ranges (N,) from the camera along the floor; NaN where depth is unknown or beyond max_range_m."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a column of NaN has a NaN median, as it should
+            middle = np.nanmedian(depth[self._rows, self._columns], axis=0)
+        ranges = middle.astype(float) * self._stretch
+        ranges[~self._level | ~(ranges <= self._max_range_m)] = np.nan
+        return Scan(self._bearings, frozen(ranges), self._max_range_m, self._origin)
+
+
+def _level_rows(camera: Camera, columns: np.ndarray) -> np.ndarray:
+    """(N,) row (float) in each column whose ray has no vertical component in the body frame, found by Newton steps."""
+    rows = np.full(len(columns), camera.cy)
+    up = camera.body_from_camera[2, :3]
+    for _ in range(10):
+        slope = camera.rays(np.stack([columns, rows], axis=1).astype(float)) @ up
+        ahead = camera.rays(np.stack([columns, rows + 1.0], axis=1).astype(float)) @ up
+        step = slope / np.where(np.abs(ahead - slope) > 1e-12, ahead - slope, np.inf)
+        rows = np.clip(rows - step, -10.0 * camera.height, 10.0 * camera.height)
+    return rows

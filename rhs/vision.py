@@ -1,0 +1,163 @@
+"""Features of a view, computed once per observation and shared; matching; depth under a key-point.
+
+SIFT (Lowe 2004) with OpenCV's precise up-scaling: without it every key-point sits a quarter of a pixel off
+(opencv issue 23123), which turns into a steady drift in yaw. Descriptors are RootSIFT (Arandjelovic and Zisserman 2012).
+This module is OpenCV's home in the core; OpenCV is imported at the first call and kept on one thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from .records import Features, FeatureSettings, Observation
+
+# The image size that FeatureSettings.count is meant for.
+REFERENCE_PX = 320 * 240
+# Depth under a key-point: a plane fitted to this many pixels around it ...
+WINDOW_PX = 5
+# ... needs at least this share of them known, and ...
+WINDOW_KNOWN = 0.6
+# ... its inverse depths must lie this close to the plane (1/m, RMS), or the key-point hangs over an edge.
+EDGE_INVERSE_DEPTH = 0.02
+
+_shared: WeakKeyDictionary[Observation, dict[Any, Features]] = WeakKeyDictionary()
+
+
+def features(observation: Observation, settings: FeatureSettings) -> Features:
+    """SIFT key-points of a view with RootSIFT descriptors (N, 128) float32 and camera-frame points.
+
+    The same observation and settings give the same object. A view without key-points, or without an image, has N = 0.
+    """
+    return _remember(observation, settings, lambda: _sift(observation, settings))
+
+
+def orb_features(observation: Observation, count: int = 500) -> Features:
+    """ORB key-points (Rublee 2011) with binary descriptors (N, 32) uint8: about five times faster than SIFT."""
+    return _remember(observation, ("orb", count), lambda: _orb(observation, count))
+
+
+def match(a: Features, b: Features, ratio: float, *, mutual: bool = True) -> np.ndarray:
+    """(M, 2) integer pairs (row of a, row of b) that pass Lowe's ratio test, in the order of a.
+
+    ratio: the nearest descriptor of b must be this much nearer than the second nearest. mutual: the row of a must also
+    be the nearest to that row of b, so that no key-point is used twice. Fewer than two rows in b match nothing.
+    """
+    if len(a.descriptors) == 0 or len(b.descriptors) < 2:
+        return np.empty((0, 2), int)
+    distance = _distances(a.descriptors, b.descriptors)
+    rows = np.arange(len(distance))
+    nearest = distance.argmin(axis=1)
+    first = distance[rows, nearest]
+    distance[rows, nearest] = np.inf
+    keep = first < ratio * distance.min(axis=1)
+    distance[rows, nearest] = first
+    if mutual:
+        keep &= distance.argmin(axis=0)[nearest] == rows
+    return np.stack([rows[keep], nearest[keep]], axis=1)
+
+
+def gray(image: np.ndarray) -> np.ndarray:
+    """(H, W) uint8 luminance of an (H, W, 3) RGB or (H, W) image."""
+    return image if image.ndim == 2 else _cv2().cvtColor(image, _cv2().COLOR_RGB2GRAY)
+
+
+def depth_at(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """(N,) float64 metres along the optical axis at (N, 2) sub-pixel positions of an (H, W) depth image.
+
+    On a plane inverse depth is linear in the pixel, so a plane is fitted to the inverse depths of the window around
+    the pixel and read off at the exact position. NaN where too little is known, or where the window holds an edge.
+    """
+    inverse, known, offset = _windows(depth, pixels)
+    share = known.mean(axis=1)
+    basis = np.concatenate([np.ones((*offset.shape[:2], 1)), offset], axis=2)
+    weighted = basis * known[:, :, None]
+    normal = np.einsum("nki,nkj->nij", weighted, basis) + 1e-9 * np.eye(3)
+    plane = np.linalg.solve(normal, np.einsum("nki,nk->ni", weighted, inverse)[:, :, None])[:, :, 0]
+    residual = (np.einsum("nki,ni->nk", basis, plane) - inverse) * known
+    rms = np.sqrt((residual**2).sum(axis=1) / np.maximum(known.sum(axis=1) - 3, 1))
+    good = (share >= WINDOW_KNOWN) & (rms < EDGE_INVERSE_DEPTH) & (plane[:, 0] > 1e-3)
+    return np.where(good, 1.0 / np.where(good, plane[:, 0], 1.0), np.nan)
+
+
+def _windows(depth: np.ndarray, pixels: np.ndarray):
+    """Inverse depths (N, K), which are known (N, K), and pixel offsets (N, K, 2) from the key-point, of the windows."""
+    half = WINDOW_PX // 2
+    reach = np.arange(-half, half + 1)
+    dv, du = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
+    centre = np.rint(pixels).astype(int)
+    u, v = centre[:, :1] + du, centre[:, 1:] + dv
+    height, width = depth.shape
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    values = depth[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(float)
+    known = inside & (values > 0)
+    inverse = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
+    return inverse, known, np.stack([u - pixels[:, :1], v - pixels[:, 1:]], axis=2)
+
+
+def _distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(N, M) float32 distances: Euclidean between unit float rows, Hamming between uint8 rows."""
+    if a.dtype == np.uint8:
+        bits_a, bits_b = (np.unpackbits(rows, axis=1).astype(np.float32) for rows in (a, b))
+        return bits_a.sum(axis=1)[:, None] + bits_b.sum(axis=1)[None, :] - 2.0 * bits_a @ bits_b.T
+    return np.sqrt(np.maximum(2.0 - 2.0 * a @ b.T, 0.0))
+
+
+def _remember(observation: Observation, key: Any, compute: Callable[[], Features]) -> Features:
+    known = _shared.setdefault(observation, {})
+    if key not in known:
+        known[key] = compute()
+    return known[key]
+
+
+def _sift(observation: Observation, settings: FeatureSettings) -> Features:
+    pixels = 0 if observation.image is None else observation.image.shape[0] * observation.image.shape[1]
+    detector = _detector("sift", max(1, round(settings.count * pixels / REFERENCE_PX)), settings.contrast)
+    pixels, descriptors = _detect(observation, detector, np.empty((0, 128), np.float32))
+    descriptors = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
+    return _lifted(observation, pixels, descriptors.astype(np.float32))
+
+
+def _orb(observation: Observation, count: int) -> Features:
+    pixels, descriptors = _detect(observation, _detector("orb", count, 0.0), np.empty((0, 32), np.uint8))
+    return _lifted(observation, pixels, descriptors)
+
+
+def _detect(observation: Observation, detector: Any, none: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (N, 2) float32 and descriptors (N, D); `none` is returned as the descriptors of an empty view."""
+    if observation.image is None:
+        return np.empty((0, 2), np.float32), none
+    key_points, descriptors = detector.detectAndCompute(gray(observation.image), None)
+    if not key_points:  # KeyPoint_convert returns a tuple then, and the descriptors are None
+        return np.empty((0, 2), np.float32), none
+    return _cv2().KeyPoint_convert(key_points), descriptors
+
+
+def _lifted(observation: Observation, pixels: np.ndarray, descriptors: np.ndarray) -> Features:
+    """Depth is looked up at the raw pixel; only the ray is undistorted."""
+    points = np.full((len(pixels), 3), np.nan, np.float32)
+    if observation.depth is not None and len(pixels):
+        exact = pixels.astype(float)
+        points = observation.camera.points(exact, depth_at(observation.depth, exact)).astype(np.float32)
+    for array in (pixels, descriptors, points):
+        array.setflags(write=False)
+    return Features(pixels, descriptors, points)
+
+
+@cache
+def _detector(kind: str, count: int, contrast: float) -> Any:
+    if kind == "orb":
+        return _cv2().ORB_create(nfeatures=count)
+    return _cv2().SIFT_create(nfeatures=count, contrastThreshold=contrast, enable_precise_upscale=True)
+
+
+@cache
+def _cv2() -> Any:
+    import cv2
+
+    cv2.setNumThreads(1)  # results and timings must not depend on the number of cores
+    return cv2
