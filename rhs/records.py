@@ -148,7 +148,8 @@ class Belief:
 class FeatureSettings:
     """Settings of the SIFT features that all parts share; see rhs.vision.
 
-    count: strongest key-points kept per 320x240 pixels (four times as many at 640x480). contrast: OpenCV's contrastThreshold, smaller keeps weaker ones.
+    count: strongest key-points kept per 320x240 pixels (four times as many at 640x480).
+    contrast: OpenCV's contrastThreshold, smaller keeps weaker ones.
     ratio: Lowe's ratio between the nearest and the second nearest descriptor."""
 
     count: int = 300

@@ -1,7 +1,7 @@
 """Rigid motion between two views whose key-points have depth: RANSAC, weighted Procrustes, reprojection refinement.
 
-Everywhere `p` (N, 3) are points in the camera frame of view b, `q` (N, 3) the same points in the camera frame of view a,
-and the result is a_from_b with the covariance of its right perturbation (see rhs.geometry).
+Everywhere `p` (N, 3) are points in the camera frame of view b, `q` (N, 3) the same points in the camera frame of view
+a, and the result is a_from_b with the covariance of its right perturbation (see rhs.geometry).
 Used by the odometry, by the check of a recognised place and by loop closing.
 """
 
@@ -17,7 +17,7 @@ from .geometry import align, exp_se3, orthonormal, transform
 @dataclass(frozen=True)
 class PointNoise:
     """How well a key-point with depth is known: sigma_z = constant + quadratic * (z - nearest)^2 along the optical axis
-    (Nguyen, Izadi and Lovell 2012, section 4.1, for the Kinect) and pixel_px pixels across it, at focal length focal_px."""
+    (Nguyen, Izadi and Lovell 2012, section 4.1, for the Kinect), and pixel_px pixels across it at focal_px."""
 
     focal_px: float
     pixel_px: float = 1.0
@@ -167,7 +167,7 @@ def _procrustes_covariance(pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise
 
 
 def _reprojection(pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise: PointNoise):
-    """Residuals (N, 3) of (x / z, y / z, 1 / z), their Jacobian (N, 3, 6) by the right perturbation, weights (N, 3, 3)."""
+    """Residuals (N, 3) of (x/z, y/z, 1/z), their Jacobian (N, 3, 6) by the right perturbation, weights (N, 3, 3)."""
     moved = transform(pose, p)
     moved[:, 2] = np.maximum(moved[:, 2], 1e-3)
     project = _projection_jacobian(moved) @ pose[:3, :3]

@@ -1,7 +1,7 @@
 """Features of a view, computed once per observation and shared; matching; depth under a key-point.
 
 SIFT (Lowe 2004) with OpenCV's precise up-scaling: without it every key-point sits a quarter of a pixel off
-(opencv issue 23123), which turns into a steady drift in yaw. Descriptors are RootSIFT (Arandjelovic and Zisserman 2012).
+(opencv issue 23123), which turns into a steady drift in yaw. Descriptors are RootSIFT (Arandjelovic, Zisserman 2012).
 This module is OpenCV's home in the core; OpenCV is imported at the first call and kept on one thread.
 """
 

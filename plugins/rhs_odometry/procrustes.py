@@ -78,7 +78,8 @@ class ProcrustesOdometry:
         details["inliers"] = float(inliers)
         if found is None or inliers < self._settings.min_inliers:
             name, guess, covariance = guess_motion(observation, self._last)
-            reason = f"{inliers} of {details['pairs']:.0f} pairs agree, {self._settings.min_inliers} needed; took {name}"
+            least = self._settings.min_inliers
+            reason = f"{inliers} of {details['pairs']:.0f} pairs agree, {least} needed; took {name}"
             return Motion(guess, covariance, Tracking.LOST, reason, details=details)
         pose, covariance = body_motion(found, self._body_from_camera)
         information = np.linalg.inv(covariance)

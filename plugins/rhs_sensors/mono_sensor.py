@@ -10,7 +10,7 @@ from .mono import Mono
 
 
 class MonoSensor:
-    """Takes depth and scan away; each noise has its own random stream, so that one setting does not change another's."""
+    """Takes depth and scan away; each noise has its own random stream, so that settings stay apart."""
 
     def __init__(self, settings: Mono, context: Context) -> None:
         self._settings = settings

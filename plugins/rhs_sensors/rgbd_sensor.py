@@ -30,11 +30,12 @@ class RgbdSensor:
     def sense(self, capture: Capture) -> Observation:
         check_sizes(capture, self._camera, depth=True)
         depth = self._degraded(capture.depth)
+        image_sigma = self._settings.image_sigma if self._settings.noise else 0.0
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
-            image=noisy_image(capture.image, self._settings.image_sigma if self._settings.noise else 0.0, self._image_rng),
+            image=noisy_image(capture.image, image_sigma, self._image_rng),
             depth=depth,
             scan=self._rows.scan(depth),
             command=capture.command,
@@ -46,6 +47,7 @@ class RgbdSensor:
         settings = self._settings
         depth = ideal.astype(np.float32, copy=True)
         if settings.noise:
+            depth[~np.isfinite(depth)] = np.nan
             sigma = settings.depth_constant_m + settings.depth_quadratic_per_m * (depth - np.float32(0.4)) ** 2
             depth += sigma * self._depth_rng.standard_normal(depth.shape, dtype=np.float32)
             depth = quantised(depth, settings.disparity_m_px, settings.disparity_step_px)
@@ -55,7 +57,7 @@ class RgbdSensor:
 
 
 def quantised(depth: np.ndarray, disparity_m_px: float, step_px: float) -> np.ndarray:
-    """Depth whose disparity (disparity_m_px / depth) is a whole number of steps; NaN for depths that are not positive."""
+    """Depth whose disparity (disparity_m_px / depth) is a whole number of steps; NaN where it is not positive."""
     if step_px == 0.0:
         return depth
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,0 +1,161 @@
+"""The sensors rgbd and mono: the noise has the stated size, the scan says how far the walls are, bad views are refused."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rhs_sensors.degrade import Encoders
+from rhs_sensors.mono import Mono
+from rhs_sensors.rgbd import Rgbd
+
+from rhs.errors import ConfigError, ContractError
+from rhs.geometry import Camera, camera_from_fov, exp_so3, se3
+from rhs.records import Capture
+
+CAMERA = camera_from_fov(320, 240, 57.0, height_m=0.6, forward_m=0.1)
+
+
+def build(settings, seed=0, camera=CAMERA):
+    return settings.build(SimpleNamespace(rng=np.random.default_rng(seed), camera=camera))
+
+
+def wall(depth_m: float, index: int = 0, travel=None, camera=CAMERA) -> Capture:
+    shape = (camera.height, camera.width)
+    image = np.full((*shape, 3), 128, np.uint8)
+    return Capture(index, 0.1 * index, image, np.full(shape, depth_m, np.float32), travel=travel)
+
+
+@pytest.mark.parametrize("depth_m", [1.0, 3.0, 6.0])
+def test_depth_noise_has_the_stated_size(depth_m):
+    """sigma_z = 0.0012 + 0.0019 (z - 0.4)^2, no bias; 76,800 pixels fix the standard deviation to 1 %."""
+    error = build(Rgbd(disparity_step_px=0.0)).sense(wall(depth_m)).depth - depth_m
+    expected = 0.0012 + 0.0019 * (depth_m - 0.4) ** 2
+    assert np.std(error) == pytest.approx(expected, rel=0.02)
+    assert abs(np.mean(error)) < 5 * expected / np.sqrt(error.size)
+
+
+def test_depth_comes_in_steps_of_disparity():
+    """At 4 m one step of an eighth of a pixel is 4^2 / 43.5 / 8 = 4.6 cm."""
+    depth = build(Rgbd()).sense(wall(4.0)).depth
+    steps = 43.5 / depth / 0.125
+    assert np.abs(steps - np.rint(steps)).max() < 1e-4
+    assert np.diff(np.unique(depth)).min() == pytest.approx(0.046, rel=0.1)
+
+
+def test_depth_outside_the_range_is_unknown():
+    for depth_m in (0.2, 20.0, np.nan, np.inf, 0.0, -1.0):
+        observation = build(Rgbd()).sense(wall(depth_m))
+        assert np.isnan(observation.depth).all()
+        assert np.isnan(observation.scan.ranges_m).all()
+
+
+def test_image_noise_has_the_stated_size():
+    for settings in (Rgbd(image_sigma=5.0), Mono(image_sigma=5.0)):
+        error = build(settings).sense(wall(2.0)).image.astype(float) - 128.0
+        assert np.std(error) == pytest.approx(np.hypot(5.0, np.sqrt(1 / 12)), rel=0.02)
+
+
+def test_without_noise_everything_within_range_passes_unchanged():
+    capture = wall(2.0, travel=np.array([0.2, 0.0, 0.1]))
+    observation = build(Rgbd(noise=False)).sense(capture)
+    assert np.array_equal(observation.image, capture.image)
+    assert np.array_equal(observation.depth, capture.depth)
+    assert np.array_equal(observation.wheel, capture.travel)
+
+
+def test_arrays_are_read_only_and_the_capture_is_untouched():
+    capture = wall(2.0, travel=np.array([0.2, 0.0, 0.1]))
+    observation = build(Rgbd()).sense(capture)
+    for array in (observation.image, observation.depth, observation.wheel, observation.scan.ranges_m):
+        assert not array.flags.writeable
+    assert (capture.depth == 2.0).all()
+    assert capture.image.flags.writeable
+
+
+def test_scan_of_a_flat_wall_ahead():
+    """A wall 3 m ahead of the camera is 3 / cos(bearing) metres away along each beam; half the field of view is 28.5."""
+    scan = build(Rgbd(noise=False)).sense(wall(3.0)).scan
+    assert len(scan.bearings_rad) == 320
+    assert (np.diff(scan.bearings_rad) > 0).all()
+    assert np.degrees(scan.bearings_rad[-1]) == pytest.approx(28.5, abs=0.2)
+    assert np.allclose(scan.ranges_m, 3.0 / np.cos(scan.bearings_rad))
+    assert scan.origin_xy_m == (pytest.approx(0.1), 0.0)
+
+
+def test_an_object_on_the_left_of_the_image_is_on_the_left_of_the_robot():
+    capture = wall(3.0)
+    capture.depth[:, :100] = 1.0
+    scan = build(Rgbd(noise=False)).sense(capture).scan
+    assert (scan.ranges_m[scan.bearings_rad > 0.3] < 1.5).all()
+    assert (scan.ranges_m[scan.bearings_rad < 0.0] > 2.5).all()
+
+
+def test_beams_is_the_number_of_beams():
+    assert len(build(Rgbd(beams=64)).sense(wall(3.0)).scan.ranges_m) == 64
+
+
+def test_scan_of_a_camera_that_looks_down_is_still_level():
+    """Tilted down by 10 degrees, a wall 3 m ahead of the camera: level rays meet it at 3 / cos(bearing)."""
+    tilt = exp_so3(np.array([0.0, np.radians(10.0), 0.0]))  # about the body's y axis, nose down
+    extrinsics = se3(tilt @ CAMERA.body_from_camera[:3, :3], CAMERA.body_from_camera[:3, 3])
+    camera = Camera(320, 240, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, body_from_camera=extrinsics)
+    v, u = np.mgrid[0:240, 0:320]
+    rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1).astype(float))
+    forward = (rays @ extrinsics[:3, :3].T)[:, 0]
+    capture = Capture(0, 0.0, np.zeros((240, 320, 3), np.uint8), (3.0 / forward).reshape(240, 320).astype(np.float32))
+    scan = build(Rgbd(noise=False), camera=camera).sense(capture).scan
+    assert np.allclose(scan.ranges_m, 3.0 / np.cos(scan.bearings_rad), atol=0.01)
+
+
+def test_encoders_have_a_scale_error_per_run_and_noise_per_reading():
+    travel, settings = np.array([0.2, 0.0, 0.1]), Mono()
+    encoders = [Encoders(settings, np.random.default_rng(seed)) for seed in range(60)]
+    runs = np.array([[one.read(travel) / [0.2, 1.0, 0.1] for _ in range(10)] for one in encoders])
+    assert np.std(runs[:, :, 0].mean(axis=1)) == pytest.approx(np.hypot(0.02, 0.02 / np.sqrt(10)), rel=0.3)
+    assert np.std(runs[:, :, 0] - runs[:, :, 0].mean(axis=1, keepdims=True)) == pytest.approx(0.02, rel=0.15)
+    assert np.std(runs[:, :, 2] - runs[:, :, 2].mean(axis=1, keepdims=True)) == pytest.approx(0.03, rel=0.15)
+
+
+def test_encoders_that_always_slip_count_too_much():
+    settings = Mono(wheel_slip_chance=1.0, wheel_slip_share=0.5, wheel_scale_sigma=0.0, wheel_distance_share=0.0)
+    assert build(settings).sense(wall(2.0, travel=np.array([0.2, 0.0, 0.0]))).wheel[0] == pytest.approx(0.3)
+
+
+def test_mono_takes_depth_and_scan_away():
+    observation = build(Mono()).sense(wall(2.0))
+    assert observation.depth is None
+    assert observation.scan is None
+    assert observation.wheel is None
+
+
+def test_same_seed_same_view_another_seed_another():
+    views = [build(Rgbd(), seed).sense(wall(2.0)) for seed in (1, 1, 2)]
+    assert np.array_equal(views[0].depth, views[1].depth)
+    assert np.array_equal(views[0].image, views[1].image)
+    assert not np.array_equal(views[0].depth, views[2].depth)
+
+
+def test_one_noise_does_not_move_the_numbers_of_another():
+    noisy, clean = (build(Rgbd(image_sigma=sigma)).sense(wall(2.0)) for sigma in (2.0, 0.0))
+    assert np.array_equal(noisy.depth, clean.depth)
+
+
+def test_depth_of_another_size_is_refused_naming_both():
+    image = np.zeros((240, 320, 3), np.uint8)
+    with pytest.raises(ContractError, match="depth is 160x120, image is 320x240"):
+        build(Rgbd()).sense(Capture(0, 0.0, image, np.ones((120, 160), np.float32)))
+    with pytest.raises(ContractError, match="has no depth"):
+        build(Rgbd()).sense(Capture(0, 0.0, image))
+    with pytest.raises(ContractError, match="has no image"):
+        build(Mono()).sense(Capture(0, 0.0))
+    with pytest.raises(ContractError, match="image is 100x50, the camera 320x240"):
+        build(Mono()).sense(Capture(0, 0.0, np.zeros((50, 100, 3), np.uint8)))
+
+
+@pytest.mark.parametrize("wrong", [{"max_range_m": 0.05}, {"image_sigma": float("nan")}, {"scan_rows": 2}, {"beams": -1},
+                                   {"min_range_m": float("inf")}, {"wheel_slip_chance": 1.5}])
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(ConfigError, match=f"sensor.rgbd.{next(iter(wrong))}"):
+        Rgbd(**wrong)
