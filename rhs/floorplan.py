@@ -13,6 +13,7 @@ import numpy as np
 from .grid import OccupancyGrid, frame_of
 from .records import WorldFacts
 
+
 @dataclass(frozen=True)
 class Surface:
     """How a surface looks. recipe: plaster, brick, wood, carpet, tiles or plain; colour: mean RGB, 0..255;

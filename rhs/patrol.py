@@ -14,10 +14,10 @@ from typing import Protocol
 
 import numpy as np
 
+from .belief import moved
 from .contracts import Odometry, Sensor, Source
 from .errors import ContractError
-from .geometry import compose_covariance, orthonormal
-from .records import Belief, Capture, Knowing, Motion, Observation, Path, Scan, Step, Twist
+from .records import Belief, Capture, Motion, Observation, Path, Scan, Step, Twist
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Led:
         return source.lead()
 
     def locate(self, observation: Observation, motion: Motion) -> Belief:
-        self.belief = dead_reckon(self.belief, motion) if self.begun else self.belief
+        self.belief = moved(self.belief, motion) if self.begun else self.belief
         self.begun = True
         return self.belief
 
@@ -98,13 +98,6 @@ class Led:
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         return source.lead()
-
-
-def dead_reckon(belief: Belief, motion: Motion) -> Belief:
-    """The belief after one motion, with nothing else to go by."""
-    pose = orthonormal(belief.map_from_body @ motion.previous_from_body)
-    covariance = compose_covariance(belief.covariance, motion.previous_from_body, motion.covariance)
-    return Belief(pose, covariance, Knowing.TRACKING, belief.probability)
 
 
 def checked_motion(motion: Motion, part: object) -> Motion:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -14,19 +13,24 @@ from typing import Any
 import numpy as np
 
 from . import survey as surveying
-from .compose import Parts, RunConfig, build_parts
+from .compose import Parts, RunConfig, build_parts, generator, identity, to_plain
 from .errors import RhsError
+from .files import replacing
+from .floorplan import World, truth_grid
+from .kidnap import Kidnapper
 from .maps import save_map
 from .metrics import evaluate
 from .patrol import Led, steps
-from .provenance import provenance
+from .provenance import commit, versions
 from .recording import Recorder
 from .records import Belief, Step
+from .records import Path as Plan
+from .rowfile import write_row
 from .sentinel import Sentinel
 from .steps import StepTable
 from .survey import Survey, ViewCollector
-from .table import write_row
 from .trajectory import write_tum
+from .world import load_world
 
 Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
 
@@ -38,86 +42,101 @@ def unwatched(steps: Iterable[Step], phase: str, expected: int | None) -> Iterab
 
 @dataclass
 class Notebook:
-    """Everything of one run that listens to its steps: the table, the recording, the place pictures."""
+    """Everything of one run that listens to its steps: the table, the recording, the progress bar."""
 
     folder: Path
     table: StepTable
     recorder: Recorder
     watch: Watch
     counts: dict[str, int] = field(default_factory=dict)
-    pictures: int = 0
+    stamp_s: float = 0.0
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
         for step in self.watch(steps, phase, expected):
             self.table.add(step)
             self.recorder.step(step)
             self.counts[phase] = self.counts.get(phase, 0) + 1
+            self.stamp_s = step.stamp_s
             yield step
-
-    def close(self) -> None:
-        self.table.close()
-        self.recorder.close()
 
 
 def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dict[str, Any]:
-    """Run one experiment in `folder` and return its row, which is also written there whatever the outcome."""
+    """Run one experiment in `folder` and return its row, which is also written there whatever the outcome.
+
+    Raises ConfigError, before anything ran, for what can be refused. A failure later is a row with a reason; the
+    exception that caused it is chained to the returned row under the key `_cause` and not written.
+    """
     begin = time.perf_counter()
-    row: dict[str, Any] = {"status": "ok", "reason": "", **provenance(config)}
-    parts: Parts | None = None
+    world = load_world(config.world) if "driving" in config.source.settings.provides else None
+    parts = build_parts(config, world, folder)
+    row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
+    notebook, cause = None, None
     try:
-        parts = build_parts(config, folder)
-        notebook = Notebook(folder, StepTable(folder), recorder_of(config, parts, folder), watch)
-        try:
-            survey = lead_round(parts, config, notebook)
-            if "driving" in parts.provides:
-                patrol(parts, config, survey, notebook)
-        finally:
-            notebook.close()
-    except RhsError as error:
-        if error.exit_code == 2:
-            raise
-        row.update(status="failed", reason=f"{type(error).__name__}: {error}")
-    except KeyboardInterrupt:
+        notebook = open_notebook(config, parts, world, folder, watch)
+        survey = lead_round(parts, config, notebook)
+        if "driving" in config.source.settings.provides:
+            patrol(parts, config, survey, notebook)
+    except KeyboardInterrupt as error:
         row.update(status="interrupted", reason="interrupted by the user")
+        cause = error
     except Exception as error:  # a plugin may raise anything; its run is a row with a reason
-        row.update(status="failed", reason=f"{type(error).__name__}: {error}")
-        row["_traceback"] = error
+        row.update(status="failed", reason=reason_of(error, notebook))
+        cause = error
     finally:
-        if parts is not None:
-            parts.source.close()
-    cause = row.pop("_traceback", None)
+        parts.source.close()
+        if notebook is not None:
+            notebook.table.close()
+            notebook.recorder.close(row["status"], row["reason"])
     row.update(evaluate(folder))
-    row.update(cost(begin, notebook.counts if parts is not None else {}, row))
+    row.update(cost(begin, notebook))
+    row["renderer"] = getattr(parts.source, "renderer", "")
     write_row(folder, row)
-    if cause is not None:
-        row["_cause"] = cause
-    return row
+    return row | {"_cause": cause}
 
 
-def recorder_of(config: RunConfig, parts: Parts, folder: Path) -> Recorder:
-    return Recorder(folder / "run.mcap", config.recording, parts.source.camera, parts.source.facts)
+def reason_of(error: Exception, notebook: Notebook | None) -> str:
+    """One line: what, where in the run."""
+    at = f" at step {sum(notebook.counts.values())}" if notebook is not None else ""
+    return " ".join(f"{type(error).__name__}{at}: {error}".split())
+
+
+def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: Path, watch: Watch) -> Notebook:
+    """The run's files that grow with its steps, and the true plan beside them for the judge."""
+    facts = parts.source.facts
+    places = [{"name": n, "x_m": x, "y_m": y} for n, x, y in facts.places]
+    write_json(folder / "facts.json", {"name": facts.name, "start": list(facts.start), "places": places,
+                                       "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m})
+    if world is not None:
+        save_map(folder / "true_map", truth_grid(world))
+    level = "full" if config.recording == "auto" else config.recording
+    recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))
+    return Notebook(folder, StepTable(folder), recorder, watch)
 
 
 def lead_round(parts: Parts, config: RunConfig, notebook: Notebook) -> Survey:
     """Survey, settle, close the loop, draw the map; the files of the survey are written here."""
+    from .contracts import FeatureSettings
     from .geometry import se2
     from .vision import features
 
-    collector = ViewCollector(config.places.every, parts.features, features)
+    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
+    collector = ViewCollector(config.places.every, shared, features)
     led = Led(se2(*parts.source.facts.start), parts.mapper)
     loop = steps(parts.source, parts.sensor, parts.odometry, led)
     for _ in collector.watch(notebook.follow(loop, "survey", parts.source.views_expected)):
         pass
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")
+    begin = time.perf_counter()
     views = surveying.revise(collector.views, parts.odometry)
     views, closure = surveying.close(views, parts.loop_closer)
     grid = surveying.draw(views, parts.mapper)
+    closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
     write_tum(notebook.folder / "corrected.tum", stamps, closure.poses)
     save_map(notebook.folder / "map", grid)
     notebook.recorder.map(grid, float(stamps[-1]))
-    write_json(notebook.folder / "closure.json", closure_rows(closure))
+    write_json(notebook.folder / "closure.json", closure_rows(closure) | {"closing_ms": closing_ms})
     return Survey(views, closure, grid)
 
 
@@ -130,25 +149,26 @@ def patrol(parts: Parts, config: RunConfig, survey: Survey, notebook: Notebook) 
     parts.localiser.start(Belief(last.map_from_body, np.diag([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])))
     sentinel = Sentinel(parts.localiser, parts.planner, survey.grid, free, places=facts.places,
                         radius_m=facts.robot_radius_m, settings=config.mission)
+    if config.mission.kidnap:
+        sentinel.kidnapper = Kidnapper(generator(config.seed, "kidnapper"), survey.views)
     loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views))
     try:
         for step in notebook.follow(loop, "patrol", None):
-            if "arrived" in step.event:
-                take_picture(step, sentinel, notebook)
+            if "arrived" in step.event.split("+"):
+                take_picture(step, sentinel, notebook.folder / "places")
     finally:
         write_json(notebook.folder / "missions.json", sentinel.book.to_rows())
-        write_json(notebook.folder / "plans.json", [plan_row(p["mission"], p["plan"]) for p in sentinel.plans])
+        write_json(notebook.folder / "plans.json", [plan_row(number, plan) for number, plan in sentinel.plans])
 
 
-def take_picture(step: Step, sentinel: Sentinel, notebook: Notebook) -> None:
+def take_picture(step: Step, sentinel: Sentinel, folder: Path) -> None:
     """The picture the sentinel was sent for, named after the place."""
-    from .pictures import write_image
+    from .vision import write_image
 
-    arrived = [m for m in sentinel.book.missions if m.status == "arrived"]
-    notebook.pictures += 1
+    arrived = [mission for mission in sentinel.book.missions if mission.status == "arrived"]
     if step.observation.image is not None:
-        name = f"{notebook.pictures:02d}_{arrived[-1].place}.png"
-        write_image(notebook.folder / "places" / name, step.observation.image)
+        folder.mkdir(exist_ok=True)
+        write_image(folder / f"{len(arrived):02d}_{arrived[-1].place}.png", step.observation.image)
 
 
 def closure_rows(closure) -> dict[str, Any]:
@@ -157,22 +177,21 @@ def closure_rows(closure) -> dict[str, Any]:
     return {"edges": edges, "details": dict(closure.details)}
 
 
-def plan_row(mission: int, plan) -> dict[str, Any]:
+def plan_row(mission: int, plan: Plan) -> dict[str, Any]:
     return {"mission": mission, "reason": str(plan.reason), "plan_ms": plan.plan_ms, "learn_ms": plan.learn_ms,
             "points_m": np.asarray(plan.points_m).tolist(), "raw_m": np.asarray(plan.raw_m).tolist()}
 
 
-def cost(begin: float, counts: dict[str, int], row: dict[str, Any]) -> dict[str, float]:
-    """Wall time, memory and how much faster than the robot the program was."""
+def cost(begin: float, notebook: Notebook | None) -> dict[str, float]:
+    """Wall time, memory, and how much faster than the robot the program was."""
     wall_s = time.perf_counter() - begin
-    simulated = row.get("simulated_s", np.nan)
-    return {"wall_ms": 1e3 * wall_s, "real_time_factor": simulated / wall_s,
+    robot_s = notebook.stamp_s if notebook is not None else np.nan
+    return {"wall_ms": 1e3 * wall_s, "real_time_factor": robot_s / wall_s,
             "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
-            "views": float(sum(counts.values()))}
+            "views": sum(notebook.counts.values()) if notebook is not None else 0}
 
 
 def write_json(path: Path, value: Any) -> None:
     """Written whole or not at all."""
-    temporary = path.with_name(path.name + f".tmp-{os.getpid()}")
-    temporary.write_text(json.dumps(value, indent=1, allow_nan=True) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
+    with replacing(path) as file:
+        file.write(json.dumps(value, indent=1) + "\n")

@@ -8,11 +8,13 @@ from .contracts import Localiser, Planner, Source
 from .control import Pace, ahead_on_path, closest_on_path, steer, turn
 from .geometry import planar, wrap
 from .grid import OccupancyGrid, inflate
+from .kidnap import Kidnapper
 from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch
 from .patrol import Decision
 from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, PlanReason, Scan, Twist
 
+LOST_VIEWS = 400
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
 
@@ -32,7 +34,8 @@ class Sentinel:
         self.book = Logbook(places)
         self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
                          arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
-        self.plans: list[dict] = []
+        self.plans: list[tuple[int, Path]] = []
+        self.kidnapper: Kidnapper | None = None
         self._begin_place()
 
     def _begin_place(self) -> None:
@@ -59,14 +62,17 @@ class Sentinel:
             self.watch.look(belief.map_from_body, scan)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
+        if command is not None and self.kidnapper is not None:
+            self.kidnapper.maybe(source, self.book)
         return None if command is None else source.drive(command)
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
         """Arrived? Lost? Blocked? Otherwise follow the path."""
+        events = self.kidnapper.news() if self.kidnapper is not None else []
         if belief.status is not Knowing.TRACKING:
-            return self._find_oneself(scan)
+            return self._find_oneself(scan, events)
+        self.lost_steps = 0
         pose = planar(belief.map_from_body)
-        events: list[str] = []
         if self.book.current is not None and self._near(pose):
             self._finish("arrived", "", events)
         while not self.book.done:
@@ -108,7 +114,7 @@ class Sentinel:
         problem = PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, pose[:2].copy(),
                                   np.array(mission.goal_m))
         plan = self.planner.plan(problem)
-        self.plans.append({"mission": mission.mission, "plan": plan})
+        self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
         self.last_reason = plan.reason
         events.append("plan" if self.path is not None else f"no_plan:{plan.reason}")
@@ -168,20 +174,17 @@ class Sentinel:
         limit = self.settings.tries * 10
         return self.still >= self.settings.stuck_steps or self.attempts > limit
 
-    def _find_oneself(self, scan: Scan | None) -> Decision:
-        """Not knowing where it is, the robot looks round, then goes where there is room."""
+    def _find_oneself(self, scan: Scan | None, events: list[str]) -> Decision:
+        """Not knowing where it is, the robot goes where there is room until it knows again, or gives the place up."""
         self.path = None
         self.lost_steps += 1
-        mission = self.book.current.mission if self.book.current else len(self.book.missions)
-        if self.lost_steps > 400:
-            if self.book.current is not None:
-                self._finish("gave_up", "lost: the robot did not find itself in 400 views", [])
-            else:
-                self.book.open(np.array([np.nan, np.nan]))
-                self._finish("gave_up", "lost: the robot did not find itself in 400 views", [])
+        mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
+        events.append("lost")
+        if self.lost_steps > LOST_VIEWS:
+            self._finish("gave_up", f"lost: the robot did not find itself in {LOST_VIEWS} views", events)
             if self.book.done:
-                return Decision(None, None, "lost", mission)
-        return Decision(wander(scan, self.radius_m, self.pace, self.lost_steps), None, "lost", mission)
+                return Decision(None, None, "+".join(events), mission.mission)
+        return Decision(wander(scan, self.radius_m, self.pace), None, "+".join(events), mission.mission)
 
 
 def closest_gap(path: Path, pose: np.ndarray) -> float:
@@ -199,7 +202,7 @@ def clear_ahead_m(scan: Scan, radius_m: float) -> float:
     return float(x[inside].min() - radius_m) if inside.any() else np.inf
 
 
-def wander(scan: Scan | None, radius_m: float, pace: Pace, count: int) -> Twist:
+def wander(scan: Scan | None, radius_m: float, pace: Pace) -> Twist:
     """Forward while there is room, otherwise turn towards the more open side."""
     if scan is None or clear_ahead_m(scan, radius_m + 0.1) < 0.6:
         side = 1.0

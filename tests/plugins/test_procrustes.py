@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from painted_room import observe, paintings
-from rhs_odometry.procrustes import on_floor
-from rhs_odometry.procrustes_config import Procrustes
 
 from rhs.errors import ConfigError
 from rhs.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2
 from rhs.records import FeatureSettings, Observation, Tracking, Twist
+from rhs_odometry.procrustes import on_floor
+from rhs_odometry.procrustes_config import Procrustes
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)
 START = se2(-0.5, 0.2, 0.3)

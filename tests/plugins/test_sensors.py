@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rhs_sensors.degrade import Encoders
-from rhs_sensors.mono import Mono
-from rhs_sensors.rgbd import Rgbd
 
 from rhs.errors import ConfigError, ContractError
 from rhs.geometry import Camera, camera_from_fov, exp_so3, se3
 from rhs.records import Capture
+from rhs_sensors.degrade import Encoders
+from rhs_sensors.mono import Mono
+from rhs_sensors.rgbd import Rgbd
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=0.6, forward_m=0.1)
 
