@@ -1,0 +1,246 @@
+"""The numbers of a run, from the files of its folder alone. What is missing is NaN, never 0.
+
+Names end in their unit. Errors of the survey stand beside the share of it they were measured on.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+
+from .accuracy import Pairing, absolute_errors_m, apart, consecutive, pair, relative_errors, rmse
+from .errors import RhsError
+from .grid import OccupancyGrid
+from .trajectory import Trajectory, read_tum
+
+NAN = float("nan")
+Values = dict[str, float | int | str]
+# Estimate and truth of one run carry the same stamps; a recording's truth is nearer than this at 30 Hz.
+TOLERANCE_S = 0.02
+# A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
+VISITED_M = 0.5
+STAGES = ("sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
+
+
+def evaluate(folder: Path) -> Values:
+    """All columns that follow from the files of one run folder."""
+    folder = Path(folder)
+    steps = _steps(folder / "steps.csv")
+    survey, patrol = survey_values(folder, steps), patrol_values(folder, steps)
+    return {**survey, **patrol, **map_values(folder), **_stage_medians(steps)}
+
+
+# --- survey ----------------------------------------------------------------------------------------------------------
+
+
+def survey_values(folder: Path, steps: list[dict[str, str]]) -> Values:
+    """Accuracy and completeness of the survey, before and after closing the loop."""
+    survey = [row for row in steps if row["phase"] == "survey"]
+    truth, online = _trajectory(folder / "truth_survey.tum"), _trajectory(folder / "estimate.tum")
+    closed = _trajectory(folder / "corrected.tum")
+    closed = online if closed is None else closed
+    values: Values = {"survey_steps": len(survey), **_status_shares(survey)}
+    return values | trajectory_values(closed, truth) | _before_closing(online, truth)
+
+
+def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, alignment: str = "se3",
+                      tolerance_s: float = TOLERANCE_S) -> Values:
+    """ATE and RPE of an estimate against the truth, and how much of the truth they cover."""
+    if estimate is None or truth is None:
+        return _no_trajectory(truth)
+    both = pair(estimate, truth, tolerance_s)
+    errors = absolute_errors_m(both, alignment)
+    travelled = both.truth.travelled_m
+    per_step = relative_errors(both, consecutive(len(both.truth)))
+    per_metre = relative_errors(both, apart(travelled, 1.0))
+    per_second = relative_errors(both, apart(both.truth.stamps_s, 1.0))
+    return {
+        "matched_share": both.matched_share, "covered_share": both.covered_share,
+        "distance_m": float(truth.travelled_m[-1]) if len(truth) else NAN,
+        "ate_alignment": alignment, "ate_rmse_m": rmse(errors), "ate_mean_m": _of(np.mean, errors),
+        "ate_median_m": _of(np.median, errors), "ate_max_m": _of(np.max, errors),
+        "ate_unaligned_m": rmse(absolute_errors_m(both, "origin")),
+        "rpe_trans_m": rmse(per_step[0]), "rpe_rot_rad": rmse(per_step[1]),
+        "rpe_trans_per_metre_m": rmse(per_metre[0]), "rpe_rot_per_metre_rad": rmse(per_metre[1]),
+        "rpe_trans_per_second_m": rmse(per_second[0]), "rpe_rot_per_second_rad": rmse(per_second[1]),
+        "end_error_m": end_error_m(both),
+    }
+
+
+def _no_trajectory(truth: Trajectory | None) -> Values:
+    names = ("matched_share", "covered_share", "ate_rmse_m", "ate_mean_m", "ate_median_m", "ate_max_m",
+             "ate_unaligned_m", "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad",
+             "rpe_trans_per_second_m", "rpe_rot_per_second_rad", "end_error_m")
+    values: Values = dict.fromkeys(names, NAN)
+    if truth is not None:
+        values["matched_share"] = 0.0
+    return values | {"ate_alignment": "none", "distance_m": float(truth.travelled_m[-1]) if truth else NAN}
+
+
+def end_error_m(both: Pairing) -> float:
+    """Distance between the last paired poses when the first ones are made to agree."""
+    errors = absolute_errors_m(both, "origin")
+    return float(errors[-1]) if len(errors) else NAN
+
+
+def _before_closing(online: Trajectory | None, truth: Trajectory | None) -> Values:
+    """The same of the poses as they were believed while the survey went on; drift is their end error per distance."""
+    if online is None or truth is None:
+        return {"ate_before_closing_m": NAN, "end_error_before_closing_m": NAN, "drift_pct": NAN}
+    both = pair(online, truth, TOLERANCE_S)
+    end, distance = end_error_m(both), both.truth.travelled_m[-1] if len(both.truth) else 0.0
+    return {"ate_before_closing_m": rmse(absolute_errors_m(both, "se3")), "end_error_before_closing_m": end,
+            "drift_pct": float(100.0 * end / distance) if distance > 0 else NAN}
+
+
+def _status_shares(survey: list[dict[str, str]]) -> Values:
+    count = len(survey)
+    names = {"tracked_share": "ok", "degenerate_share": "degenerate", "lost_share": "lost"}
+    return {name: sum(row["motion_status"] == status for row in survey) / count if count else NAN
+            for name, status in names.items()}
+
+
+# --- patrol ----------------------------------------------------------------------------------------------------------
+
+
+def patrol_values(folder: Path, steps: list[dict[str, str]]) -> Values:
+    """What the patrol achieved, by the simulator's word wherever there is one."""
+    patrol = [row for row in steps if row["phase"] == "patrol"]
+    missions = _json(folder / "missions.json") or []
+    driven = _trajectory(folder / "truth_patrol.tum")
+    clearances = [float(row["clearance_m"]) for row in patrol if row["clearance_m"]]
+    errors = arrival_errors_m(missions, patrol)
+    wanted = _places(folder) or list(dict.fromkeys(m["place"] for m in missions))
+    visited = {name for name, error in errors.items() if not error > VISITED_M}
+    return {
+        "patrol_steps": len(patrol),
+        "places_total": len(wanted), "places_visited": len(visited), "missions": len(missions),
+        "replans": sum(int(m["replans"]) for m in missions),
+        "collisions": _collisions(steps), "clearance_min_m": min(clearances, default=NAN),
+        "arrival_error_max_m": max((e for e in errors.values() if not np.isnan(e)), default=NAN),
+        "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
+        "path_optimal_m": path_optimal_m(folder, missions),
+    }
+
+
+def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> dict[str, float]:
+    """Place -> true distance to it in the step in which the robot said it had arrived; NaN where nobody knows."""
+    errors = {}
+    said = [row for row in patrol if "arrived" in row["event"].split("+")]
+    for mission, row in zip([m for m in missions if m["status"] == "arrived"], said, strict=False):
+        at = np.array([float(row["true_x_m"] or "nan"), float(row["true_y_m"] or "nan")])
+        errors[mission["place"]] = float(np.linalg.norm(at - np.asarray(mission["goal_m"], float)[:2]))
+    return errors
+
+
+def _collisions(steps: list[dict[str, str]]) -> int:
+    """Number of separate touches: a touch that lasts several steps counts once."""
+    touching = np.array([row["collided"] == "1" for row in steps], dtype=int)
+    return int((np.diff(touching, prepend=0) == 1).sum())
+
+
+def path_optimal_m(folder: Path, missions: list[dict]) -> float:
+    """Length of the shortest way through the places in order on the true plan grown by the robot's radius."""
+    facts = _json(folder / "world.json")
+    plan = _map(folder / "true_map.yaml")
+    if not facts or plan is None or not missions:
+        return NAN
+    from .judge import shortest_length_m
+
+    goals = list({m["place"]: tuple(m["goal_m"][:2]) for m in missions}.values())
+    stops = [np.asarray(p, float) for p in [missions[0]["start_m"][:2], *goals]]
+    blocked = plan.blocked(float(facts["robot_radius_m"]))
+    legs = [shortest_length_m(blocked, plan.resolution_m, plan.origin_m, a, b) for a, b in zip(stops, stops[1:],
+                                                                                          strict=False)]
+    return float(np.sum(legs))
+
+
+# --- map -------------------------------------------------------------------------------------------------------------
+
+
+def map_values(folder: Path) -> Values:
+    """How far the map agrees with the true plan, and how much of the true free space was seen."""
+    mine, true = _map(folder / "map.yaml"), _map(folder / "true_map.yaml")
+    if mine is None or true is None:
+        return {"map_agreement": NAN, "map_observed_share": NAN}
+    return map_agreement(mine, true)
+
+
+def map_agreement(mine: OccupancyGrid, true: OccupancyGrid) -> Values:
+    """map_agreement: of the cells called occupied or free, the share with a true cell of that kind within one cell
+    (eight neighbours). map_observed_share: of the truly free cells, the share that was called anything.
+
+    The grids may differ in extent and resolution: each cell of `mine` is compared at its centre.
+    """
+    occupied, free = mine.occupied(), mine.free()
+    called = np.argwhere(occupied | free)
+    if not len(called):
+        return {"map_agreement": NAN, "map_observed_share": 0.0}
+    reach = mine.resolution_m * np.array([[dx, dy] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
+    near = mine.centres(called)[:, None, :] + reach[None]
+    is_occupied = _look_up(true, true.occupied(), near).any(axis=1)
+    is_free = _look_up(true, true.free(), near).any(axis=1)
+    agrees = np.where(occupied[called[:, 0], called[:, 1]], is_occupied, is_free)
+    floor = true.centres(np.argwhere(true.free()))
+    seen = _look_up(mine, ~np.isnan(mine.probability), floor[:, None, :])[:, 0]
+    return {"map_agreement": float(agrees.mean()), "map_observed_share": float(seen.mean()) if len(seen) else NAN}
+
+
+def _look_up(grid: OccupancyGrid, flags: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Flags of (N, K, 2) points; False outside the grid."""
+    flat = points.reshape(-1, 2)
+    inside = grid.inside(flat)
+    out = np.zeros(len(flat), bool)
+    cells = grid.cells(flat[inside])
+    out[inside] = flags[cells[:, 0], cells[:, 1]]
+    return out.reshape(points.shape[:2])
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def _stage_medians(steps: list[dict[str, str]]) -> Values:
+    medians: Values = {}
+    for stage in STAGES:
+        times = [float(row[stage]) for row in steps if row.get(stage)]
+        medians[stage] = float(np.median(times)) if times else NAN
+    return medians
+
+
+def _steps(path: Path) -> list[dict[str, str]]:
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _trajectory(path: Path) -> Trajectory | None:
+    trajectory = read_tum(path) if path.exists() else None
+    return trajectory if trajectory is not None and len(trajectory) else None
+
+
+def _json(path: Path):
+    try:
+        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+    except ValueError as error:
+        raise RhsError(f"{path} is not JSON: {error}") from error
+
+
+def _map(path: Path) -> OccupancyGrid | None:
+    if not path.exists():
+        return None
+    from .maps import load_map
+
+    return load_map(path)
+
+
+def _places(folder: Path) -> list[str] | None:
+    facts = _json(folder / "world.json")
+    return [place[0] for place in facts["places"]] if facts and facts.get("places") else None
+
+
+def _of(function, values: np.ndarray) -> float:
+    return float(function(values)) if len(values) else NAN

@@ -1,0 +1,179 @@
+"""A run as MCAP (ROS 2 messages), written while it happens.
+
+Written straight to its final name: a log that is cut by a crash is worth having, and rhs.mcap_scan reads it up to its
+last whole chunk. All that an estimator was given is stored without loss, so that a replay gives the same estimates.
+
+Frames: map -> odom -> body -> camera, and map -> body_truth.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import ros
+from .errors import ConfigError, RecordingError
+from .files import free_space
+from .geometry import Camera, inverse
+from .grid import OccupancyGrid
+from .records import Step, Twist
+
+LEVELS = ("full", "light", "off")
+# One chunk is what a crash costs: a few views with images, a few dozen without.
+CHUNK_BYTES = {"full": 1 << 20, "light": 1 << 16}
+
+
+class Recorder:
+    """Takes steps and maps, leaves a recording.
+
+    level: `full` (all), `light` (no images, depth or clouds) or `off` (no file). Raises RecordingError when the disk
+    refuses.
+    """
+
+    def __init__(self, path: Path, level: str, camera: Camera, world_facts: Any = None, *, config: dict | None = None):
+        if level not in LEVELS:
+            raise ConfigError(f"recording={level} is not one of {', '.join(LEVELS)}")
+        self._path, self._level, self._camera = Path(path), level, camera
+        self._odom_from_body = np.eye(4)
+        self._channels: dict[str, int] = {}
+        self._drawn_path: object = None
+        self._stamp_ns = 0
+        self._writer = None
+        if level == "off":
+            return
+        from mcap.writer import CompressionType, Writer
+
+        with self._guarded():
+            self._file = self._path.open("wb")
+            self._writer = Writer(self._file, chunk_size=CHUNK_BYTES[level], compression=CompressionType.ZSTD,
+                                  enable_data_crcs=True)
+            self._writer.start(profile="ros2", library="rhs")
+            facts = dataclasses.asdict(world_facts) if dataclasses.is_dataclass(world_facts) else (world_facts or {})
+            self._writer.add_metadata("rhs", {"camera": json.dumps(camera_to_plain(camera)), "world": json.dumps(facts),
+                                              "config": json.dumps(config or {}), "level": level})
+
+    def step(self, step: Step) -> None:
+        """Append all that one step knows."""
+        if self._writer is None:
+            return
+        t = self._stamp_ns = ros.nanoseconds(step.stamp_s)
+        with self._guarded():
+            if not self._channels:
+                self._put("/tf_static", ros.transforms(t, [("body", "camera", self._camera.body_from_camera)]))
+            self._put("/rhs/step", ros.text(json.dumps(step_to_plain(step))))
+            if self._level == "full":
+                self._put_images(step, t)
+            self._put_readings(step, t)
+            self._put_estimates(step, t)
+            self._file.flush()
+
+    def map(self, grid: OccupancyGrid, stamp_s: float) -> None:
+        """Append the map as it is now."""
+        if self._writer is not None:
+            with self._guarded():
+                t = self._stamp_ns = ros.nanoseconds(stamp_s)
+                self._put("/map", ros.occupancy_grid(grid, t, "map"))
+
+    def close(self, status: str = "ok", reason: str = "") -> None:
+        """Write the index. A failed run's recording is closed too, and says so."""
+        if self._writer is None:
+            return
+        writer, self._writer = self._writer, None
+        with self._guarded():
+            writer.add_metadata("rhs.end", {"status": status, "reason": reason})
+            writer.finish()
+            self._file.close()
+
+    @contextlib.contextmanager
+    def _guarded(self):
+        """Turn a refusing disk into one clear line, and stop writing."""
+        try:
+            yield
+        except OSError as error:
+            self._writer = None
+            with contextlib.suppress(OSError):
+                self._file.close()
+            raise RecordingError(f"cannot write {self._path}: {error.strerror or error} ({free_space(self._path)}); "
+                                 f"free some space or use recording=off") from error
+
+    def _put(self, topic: str, message: Any) -> None:
+        kind = message.__msgtype__
+        if topic not in self._channels:
+            schema = self._writer.register_schema(kind, "ros2msg", ros.definition(kind))
+            qos = {"offered_qos_profiles": ""}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", schema, qos)
+        self._writer.add_message(self._channels[topic], log_time=self._stamp_ns, publish_time=self._stamp_ns,
+                                 data=ros.serialize(message))
+
+    def _put_images(self, step: Step, t: int) -> None:
+        seen = step.observation
+        if seen.image is not None or seen.depth is not None:
+            self._put("/camera/camera_info", ros.camera_info(seen.camera, t, "camera"))
+        if seen.image is not None:
+            self._put("/camera/image/compressed", ros.compressed_image(seen.image, t, "camera"))
+        if seen.depth is not None:
+            self._put("/camera/depth", ros.depth_image(seen.depth, t, "camera"))
+            self._put("/cloud", ros.depth_cloud(seen.camera, seen.depth, seen.image, t, frame="camera"))
+
+    def _put_readings(self, step: Step, t: int) -> None:
+        if step.scan is not None:
+            self._put("/scan", ros.laser_scan(step.scan, t, "body"))
+        if step.observation.scan is not None:
+            self._put("/scan_points", ros.scan_cloud(step.observation.scan, t, "body"))
+        if step.observation.wheel is not None:
+            self._put("/wheel", ros.travel(step.observation.wheel, t, "body"))
+        if step.command is not None:
+            self._put("/command", ros.twist(step.command, t, "body"))
+
+    def _put_estimates(self, step: Step, t: int) -> None:
+        belief, motion = step.belief, step.motion
+        self._odom_from_body = self._odom_from_body @ motion.previous_from_body
+        edges = [("map", "odom", belief.map_from_body @ inverse(self._odom_from_body)),
+                 ("odom", "body", self._odom_from_body)]
+        if step.truth is not None:
+            edges.append(("map", "body_truth", step.truth))
+            self._put("/truth", ros.pose_stamped(step.truth, t, "map"))
+        self._put("/tf", ros.transforms(t, edges))
+        self._put("/odom", ros.odometry(self._odom_from_body, motion.covariance, t, frame="odom", child="body"))
+        self._put("/belief", ros.pose_with_covariance_stamped(belief.map_from_body, belief.covariance, t, frame="map"))
+        if step.path is not None and step.path is not self._drawn_path:
+            self._drawn_path = step.path
+            self._put("/path", ros.path(step.path.points_m, t, "map"))
+            self._put("/path_poses", ros.path_poses(step.path.points_m, t, "map"))
+
+
+def camera_to_plain(camera: Camera) -> dict[str, Any]:
+    """The camera as JSON can hold it, exactly."""
+    plain = {f.name: getattr(camera, f.name) for f in dataclasses.fields(camera)}
+    plain["body_from_camera"] = camera.body_from_camera.tolist()
+    plain["distortion"] = [float(v) for v in camera.distortion]
+    return {name: float(v) if isinstance(v, np.floating) else v for name, v in plain.items()}
+
+
+def step_to_plain(step: Step) -> dict[str, Any]:
+    """What the ROS messages of a step cannot hold exactly: the full stamp, statuses, reasons, poses and readings."""
+    seen, command = step.observation, step.command
+    scan = seen.scan
+    return {
+        "index": step.index, "phase": step.phase, "stamp_s": float(step.stamp_s), "mission": step.mission,
+        "event": step.event, "motion": str(step.motion.status), "reason": step.motion.reason,
+        "belief": str(step.belief.status), "probability": float(step.belief.probability),
+        "map_from_body": step.belief.map_from_body.tolist(),
+        "truth": None if step.truth is None else step.truth.tolist(),
+        "wheel": None if seen.wheel is None else [float(v) for v in seen.wheel],
+        "command": _twist(command), "told": _twist(seen.command),
+        "scan": None if scan is None else {"max_range_m": float(scan.max_range_m),
+                                           "origin_xy_m": [float(v) for v in scan.origin_xy_m]},
+        "clearance_m": float(step.clearance_m), "collided": bool(step.collided),
+    }
+
+
+def _twist(command: Twist | None) -> list[float] | None:
+    if command is None:
+        return None
+    return [float(command.forward_mps), float(command.turn_radps), float(command.duration_s)]
