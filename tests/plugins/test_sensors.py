@@ -1,4 +1,4 @@
-"""The sensors rgbd and mono: the noise has the stated size, the scan says how far the walls are, bad views are refused."""
+"""The sensors rgbd and mono: noise of the stated size, a scan that says how far the walls are, refusals."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_arrays_are_read_only_and_the_capture_is_untouched():
 
 
 def test_scan_of_a_flat_wall_ahead():
-    """A wall 3 m ahead of the camera is 3 / cos(bearing) metres away along each beam; half the field of view is 28.5."""
+    """A wall 3 m ahead of the camera is 3 / cos(bearing) metres away along each beam; half the view is 28.5."""
     scan = build(Rgbd(noise=False)).sense(wall(3.0)).scan
     assert len(scan.bearings_rad) == 320
     assert (np.diff(scan.bearings_rad) > 0).all()
@@ -154,8 +154,8 @@ def test_depth_of_another_size_is_refused_naming_both():
         build(Mono()).sense(Capture(0, 0.0, np.zeros((50, 100, 3), np.uint8)))
 
 
-@pytest.mark.parametrize("wrong", [{"max_range_m": 0.05}, {"image_sigma": float("nan")}, {"scan_rows": 2}, {"beams": -1},
-                                   {"min_range_m": float("inf")}, {"wheel_slip_chance": 1.5}])
+@pytest.mark.parametrize("wrong", [{"max_range_m": 0.05}, {"image_sigma": float("nan")}, {"scan_rows": 2},
+                                   {"beams": -1}, {"min_range_m": float("inf")}, {"wheel_slip_chance": 1.5}])
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError, match=f"sensor.rgbd.{next(iter(wrong))}"):
         Rgbd(**wrong)
