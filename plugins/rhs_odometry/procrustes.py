@@ -6,11 +6,13 @@ the result can be refined on reprojection errors, carries a covariance, and says
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from rhs import vision
 from rhs.contracts import Context
-from rhs.geometry import adjoint, exp_se3, inverse, log_se3, planar, se2
+from rhs.geometry import adjoint, compose_covariance, exp_se3, inverse, log_se3, planar, se2
 from rhs.records import Features, Motion, Observation, Revision, Tracking
 from rhs.rigid import PointNoise, RansacSettings, Rigid, ransac_rigid, refine_reprojection
 
@@ -19,6 +21,22 @@ from .procrustes_config import Procrustes
 
 # A robot on a floor: how far its height (metres) and its roll and pitch (radians) may stray between two views.
 FLOOR_SIGMAS = np.array([np.inf, np.inf, 1e-3, 1e-3, 1e-3, np.inf])
+
+
+# A reference view is given up after so many lost views: by then the robot looks at something else.
+MAX_REFERENCE_AGE = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The view that the next one is matched with: the previous one, or after lost views the last that showed enough.
+
+    reference_from_previous: 4x4 guessed motion over the lost views with its 6x6 covariance; age: how many they were."""
+
+    features: Features
+    reference_from_previous: np.ndarray = field(default_factory=lambda: np.eye(4))
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((6, 6)))
+    age: int = 0
 
 
 class ProcrustesOdometry:
@@ -37,18 +55,19 @@ class ProcrustesOdometry:
             settings.depth_quadratic_per_m,
         )
         self._ransac = RansacSettings(settings.hypotheses, settings.gate_sigma)
-        self._previous: Features | None = None
+        self._reference: Reference | None = None
         self._last = np.eye(4)
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation: match, find the rigid motion, refine, judge."""
         current = vision.features(observation, self._feature_settings)
-        previous, self._previous = self._previous, current
-        if previous is None:
+        if self._reference is None:
+            self._reference = Reference(current)
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, reason="first view")
-        p, q, matches = self._pairs(previous, current)
+        p, q, matches = self._pairs(self._reference.features, current)
         found = self._rigid(p, q)
         motion = self._judge(observation, found, {"matches": float(matches), "pairs": float(len(p))})
+        self._reference = self._next_reference(current, motion)
         self._last = motion.previous_from_body
         return motion
 
@@ -56,16 +75,21 @@ class ProcrustesOdometry:
         """Frame to frame: nothing to say afterwards."""
         return None
 
+    def _next_reference(self, current: Features, motion: Motion) -> Reference:
+        """The current view; or the old one still, when the current view is lost and shows too little to go on from."""
+        old = self._reference
+        seen = np.isfinite(current.points[:, 2]).sum() >= 2 * self._settings.min_inliers
+        if old is None or motion.status is not Tracking.LOST or seen or old.age >= MAX_REFERENCE_AGE:
+            return Reference(current)
+        covariance = compose_covariance(old.covariance, motion.previous_from_body, motion.covariance)
+        return Reference(old.features, old.reference_from_previous @ motion.previous_from_body, covariance, old.age + 1)
+
     def _pairs(self, previous: Features, current: Features) -> tuple[np.ndarray, np.ndarray, int]:
         """Matched points with known depth in the current (p) and the previous (q) camera frame, and all matches."""
-        rows = vision.match(current, previous, self._ratio)
+        rows = vision.match(current, previous, self._feature_settings.ratio)
         p, q = current.points[rows[:, 0]].astype(float), previous.points[rows[:, 1]].astype(float)
         known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
         return p[known], q[known], len(rows)
-
-    @property
-    def _ratio(self) -> float:
-        return self._feature_settings.ratio
 
     def _rigid(self, p: np.ndarray, q: np.ndarray) -> Rigid | None:
         found = ransac_rigid(p, q, noise=self._noise, rng=self._rng, settings=self._ransac)
@@ -81,7 +105,7 @@ class ProcrustesOdometry:
             least = self._settings.min_inliers
             reason = f"{inliers} of {details['pairs']:.0f} pairs agree, {least} needed; took {name}"
             return Motion(guess, covariance, Tracking.LOST, reason, details=details)
-        pose, covariance = body_motion(found, self._body_from_camera)
+        pose, covariance = self._since_previous(*body_motion(found, self._body_from_camera))
         information = np.linalg.inv(covariance)
         if self._settings.planar:
             pose, covariance = on_floor(pose, information)
@@ -89,6 +113,15 @@ class ProcrustesOdometry:
         weak = self._weakness(covariance)
         status = Tracking.DEGENERATE if weak else Tracking.OK
         return Motion(pose, covariance, status, weak, observability, details=details)
+
+    def _since_previous(self, pose: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Motion since the previous view from that since the reference; they differ only after lost views."""
+        reference = self._reference
+        if reference is None or reference.age == 0:
+            return pose, covariance
+        pose = inverse(reference.reference_from_previous) @ pose
+        move = adjoint(inverse(pose))
+        return pose, covariance + move @ reference.covariance @ move.T
 
     def _weakness(self, covariance: np.ndarray) -> str:
         """Why this motion is degenerate, or nothing."""

@@ -85,6 +85,17 @@ def test_without_wheels_the_command_is_believed_and_without_it_the_last_motion()
     assert repeated.covariance[0, 0] > commanded.covariance[0, 0]
 
 
+def test_what_a_blank_view_guessed_wrongly_is_made_good_afterwards():
+    """The wheels spun over a blank view; the next good view is matched with the last good one, so the sum is right."""
+    odometry = build()
+    odometry.update(view(START))
+    lost = odometry.update(blank(wheel=np.array([0.5, 0.0, 0.2])))
+    found = odometry.update(view(START @ se2(0.2, 0.0, 0.05), 2))
+    assert found.status is not Tracking.LOST
+    assert np.abs(lost.previous_from_body @ found.previous_from_body - se2(0.2, 0.0, 0.05)).max() < 0.005
+    assert found.covariance[0, 0] > 0.5 * lost.covariance[0, 0]  # of this one step nobody is sure
+
+
 def test_all_depth_unknown_is_lost():
     odometry = build()
     odometry.update(view(START))
