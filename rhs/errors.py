@@ -34,10 +34,12 @@ def check_range(owner: str, name: str, value: float, *, low: float, high: float,
     """
     if not low <= value <= high:
         unit_text = f" {unit}" if unit else ""
-        raise ConfigError(f"{owner}.{name}={value} is outside the allowed range [{low:g}, {high:g}]{unit_text}")
+        key = f"{owner}.{name}" if owner else name
+        raise ConfigError(f"{key}={value} is outside the allowed range [{low:.10g}, {high:.10g}]{unit_text}")
 
 
 def check_choice(owner: str, name: str, value: str, choices: tuple[str, ...]) -> None:
     """Refuse a word that is not one of `choices`."""
     if value not in choices:
-        raise ConfigError(f"{owner}.{name}={value} is not one of {', '.join(choices)}")
+        key = f"{owner}.{name}" if owner else name
+        raise ConfigError(f"{key}={value} is not one of {', '.join(choices)}")

@@ -1,0 +1,159 @@
+"""The command line: `python -m rhs [options] key=value ...`. The only place that prints or exits.
+
+Exit codes: 0 everything asked for was done; 1 it failed; 2 refused before anything ran; 3 finished, but something in it
+failed or was lost; 130 and 143 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
+           "OPENCV_FOR_THREADS_NUM")
+for _name in THREADS:  # before numpy is imported: sums must not depend on how many threads share them
+    os.environ[_name] = "1"
+
+import argparse  # noqa: E402
+import signal  # noqa: E402
+import traceback  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+from .errors import ConfigError, RhsError  # noqa: E402
+
+USAGE = "python -m rhs [options] key=value ..."
+
+
+class Terminated(BaseException):
+    """SIGTERM arrived."""
+
+
+class Arguments(argparse.ArgumentParser):
+    """argparse whose complaints are one line and exit code 2."""
+
+    def error(self, message: str):
+        raise ConfigError(f"{message}; see python -m rhs --help")
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    words = sys.argv[1:] if words is None else words
+    debug = "--debug" in words
+    try:
+        signal.signal(signal.SIGTERM, _terminate)
+        return _run(_arguments().parse_intermixed_args(words))
+    except RhsError as error:
+        return _complain(error, error.exit_code, debug)
+    except KeyboardInterrupt as error:
+        return _complain(error, 130, debug, "interrupted")
+    except Terminated as error:
+        return _complain(error, 143, debug, "terminated")
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as error:
+        return _complain(error, 1, debug)
+
+
+def entry() -> None:
+    """The console script `rhs`."""
+    sys.exit(main())
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = Arguments(prog="python -m rhs", usage=USAGE, add_help=False, allow_abbrev=False)
+    parser.add_argument("-h", "--help", action="store_true")
+    parser.add_argument("--version", action="store_true")
+    parser.add_argument("--cfg", nargs="?", const="job", choices=("job",))
+    parser.add_argument("-m", "--multirun", action="store_true")
+    parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--timeout", type=float, default=0.0)
+    parser.add_argument("--resume", nargs="?", const="")
+    parser.add_argument("--force", action="store_true")
+    parser.add_argument("--config-dir", action="append", default=[])
+    parser.add_argument("--debug", action="store_true")
+    parser.add_argument("overrides", nargs="*")
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.version:
+        from importlib.metadata import version
+
+        print(f"rhs {version('rhs')}")
+        return 0
+    if arguments.help:
+        from .help_text import help_text
+
+        print(help_text(arguments.overrides))
+        return 0
+    _check_hydra()
+    folders = tuple(_config_dir(text) for text in arguments.config_dir)
+    if arguments.multirun or arguments.resume is not None:
+        return _sweep(arguments, folders)
+    return _single(arguments, folders)
+
+
+def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
+    from .compose import compose_config, to_plain
+
+    config = compose_config(arguments.overrides, folders=folders)
+    if arguments.cfg:
+        import yaml
+
+        print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
+        return 0
+    from .folders import claim_run
+    from .run import run_config
+
+    with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
+        row = run_config(config, claim.folder)
+        print(f"{row.get('status')}  {claim.folder}")
+    return exit_code(row)
+
+
+def exit_code(row: dict) -> int:
+    """The exit code of a single run, from its row."""
+    return {"ok": 0, "interrupted": 130}.get(str(row.get("status")), 1)
+
+
+def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
+    raise ConfigError("sweeps are not there yet")
+
+
+def _config_dir(text: str) -> Path:
+    path = Path(text).expanduser().absolute()
+    if not path.is_dir():
+        raise ConfigError(f"--config-dir {text}: there is no such folder")
+    return path
+
+
+def _check_hydra() -> None:
+    """`pip --only-binary=:all:` silently picks an ancient Hydra; say so instead of failing later."""
+    try:
+        from hydra import __version__ as found
+    except ImportError:
+        raise ConfigError("hydra-core is not installed; type: pip install 'hydra-core>=1.3.8'") from None
+    if tuple(int(part) for part in found.split(".")[:2]) < (1, 3):
+        raise ConfigError(f"hydra-core {found} is too old; type: pip install 'hydra-core>=1.3.8'")
+
+
+def _terminate(signum: int, frame: object) -> None:
+    raise Terminated()
+
+
+def _complain(error: BaseException, code: int, debug: bool, text: str = "") -> int:
+    """One line on stderr; the traceback only with --debug."""
+    if debug:
+        traceback.print_exception(error)
+    if not text:
+        text = " ".join(str(error).split())
+        text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
+    if len(text) > 400:
+        text = f"{text[:397]}..."
+    print(f"rhs: {text}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    entry()

@@ -1,0 +1,276 @@
+"""How Hydra composes our configuration: conf/ read strictly, and plugins as config groups, imported when chosen.
+
+Two Hydra ConfigSources stand in the search path, before anything else: `rhs-conf://` reads YAML by rhs.strict_yaml, and
+`rhs-plugins://` serves `<kind>/<entry point name>` from the defaults of the plugin's dataclass. Listing names imports
+nothing. Types and ranges are checked after composing, by rhs.settings, whichever way a value came in.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import hydra
+import omegaconf
+from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.object_type import ObjectType
+from hydra.core.plugins import Plugins
+from hydra.core.singleton import Singleton
+from hydra.errors import ConfigCompositionException
+from hydra.plugins.config_source import ConfigResult, ConfigSource
+from hydra.plugins.search_path_plugin import SearchPathPlugin
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from . import registry, settings
+from .contracts import KINDS
+from .errors import ConfigError
+from .overrides import GROUPS, Word, check_options
+from .paths import data_dir
+from .strict_yaml import load_yaml
+
+_active: list[Path] = []  # the conf folders of the composition under way, first wins; empty outside `compose`
+_schema: list[dict[str, Any]] = []
+_files: list[Path] = []
+
+
+class ConfSource(ConfigSource):
+    """A folder of YAML files, read strictly."""
+
+    @staticmethod
+    def scheme() -> str:
+        return "rhs-conf"
+
+    @property
+    def folder(self) -> Path:
+        return Path(self.path)
+
+    def available(self) -> bool:
+        return self.folder.is_dir()
+
+    def _file(self, config_path: str) -> Path:
+        return self.folder / self._normalize_file_name(config_path)
+
+    def is_group(self, config_path: str) -> bool:
+        return config_path in GROUPS or (self.folder / config_path).is_dir()
+
+    def is_config(self, config_path: str) -> bool:
+        return self._file(config_path).is_file()
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
+        found: list[str] = []
+        base = self.folder / config_path
+        for item in sorted(base.iterdir()) if base.is_dir() else []:
+            if item.is_dir() or item.suffix == ".yaml":
+                self._list_add_result(found, f"{config_path}/{item.name}".lstrip("/"), item.name, results_filter)
+        return sorted(set(found))
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        path = self._file(config_path)
+        try:
+            content = load_yaml(path)
+            _files.append(path)
+        except ConfigError as error:
+            raise ConfigCompositionException(str(error)) from error
+        if content is None:
+            content = {}
+        if not isinstance(content, dict):
+            raise ConfigCompositionException(f"{path}: expected `key: value` lines, found a {type(content).__name__}")
+        header = self._get_header_dict(path.read_text("utf-8-sig"))
+        if config_path.removesuffix(".yaml") == "config" and _schema:
+            own = {k: v for k, v in content.items() if k != "defaults"}
+            content = {**_schema[0], **own, "defaults": content.get("defaults", [])}
+        return _result(self, content, header)
+
+
+class PluginSource(ConfigSource):
+    """`<kind>/<name>` for every registered plugin."""
+
+    @staticmethod
+    def scheme() -> str:
+        return "rhs-plugins"
+
+    @staticmethod
+    def _split(config_path: str) -> tuple[str, str]:
+        kind, _, name = config_path.strip("/").removesuffix(".yaml").partition("/")
+        return kind, name
+
+    def available(self) -> bool:
+        return True
+
+    def is_group(self, config_path: str) -> bool:
+        kind, name = self._split(config_path)
+        return kind in KINDS and not name
+
+    def is_config(self, config_path: str) -> bool:
+        kind, name = self._split(config_path)
+        return kind in KINDS and name in registry.names(kind)
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
+        kind, name = self._split(config_path)
+        if not kind:
+            return [] if results_filter == ObjectType.CONFIG else sorted(KINDS)
+        if kind in KINDS and not name and results_filter != ObjectType.GROUP:
+            return registry.names(kind)
+        return []
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        kind, name = self._split(config_path)
+        try:
+            values = settings.defaults(registry.load(kind, name))
+        except ConfigError as error:
+            raise ConfigCompositionException(str(error)) from error
+        return _result(self, {"name": name, **values}, {"package": None})
+
+
+class Search(SearchPathPlugin):
+    """Puts our sources in place of the primary folder, for our own compositions only."""
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        if not _active:
+            return
+        path = search_path.get_path()
+        path[:] = [item for item in path if item.provider != "main"]
+        for folder in reversed(_active):
+            search_path.prepend("main", f"rhs-conf://{folder}")
+        search_path.prepend("rhs-plugins", "rhs-plugins://")
+
+
+def _result(source: ConfigSource, content: dict, header: dict) -> ConfigResult:
+    return ConfigResult(config=OmegaConf.create(content), path=source.full_path(), provider=source.provider,
+                        header=header)
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A composed configuration before single values are set, the options chosen, and the YAML files read for it."""
+
+    config: DictConfig
+    choices: dict[str, str | None]
+    files: tuple[Path, ...]
+
+
+def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[Path, ...] = ()) -> Tree:
+    """Hydra's composition for the chosen group options.
+
+    schema: the core's own settings with their defaults. folders: conf folders looked into before rhs's own.
+    Raises ConfigError in one line.
+    """
+    with _session(schema, folders):
+        check_options(options, _options)
+        try:
+            config = hydra.compose("config", [f"{w.key}={w.value or 'null'}" for w in options], return_hydra_config=True)
+        except (hydra.errors.HydraException, omegaconf.errors.OmegaConfBaseException) as error:
+            raise ConfigError(_in_one_line(error)) from error
+        choices = {k: v for k, v in config.hydra.runtime.choices.items() if not k.startswith("hydra/")}
+        with open_dict(config):
+            del config["hydra"]
+        return Tree(config, choices, tuple(_files))
+
+
+def with_values(tree: Tree, values: Sequence[Word]) -> dict[str, Any]:
+    """Plain values of the tree with single settings changed, interpolations resolved. Raises ConfigError."""
+    config = copy.deepcopy(tree.config)
+    for word in itertools.chain.from_iterable(map(_leaves, values)):
+        _check_key(config, word)
+        try:
+            OmegaConf.update(config, word.key, word.value, merge=True)
+        except omegaconf.errors.OmegaConfBaseException as error:
+            raise ConfigError(f"{word.text}: {_in_one_line(error)}") from error
+    return to_plain(config)
+
+
+def _leaves(word: Word) -> Iterator[Word]:
+    """`planner={samples: 3}` as planner.samples=3; other words as they are."""
+    if not isinstance(word.value, dict):
+        yield word
+        return
+    for key, value in word.value.items():
+        yield from _leaves(Word(f"{word.key}.{key}", value, word.text))
+
+
+def _check_key(config: DictConfig, word: Word) -> None:
+    """Refuse a dotted key that leads nowhere, naming the nearest that does."""
+    node: Any = config
+    parts = word.key.split(".")
+    for depth, part in enumerate(parts):
+        owner = ".".join(parts[:depth])
+        if isinstance(node, DictConfig) and part in node.keys():
+            node = node._get_node(part)
+        elif isinstance(node, DictConfig):
+            raise settings.unknown_key(owner, part, [str(k) for k in node.keys()])
+        else:
+            raise ConfigError(f"unknown key {word.key}: {owner} is a single value; write {owner}=VALUE")
+    if len(parts) == 2 and parts[0] in KINDS and parts[1] == "name":
+        raise ConfigError(f"{word.text}: a part is chosen by {parts[0]}={word.value}")
+
+
+def _options(group: str) -> list[str]:
+    """Every option of a group: plugins, and YAML files in the conf folders under way."""
+    found = set(registry.names(group) if group in KINDS else [])
+    for folder in _active:
+        found |= {path.stem for path in (folder / group).glob("*.yaml")}
+    return sorted(found)
+
+
+def to_plain(config: DictConfig) -> dict[str, Any]:
+    """Plain dicts and lists, interpolations resolved; raises ConfigError for `???` and cycles."""
+    try:
+        content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    except omegaconf.errors.MissingMandatoryValue as error:
+        key = getattr(error, "full_key", None) or "?"
+        raise ConfigError(f"{key} has no value; give it one on the command line: {key}=VALUE") from error
+    except omegaconf.errors.OmegaConfBaseException as error:
+        raise ConfigError(_in_one_line(error)) from error
+    except RecursionError as error:
+        raise ConfigError("an interpolation refers to itself; write the value out") from error
+    return content  # type: ignore[return-value]
+
+
+@contextmanager
+def _session(schema: dict[str, Any], folders: tuple[Path, ...]) -> Iterator[None]:
+    """Hydra initialised for one composition; whatever the caller had set up (a notebook's own Hydra) comes back."""
+    conf = data_dir("conf")
+    for cls in (ConfSource, PluginSource, Search):
+        Plugins.instance().register(cls)
+    before = Singleton._instances.pop(GlobalHydra, None)
+    version = {"version_base": "1.3"} if hydra.__version__.startswith("1.3") else {}
+    _active[:] = [*folders, conf]
+    _schema[:] = [schema]
+    _files.clear()
+    try:
+        with hydra.initialize_config_dir(str(conf), job_name="rhs", **version):
+            yield
+    finally:
+        _active.clear()
+        _schema.clear()
+        Singleton._instances.pop(GlobalHydra, None)
+        if before is not None:
+            Singleton._instances[GlobalHydra] = before
+
+
+def located(error: ConfigError, tree: Tree, words: Sequence[Word]) -> ConfigError:
+    """The same error with file:line before it, if the key at fault was written in a YAML file and not typed."""
+    match = re.match(r"(?:unknown key )?([\w.]+)", str(error))
+    leaf = match.group(1).rpartition(".")[2] if match else ""
+    if not leaf or any(leaf in re.split(r"[./]", word.key) or leaf in str(word.value) for word in words):
+        return error
+    for path in reversed(tree.files):
+        for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
+            if re.match(rf"\s*{re.escape(leaf)}\s*:", line):
+                return type(error)(f"{path}:{number}: {error}")
+    return error
+
+
+def _in_one_line(error: BaseException) -> str:
+    """Hydra's and OmegaConf's errors, which fill several lines, as one."""
+    cause = error.__cause__ if not str(error).strip() and error.__cause__ else error
+    lines = [line.strip() for line in str(cause).splitlines() if line.strip()]
+    lines = [line for line in lines if not re.match(r"(object_type|full_key|See https?:)", line)]
+    return " ".join(lines) or type(error).__name__

@@ -1,0 +1,80 @@
+"""YAML as people read it: no code, no duplicate keys, and no value that silently becomes another.
+
+YAML 1.1 reads `no` as False, `012` as 10 and `12:30` as 750. Here only `true` and `false` are booleans, numbers are
+written in decimal, and everything else is the text that stands there. Every error names file and line.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from .errors import ConfigError
+
+_INTEGER = re.compile(r"[-+]?(?:0|[1-9][0-9]*)\Z")
+_FLOAT = re.compile(r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))(?:[eE][-+]?[0-9]+)?\Z|[-+]?\.inf\Z|\.nan\Z", re.I)
+_BOOL = re.compile(r"(?:true|false)\Z", re.I)
+_NULL = re.compile(r"(?:~|null|)\Z", re.I)
+_LIMIT_BYTES = 64 << 20
+_NESTING = 64
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader with YAML 1.2 scalars that refuses duplicate keys."""
+
+    yaml_implicit_resolvers: dict = {}
+
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key_node, _ in node.value:
+            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
+            if key in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"the key '{key}' stands twice", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+    def construct_yaml_int(self, node):
+        return int(self.construct_scalar(node))
+
+
+for _tag, _pattern in (("bool", _BOOL), ("int", _INTEGER), ("float", _FLOAT), ("null", _NULL)):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", _pattern, None)
+_Loader.add_implicit_resolver("tag:yaml.org,2002:merge", re.compile(r"<<\Z"), ["<"])
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
+
+
+def load_yaml(path: Path) -> Any:
+    """What the file says, as dict, list, str, int, float, bool or None. Raises ConfigError with file:line."""
+    try:
+        if path.stat().st_size > _LIMIT_BYTES:
+            raise ConfigError(f"{path}: {path.stat().st_size} bytes is more than the {_LIMIT_BYTES} a YAML file may have")
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, name: str) -> Any:
+    """The content of YAML text; `name` is used in errors."""
+    try:
+        return yaml.load(text, _Loader)  # noqa: S506  a SafeLoader, made stricter
+    except yaml.YAMLError as error:
+        raise ConfigError(_one_line(error, name)) from None
+    except RecursionError:
+        raise ConfigError(f"{name}: is nested more deeply than {_NESTING} levels") from None
+
+
+def _one_line(error: yaml.YAMLError, name: str) -> str:
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    line = f":{mark.line + 1}" if mark is not None else ""
+    problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+    if "python/" in problem:
+        problem = "asks for a Python object; only plain values are allowed"
+    if "\\t" in problem:
+        problem = "a tab cannot indent YAML; use spaces"
+    return f"{name}{line}: {problem}"

@@ -1,0 +1,1 @@
+"""Plugins for the tests: light parts that do little, and broken ones."""
