@@ -1,0 +1,96 @@
+"""Localiser `sift_db`: odometry, corrected by places it has seen before.
+
+Between places the belief is dead reckoning with a growing covariance. Every few views the place database is asked; its
+verified answers confirm, correct or replace the guesses (rhs.hypotheses). When it abstains nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rhs.belief import chance_right
+from rhs.contracts import Context
+from rhs.grid import OccupancyGrid
+from rhs.hypotheses import Claim, Guesses, Trust, begin, predict, update
+from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, memory_of
+from rhs.records import Belief, Knowing, Motion, Observation, View
+from rhs.sighting import SightingSettings
+from rhs.vision import features
+
+from .sift_db_config import SiftDb
+
+NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of not knowing, square metres and square radians
+
+
+class PlaceLocaliser:
+    """Keeps a few guesses of the pose and asks the places which is right."""
+
+    def __init__(self, settings: SiftDb, context: Context) -> None:
+        self._settings, self._context = settings, context
+        self._trust = Trust(p_true=settings.p_true, kidnap=settings.kidnap_rate)
+        self._state: Guesses = begin(None, None)
+        self._database: PlaceDatabase | None = None
+        self._steps = 0
+        self._last = np.eye(4)
+
+    def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
+        """Store the surveyed views as places."""
+        sighting = SightingSettings(min_inliers=self._settings.min_inliers, ratio=self._context.features.ratio)
+        settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting=sighting)
+        memory = memory_of(views)
+        self._database = PlaceDatabase(memory, settings, self._context.rng)
+        self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
+
+    def start(self, belief: Belief | None) -> None:
+        """Begin from a belief, or anywhere."""
+        self._steps = 0
+        if belief is None:
+            self._state = begin(None, None)
+        else:
+            self._last = belief.map_from_body
+            self._state = begin(belief.map_from_body, belief.covariance, belief.probability)
+
+    def update(self, observation: Observation, motion: Motion) -> Belief:
+        """Predict by the motion, ask the places when it is time, and say how sure this is."""
+        self._state = predict(self._state, motion.previous_from_body, motion.covariance, self._trust)
+        details: dict[str, float] = {}
+        if self._due():
+            answer = self._ask(observation)
+            self._state = update(self._state, _claims(answer), self._areas, self._trust)
+            details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
+        self._steps += 1
+        return self._belief(details)
+
+    def _due(self) -> bool:
+        sure = 1.0 - self._state.elsewhere >= self._settings.tracking_above
+        return not sure or self._steps % self._settings.every == 0
+
+    def _ask(self, observation: Observation) -> PlaceAnswer:
+        assert self._database is not None, "learn() comes before update()"
+        return self._database.ask(features(observation, self._context.features), observation.camera)
+
+    def _belief(self, details: dict[str, float]) -> Belief:
+        best = self._state.best
+        if best is None:
+            return Belief(self._last, NOWHERE, Knowing.LOST, 0.0, details)
+        self._last = best.map_from_body
+        probability = best.weight * chance_right(best.covariance)
+        details["guesses"] = float(len(self._state.guesses))
+        return Belief(best.map_from_body, best.covariance, self._status(best.weight), probability, details)
+
+    def _status(self, weight: float) -> Knowing:
+        if weight >= self._settings.tracking_above:
+            return Knowing.TRACKING
+        return Knowing.CONVERGING if weight >= self._settings.lost_below else Knowing.LOST
+
+
+def _claims(answer: PlaceAnswer) -> list[Claim]:
+    """Each different place that was verified, with its share of the agreeing key-points of all of them."""
+    total = sum(r.sighting.inliers for r in answer.distinct)
+    return [Claim(r.map_from_body, r.covariance, r.sighting.inliers / total) for r in answer.distinct]
+
+
+def _inliers(answer: PlaceAnswer) -> float:
+    return float(answer.verified[0].sighting.inliers) if answer.verified else 0.0

@@ -1,0 +1,49 @@
+"""Settings of the localiser `sift_db`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.errors import check_choice, check_range
+
+
+@dataclass
+class SiftDb:
+    """Odometry corrected by recognised places: a few Kalman filters, weighed against each other (thesis 5.2)."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    # The places are asked every so many views, and at each view while lost.
+    every: int = 3
+    # How candidates are found: votes (the thesis), kd_tree or vlad (fastest).
+    retrieval: str = "vlad"
+    # So many candidates are checked by geometry: about 7 ms each at 320x240.
+    checks: int = 5
+    # Key-points that must agree on one motion between the views.
+    min_inliers: int = 15
+    # Chance that a verified answer is right; with 8 unique paintings of 71 about 97 % are.
+    p_true: float = 0.9
+    # Chance per view that somebody carries the robot elsewhere.
+    kidnap_rate: float = 0.0001
+    # Above this chance of being right the robot calls itself tracking ...
+    tracking_above: float = 0.9
+    # ... and below this one lost.
+    lost_below: float = 0.5
+
+    def __post_init__(self) -> None:
+        owner = "localiser.sift_db"
+        check_range(owner, "every", self.every, low=1, high=10000)
+        check_choice(owner, "retrieval", self.retrieval, ("votes", "kd_tree", "vlad"))
+        check_range(owner, "checks", self.checks, low=1, high=1000)
+        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
+        check_range(owner, "p_true", self.p_true, low=0.5, high=0.9999)
+        check_range(owner, "kidnap_rate", self.kidnap_rate, low=1e-9, high=0.5)
+        check_range(owner, "tracking_above", self.tracking_above, low=0.5, high=0.9999)
+        check_range(owner, "lost_below", self.lost_below, low=0.0, high=self.tracking_above)
+
+    def build(self, context: Any) -> Any:
+        from .sift_db import PlaceLocaliser
+
+        return PlaceLocaliser(self, context)

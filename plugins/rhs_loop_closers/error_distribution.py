@@ -1,0 +1,100 @@
+"""Loop closing by spreading the error of the end pose (thesis section 3.1.3, eq. 3.14).
+
+As printed: e(t) = e_max (-1/2 + (1/M) integral_0^t |v|), M = integral_0^tmax |v|, for x and "the same for the
+others": y, z and the three Euler angles, each with its own v. The weight runs from -1/2 at the start to +1/2 at the
+end, so the loop closes, but every pose (the first one too) is also shifted by the constant -e_max / 2. The text
+around it divides the final error through all the steps, and section 5.4 lets the first pose of the camera define the
+origin of the world. Reading chosen: the first pose stays where it is, e(t) = e_max (1/M) integral_0^t |v|. Both
+readings give maps that differ by that one constant.
+
+Where an axis has not moved at all (M = 0, the height of a robot on the floor) its error is spread by the distance on
+the floor. Corrections are added to positions and Euler angles, axis by axis, as in the thesis; poses are not turned
+about the start. What lies before the earlier view of the loop is unchanged, what follows the later one moves with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rhs.contracts import Context
+from rhs.geometry import inverse, wrap
+from rhs.loops import closing_gap, ends_meet, poses_of, travelled_m
+from rhs.records import Closure, LoopEdge, View
+from rhs.sighting import SightingSettings
+
+from .error_distribution_config import ErrorDistribution
+
+
+class ErrorSpreader:
+    """Closes one loop: the last views against the first ones."""
+
+    def __init__(self, settings: ErrorDistribution, context: Context) -> None:
+        self._settings = settings
+        self._rng = context.rng
+        self._sighting = SightingSettings(min_inliers=settings.min_inliers, ratio=context.features.ratio)
+
+    def close(self, views: Sequence[View]) -> Closure:
+        """Find the end among the beginning, and divide the error through the steps between."""
+        poses = poses_of(views)
+        edges = ends_meet(
+            views, reach=self._settings.reach_views, checks=self._settings.checks, settings=self._sighting,
+            rng=self._rng,
+        )  # fmt: skip
+        judged = [self._judged(poses, edge) for edge in edges]
+        used = next((edge for edge in judged if edge.accepted), None)
+        if used is None:
+            return Closure(poses, tuple(judged), {"closures": 0.0})
+        return Closure(spread(poses, used), tuple(judged), {"closures": 1.0, "closure_inliers": float(used.inliers)})
+
+    def _judged(self, poses: np.ndarray, edge: LoopEdge) -> LoopEdge:
+        """The edge, refused if the odometry cannot have been that wrong."""
+        distance_m = travelled_m(poses)
+        way_m = distance_m[edge.later] - distance_m[edge.earlier]
+        shift_m = float(np.linalg.norm(closing_gap(poses, edge)[:3, 3]))
+        if shift_m <= 0.5 + self._settings.max_drift_share * way_m:
+            return edge
+        reason = f"moves the end by {shift_m:.1f} m after {way_m:.1f} m of way"
+        return LoopEdge(edge.earlier, edge.later, edge.earlier_from_later, edge.covariance, edge.inliers, False, reason)
+
+
+def spread(poses: np.ndarray, edge: LoopEdge) -> np.ndarray:
+    """(N, 4, 4) poses with the error at `edge.later` divided over the way since `edge.earlier` (eq. 3.14)."""
+    first, last = edge.earlier, edge.later
+    values = _coordinates(poses[first : last + 1])
+    wanted = _coordinates(np.stack([poses[last], poses[first] @ edge.earlier_from_later]))
+    error = wanted[1] - wanted[0]
+    error[3:] = wrap(error[3:])
+    corrected = values + error * _weights(values)
+    out = poses.copy()
+    out[first : last + 1] = _poses(corrected)
+    out[first] = poses[first]
+    out[last + 1 :] = out[last] @ inverse(poses[last]) @ poses[last + 1 :]
+    return out
+
+
+def _coordinates(poses: np.ndarray) -> np.ndarray:
+    """(N, 6) x, y, z metres and the Euler angles about x, y, z, radians, without jumps of a full turn."""
+    angles = Rotation.from_matrix(poses[:, :3, :3]).as_euler("xyz")
+    return np.hstack([poses[:, :3, 3], np.unwrap(angles, axis=0)])
+
+
+def _poses(values: np.ndarray) -> np.ndarray:
+    """Inverse of _coordinates."""
+    out = np.tile(np.eye(4), (len(values), 1, 1))
+    out[:, :3, :3] = Rotation.from_euler("xyz", values[:, 3:]).as_matrix()
+    out[:, :3, 3] = values[:, :3]
+    return out
+
+
+def _weights(values: np.ndarray) -> np.ndarray:
+    """(N, 6) share of each axis's way done so far, 0 at the first row and 1 at the last."""
+    moved = np.abs(np.diff(values, axis=0))
+    floor = np.linalg.norm(np.diff(values[:, :2], axis=0), axis=1)
+    floor = floor if floor.sum() > 0 else np.ones(len(floor))
+    still = moved.sum(axis=0) < 1e-9
+    moved[:, still] = floor[:, None]
+    done = np.vstack([np.zeros(6), np.cumsum(moved, axis=0)])
+    return done / done[-1]

@@ -1,0 +1,38 @@
+"""Settings of the loop closer `error_distribution`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.errors import check_range
+
+
+@dataclass
+class ErrorDistribution:
+    """Spreads the error of the end pose over the survey in proportion to the way travelled (thesis eq. 3.14)."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    # The last and the first so many stored views are compared.
+    reach_views: int = 6
+    # So many of their pairs, those with most matches, are checked by geometry.
+    checks: int = 8
+    # Key-points that must agree on one rigid motion.
+    min_inliers: int = 20
+    # A closure that moves the end by more than this share of the distance travelled (plus half a metre) is refused:
+    # visual odometry drifts by 1-4 %, in bad light by 10 %.
+    max_drift_share: float = 0.15
+
+    def __post_init__(self) -> None:
+        owner = "loop_closer.error_distribution"
+        check_range(owner, "reach_views", self.reach_views, low=1, high=1000)
+        check_range(owner, "checks", self.checks, low=1, high=1000)
+        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
+        check_range(owner, "max_drift_share", self.max_drift_share, low=0.0, high=10.0)
+
+    def build(self, context: Any) -> Any:
+        from .error_distribution import ErrorSpreader
+
+        return ErrorSpreader(self, context)

@@ -1,0 +1,63 @@
+"""Eq. 3.14 on loops one can compute by hand."""
+
+import numpy as np
+
+from rhs.geometry import inverse, planar, se2
+from rhs.records import LoopEdge
+from rhs_loop_closers.error_distribution import spread
+from rhs_loop_closers.none import NoClosing
+
+
+def _edge(earlier, later, earlier_from_later):
+    return LoopEdge(earlier, later, earlier_from_later, np.eye(6) * 1e-4, 50)
+
+
+def test_the_end_lands_where_the_loop_says_and_the_start_stays():
+    poses = np.stack([se2(x, 0.0, 0.0) for x in range(11)])
+    wanted = se2(10.5, 0.4, 0.1)
+    out = spread(poses, _edge(0, 10, wanted))
+    np.testing.assert_array_equal(out[0], poses[0])
+    np.testing.assert_allclose(out[-1], wanted, atol=1e-9)
+
+
+def test_each_axis_is_corrected_by_the_share_of_its_own_way():
+    # 4 m along x, then 6 m along y: the error in x is all spread over the first leg, that in y over the second.
+    corners = [(x, 0.0) for x in range(5)] + [(4.0, y) for y in range(1, 7)]
+    poses = np.stack([se2(x, y, 0.0) for x, y in corners])
+    out = spread(poses, _edge(0, 10, se2(4.4, 6.6, 0.0)))
+    shift = out[:, :2, 3] - poses[:, :2, 3]
+    np.testing.assert_allclose(shift[:, 0], [0, 0.1, 0.2, 0.3, 0.4] + [0.4] * 6, atol=1e-12)
+    np.testing.assert_allclose(shift[:, 1], [0] * 5 + [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], atol=1e-12)
+
+
+def test_there_and_back_counts_as_way_in_both_directions():
+    poses = np.stack([se2(x, 0.0, 0.0) for x in (0.0, 1.0, 2.0, 1.0, 0.0)])
+    out = spread(poses, _edge(0, 4, se2(0.4, 0.0, 0.0)))
+    np.testing.assert_allclose(out[:, 0, 3], [0.0, 1.1, 2.2, 1.3, 0.4], atol=1e-12)
+
+
+def test_a_yaw_error_is_spread_over_the_turns_even_past_half_a_turn():
+    yaws = np.linspace(0.0, 2 * np.pi, 41)  # once round on the spot, with steps
+    poses = np.stack([se2(0.01 * k, 0.0, yaw) for k, yaw in enumerate(yaws)])
+    out = spread(poses, _edge(0, 40, se2(0.4, 0.0, 0.2)))
+    turned = np.unwrap([planar(pose)[2] for pose in out])
+    np.testing.assert_allclose(turned, yaws * (1 + 0.2 / (2 * np.pi)), atol=1e-9)
+
+
+def test_height_that_never_changed_is_spread_by_distance():
+    poses = np.stack([se2(x, 0.0, 0.0) for x in range(5)])
+    wanted = se2(4.0, 0.0, 0.0)
+    wanted[2, 3] = 0.8
+    np.testing.assert_allclose(spread(poses, _edge(0, 4, wanted))[:, 2, 3], [0, 0.2, 0.4, 0.6, 0.8], atol=1e-12)
+
+
+def test_before_the_loop_nothing_moves_and_after_it_all_moves_with_the_end():
+    poses = np.stack([se2(x, 0.0, 0.0) for x in range(8)])
+    out = spread(poses, _edge(2, 5, se2(3.0, 0.3, 0.1)))
+    np.testing.assert_array_equal(out[:3], poses[:3])
+    for k in (6, 7):
+        np.testing.assert_allclose(inverse(out[5]) @ out[k], inverse(poses[5]) @ poses[k], atol=1e-12)
+
+
+def test_without_a_closer_the_poses_are_returned_as_they_are():
+    assert NoClosing().build(None).close([]).poses.shape == (0, 4, 4)

@@ -1,0 +1,98 @@
+"""The localiser sift_db: drift is taken out, a lost robot finds itself, look-alike places stay undecided."""
+
+import numpy as np
+import pytest
+from painted_survey import SMALL, context, look, ring, survey
+
+from rhs.errors import ConfigError
+from rhs.geometry import inverse, log_se3, se2
+from rhs.hypotheses import Claim, Trust, begin, predict, update
+from rhs.records import Belief, Knowing, Motion, Tracking
+from rhs_localisers.sift_db_config import SiftDb
+
+
+def _learnt(**settings):
+    part = SiftDb(**settings).build(context())
+    part.learn(survey(ring(16)), None)
+    return part
+
+
+def _walk(part, truth, believed_motion):
+    beliefs = []
+    for k, pose in enumerate(truth):
+        step = np.eye(4) if k == 0 else believed_motion(inverse(truth[k - 1]) @ pose)
+        beliefs.append(part.update(look(pose, k), Motion(step, SMALL, Tracking.OK)))
+    return beliefs
+
+
+def _wrong_m(belief, truth):
+    return float(np.linalg.norm(log_se3(inverse(truth) @ belief.map_from_body)[:3]))
+
+
+PATH = [se2(1.4 * np.cos(a), 1.4 * np.sin(a), a + 1.5) for a in np.linspace(0.1, 1.6, 10)]
+
+
+def test_drift_that_dead_reckoning_keeps_is_taken_out():
+    part = _learnt(every=2)
+    part.start(Belief(PATH[0], SMALL))
+    beliefs = _walk(part, PATH, lambda step: step @ se2(0.01, 0.0, 0.004))  # 5 % too far, and turning
+    assert _wrong_m(beliefs[-1], PATH[-1]) < 0.05
+    assert beliefs[-1].status is Knowing.TRACKING
+
+
+def test_started_from_nothing_it_says_lost_then_finds_itself():
+    part = _learnt()
+    part.start(None)
+    beliefs = _walk(part, PATH[:4], lambda step: step)
+    assert beliefs[-1].status is Knowing.TRACKING and beliefs[-1].probability > 0.9
+    assert _wrong_m(beliefs[-1], PATH[3]) < 0.05
+
+
+def test_carried_away_it_recovers():
+    part = _learnt(every=1)
+    part.start(Belief(PATH[0], SMALL))
+    _walk(part, PATH[:3], lambda step: step)
+    elsewhere = [se2(-1.4 * np.cos(a), -1.4 * np.sin(a), a - 1.6) for a in np.linspace(0.1, 0.8, 6)]
+    beliefs = _walk(part, elsewhere, lambda step: step)
+    assert _wrong_m(beliefs[-1], elsewhere[-1]) < 0.05
+    assert beliefs[-1].status is Knowing.TRACKING
+
+
+@pytest.mark.parametrize("wrong", [{"every": 0}, {"retrieval": "magic"}, {"p_true": np.nan}, {"lost_below": 0.95}])
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(ConfigError, match="localiser.sift_db"):
+        SiftDb(**wrong)
+
+
+def test_one_answer_is_believed_as_far_as_answers_are_right_and_two_much_more():
+    trust = Trust(p_true=0.9, kidnap=1e-9)
+    claim = Claim(se2(3.0, 0.0, 0.0), SMALL, 1.0)
+    once = update(begin(None, None), [claim], 30.0, trust)
+    assert once.best.weight == pytest.approx(0.9, abs=1e-6)
+    twice = update(once, [claim], 30.0, trust)
+    assert twice.best.weight > 0.995
+
+
+def test_twins_claimed_side_by_side_stay_undecided_until_one_is_missing():
+    here, there = Claim(se2(3.0, 0.0, 0.0), SMALL, 0.5), Claim(se2(9.0, 0.0, 0.0), SMALL, 0.5)
+    state = begin(None, None)
+    for _ in range(5):
+        state = update(predict(state, np.eye(4), SMALL, Trust()), [here, there], 30.0, Trust())
+    assert max(g.weight for g in state.guesses) < 0.55
+    state = update(state, [Claim(here.map_from_body, SMALL, 1.0)], 30.0, Trust())
+    assert state.best.weight > 0.95
+    np.testing.assert_allclose(state.best.map_from_body, here.map_from_body, atol=1e-9)
+
+
+def test_a_single_wrong_answer_does_not_move_a_robot_that_knows_its_place():
+    state = begin(se2(1.0, 0.0, 0.0), SMALL, 0.999)
+    state = update(state, [Claim(se2(9.0, 0.0, 0.0), SMALL, 1.0)], 30.0, Trust())
+    np.testing.assert_array_equal(state.best.map_from_body, se2(1.0, 0.0, 0.0))
+    assert state.best.weight > 0.8
+
+
+def test_nearby_answers_pull_the_pose_by_the_kalman_gain():
+    claim = Claim(se2(0.02, 0.0, 0.0), SMALL, 1.0)
+    state = update(begin(np.eye(4), SMALL), [claim], 30.0, Trust())
+    assert state.best.map_from_body[0, 3] == pytest.approx(0.01)
+    assert state.best.covariance[0, 0] == pytest.approx(SMALL[0, 0] / 2)

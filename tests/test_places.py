@@ -1,0 +1,116 @@
+"""The place database in a room rendered exactly: right poses, honest abstention, files without pickle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from painted_room import observe, paintings
+from painted_survey import CAMERA, FEATURES, look, ring, survey
+
+from rhs.errors import RecordingError
+from rhs.geometry import inverse, log_se3, se2
+from rhs.places import PlaceDatabase, PlaceSettings, load, memory_of, packed, save, unpacked
+from rhs.records import Features
+from rhs.sighting import SightingSettings, Snapshot, sight
+from rhs.vision import features
+
+
+@pytest.fixture(scope="module")
+def memory():
+    return memory_of(survey(ring(16)))
+
+
+def _error(found, truth):
+    gap = log_se3(inverse(truth) @ found)
+    return np.linalg.norm(gap[:3]), np.linalg.norm(gap[3:])
+
+
+@pytest.mark.parametrize("retrieval", ["votes", "kd_tree", "vlad"])
+def test_a_view_between_the_stored_ones_is_located_to_centimetres(memory, retrieval):
+    database = PlaceDatabase(memory, PlaceSettings(retrieval), np.random.default_rng(0))
+    for pose in (se2(1.3, 0.3, 1.9), se2(-1.4, -0.6, -1.0)):
+        answer = database.ask(features(look(pose), FEATURES), CAMERA)
+        distance_m, angle_rad = _error(answer.best.map_from_body, pose)
+        assert distance_m < 0.03 and angle_rad < 0.01
+        sigma = np.sqrt(np.diag(answer.best.covariance))
+        assert np.all(sigma > 0) and sigma[0] < 0.2
+
+
+@pytest.mark.parametrize("retrieval", ["votes", "kd_tree", "vlad"])
+def test_a_stored_view_asked_again_names_itself_first(memory, retrieval):
+    database = PlaceDatabase(memory, PlaceSettings(retrieval), np.random.default_rng(0))
+    for place in (0, 5, 11):
+        assert database.ask(memory.features(place), CAMERA).ranked[0] in (place, (place + 16) % 32)
+
+
+def test_a_room_never_seen_is_not_recognised(memory):
+    database = PlaceDatabase(memory, PlaceSettings(), np.random.default_rng(0))
+    elsewhere = observe(CAMERA, se2(0.5, 0.5, 0.7), paintings(seed=99))
+    answer = database.ask(features(elsewhere, FEATURES), CAMERA)
+    assert answer.abstained and answer.reason
+
+
+def test_a_blank_view_and_an_empty_memory_abstain(memory):
+    nothing = Features(np.empty((0, 2), np.float32), np.empty((0, 128), np.float32), np.empty((0, 3), np.float32))
+    database = PlaceDatabase(memory, PlaceSettings(), np.random.default_rng(0))
+    assert database.ask(nothing, CAMERA).abstained
+    empty = PlaceDatabase(memory_of([]), PlaceSettings(), np.random.default_rng(0))
+    assert empty.ask(features(look(se2(0.5, 0.5, 0.7)), FEATURES), CAMERA).reason == "nothing stored"
+
+
+def test_two_rooms_hung_with_the_same_paintings_make_it_abstain():
+    views = survey(ring(8))
+    twins = views + [replace(v, map_from_body=se2(20.0, 0.0, 0.0) @ v.map_from_body) for v in views]
+    database = PlaceDatabase(memory_of(twins), PlaceSettings(checks=6), np.random.default_rng(0))
+    answer = database.ask(features(look(se2(1.3, 0.3, 1.9)), FEATURES), CAMERA)
+    assert answer.abstained and answer.reason == "two places look alike"
+    assert len(answer.distinct) == 2
+
+
+def test_without_depth_in_the_query_the_pose_comes_from_pnp():
+    stored, query = features(look(se2(1.5, 0.0, 1.6)), FEATURES), features(look(se2(1.4, 0.3, 1.8)), FEATURES)
+    flat = Features(query.pixels, query.descriptors, np.full_like(query.points, np.nan))
+    rng = np.random.default_rng(0)
+    truth = inverse(se2(1.5, 0.0, 1.6)) @ se2(1.4, 0.3, 1.8)
+    settings = SightingSettings(min_inliers=12)
+    for a, b in ((stored, flat), (Features(stored.pixels, stored.descriptors, np.full_like(stored.points, np.nan)), query)):
+        seen = sight(Snapshot(a, CAMERA), Snapshot(b, CAMERA), settings=settings, rng=rng)
+        distance_m, angle_rad = _error(seen.stored_from_query, truth)
+        assert distance_m < 0.04 and angle_rad < 0.015
+    nobody = Features(stored.pixels, stored.descriptors, np.full_like(stored.points, np.nan))
+    assert sight(Snapshot(nobody, CAMERA), Snapshot(flat, CAMERA), settings=settings, rng=rng) is None
+
+
+def test_coverage_is_high_at_the_same_place():
+    stored, query = features(look(se2(1.5, 0.0, 1.6)), FEATURES), features(look(se2(1.5, 0.1, 1.6)), FEATURES)
+    rng = np.random.default_rng(0)
+    seen = sight(Snapshot(stored, CAMERA), Snapshot(query, CAMERA), settings=SightingSettings(), rng=rng)
+    assert seen.coverage > 0.3
+
+
+def test_bytes_keep_rootsift_to_one_percent():
+    rows = features(look(se2(1.5, 0.0, 1.6)), FEATURES).descriptors
+    assert np.abs((unpacked(packed(rows)) * rows).sum(axis=1) - 1.0).max() < 0.01
+
+
+def test_a_memory_is_written_and_read_back_the_same(memory, tmp_path):
+    path = tmp_path / "places.npz"
+    save(memory, path)
+    back = load(path)
+    np.testing.assert_array_equal(back.poses, memory.poses)
+    np.testing.assert_array_equal(back.descriptors, memory.descriptors)
+    np.testing.assert_array_equal(back.camera.matrix, memory.camera.matrix)
+    assert [p.name for p in tmp_path.iterdir()] == ["places.npz"]
+
+
+def test_pickles_and_rubbish_are_refused_by_name(memory, tmp_path):
+    rubbish = tmp_path / "rubbish.npz"
+    rubbish.write_bytes(b"not a zip")
+    with pytest.raises(RecordingError, match="rubbish.npz"):
+        load(rubbish)
+    pickled = tmp_path / "pickled.npz"
+    np.savez(pickled, format=np.array(1), poses=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(RecordingError, match="pickled.npz"):
+        load(pickled)
+    with pytest.raises(RecordingError, match="absent.npz"):
+        load(tmp_path / "absent.npz")
