@@ -104,12 +104,34 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
         return 0
     from .folders import claim_run
+    from .progress import bar
     from .run import run_config
 
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
-        row = run_config(config, claim.folder)
-        print(f"{row.get('status')}  {claim.folder}")
+        row = run_config(config, claim.folder, bar)
+        cause = row.pop("_cause", None)
+        print(table_of(row))
+        print(f"\nfiles: {claim.folder}")
+    if cause is not None and row.get("status") == "failed":
+        _complain(cause, 1, arguments.debug, str(row.get("reason", "")))
     return exit_code(row)
+
+
+TOLD = ("status", "reason", "world", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed",
+        "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m", "path_length_m",
+        "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share",
+        "map_agreement", "wall_ms", "real_time_factor", "peak_memory_mb")
+
+
+def table_of(row: dict) -> str:
+    """The figures of one run that say most, one a line."""
+    lines = []
+    for name in TOLD:
+        value = row.get(name, "")
+        if value == "" or value is None or value != value:
+            continue
+        lines.append(f"{name:<28}{value:.4g}" if isinstance(value, float) else f"{name:<28}{value}")
+    return "\n".join(lines)
 
 
 def exit_code(row: dict) -> int:

@@ -192,15 +192,11 @@ def identity(config: RunConfig) -> dict[str, Any]:
     return {"task": config.task, "world": config.world, **names, "seed": config.seed, "config_hash": config_hash(config)}
 
 
-def build_parts(config: RunConfig, folder: Path, world: Any = None) -> Parts:
+def build_parts(config: RunConfig, world: Any, folder: Path) -> Parts:
     """The seven parts of a run, each with its own generator; nothing has moved yet.
 
-    world: a loaded rhs.world.World; None loads config.world, unless the source is a recording.
+    world: the loaded rhs.world.World, or None for a recording made elsewhere.
     """
-    if world is None and "driving" in config.source.settings.provides:
-        from .world import load_world
-
-        world = load_world(config.world)
     return build(config.chosen(), seed=config.seed, world=world, folder=folder,
                  features=FeatureSettings(**settings.plain(config.features)))
 

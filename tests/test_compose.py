@@ -190,7 +190,7 @@ def test_the_generator_of_a_part_depends_on_seed_and_name_alone():
 
 
 def test_parts_are_built_from_their_settings_with_generators_of_their_own(tmp_path):
-    built = build_parts(compose("planner.samples=7", "seed=2"), tmp_path, world="a world")
+    built = build_parts(compose("planner.samples=7", "seed=2"), "a world", tmp_path)
     assert built.planner.settings.samples == 7
     assert built.source.context.world == "a world"
     assert built.planner.context.camera == "camera"
