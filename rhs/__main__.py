@@ -105,7 +105,7 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         return 0
     from .folders import claim_run
     from .progress import bar
-    from .run import run_config
+    from .experiment import run_config
 
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from . import survey as surveying
-from .compose import Parts, RunConfig, build_parts, generator, identity, to_plain
+from .compose import RunConfig, build_parts, identity, to_plain
 from .errors import RhsError
 from .files import replacing
 from .floorplan import World, truth_grid
 from .kidnap import Kidnapper
 from .maps import save_map
 from .metrics import evaluate
+from .parts import Parts, generator
 from .patrol import Led, steps
 from .provenance import commit, versions
 from .recording import Recorder
