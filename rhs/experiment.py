@@ -92,7 +92,17 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     row.update(cost(begin, notebook))
     row["renderer"] = getattr(parts.source, "renderer", "")
     write_row(folder, row)
+    draw(config, folder)
     return row | {"_cause": cause}
+
+
+def draw(config: RunConfig, folder: Path) -> None:
+    """The overview picture, and the video if it was asked for."""
+    from . import report
+
+    report.overview(folder)
+    if config.video:
+        report.video(folder)
 
 
 def reason_of(error: Exception, notebook: Notebook | None) -> str:
