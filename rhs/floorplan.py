@@ -76,8 +76,8 @@ class Box:
 
 @dataclass(frozen=True)
 class Paintings:
-    """unique: how many different ones exist; density 0..1: share of the hanging places in use;
-    spacing_m: distance between hanging places; width_m, height_m: least and greatest size; middle_m: height above floor."""
+    """unique: how many different ones exist; density 0..1: share of the hanging places in use; spacing_m: distance
+    between hanging places; width_m, height_m: least and greatest size; middle_m: of the picture above the floor."""
 
     unique: int = 1000
     density: float = 1.0
@@ -89,7 +89,7 @@ class Paintings:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A building. start: (x m, y m, yaw rad). places: (name, x m, y m). route_m (N, 2): the survey, first point = start.
+    """A building. start: (x m, y m, yaw rad). places: (name, x m, y m). route_m (N, 2): the survey from the start on.
 
     obstacles are unknown to the survey and put in when the patrol begins. path: the file it was read from.
     """

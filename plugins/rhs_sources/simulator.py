@@ -1,0 +1,200 @@
+"""The simulator source: a camera led round a PyBullet world, then a robot driven in it.
+
+The robot is a unicycle: a Twist turns and moves it along an arc; what it really does differs from what it is told by a
+lasting and a fresh error. Whether it touches something is judged by PyBullet on the true geometry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rhs.contracts import SourceContext
+from rhs.errors import ConfigError, RhsError
+from rhs.floorplan import World
+from rhs.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
+from rhs.records import Capture, Twist
+from rhs.world import reversed_world
+
+from .simulator_config import Simulator
+from .simulator_route import Pace, Waypoint, Wobble, waypoints
+from .simulator_scene import Look, Scene
+from .simulator_solid import Solid
+
+SUBSTEP_S = 0.05  # a robot at 0.5 m/s moves a twelfth of its radius between two tests for collision
+BISECTIONS = 8  # contact is found to 1/256 of a substep
+
+
+class SimulatorSource:
+    """See rhs.contracts.Source."""
+
+    def __init__(self, settings: Simulator, context: SourceContext) -> None:
+        if context.world is None:
+            raise ConfigError("source=simulator needs a world; type for example world=square")
+        self.settings = settings
+        self.world = dressed(context.world, settings)
+        self.facts = self.world.facts()
+        self.camera = camera_from_fov(settings.image_width, settings.image_width * 3 // 4, settings.hfov_deg,
+                                      height_m=self.world.camera_height_m)
+        self._seed(context.rng)
+        self.views = waypoints(self.world.route_m, self.world.start[2], pace(settings))
+        self.views_expected: int | None = len(self.views)
+        self.solid = Solid(self.world)
+        self.scene = Scene(self.world, self.camera, Look(settings.texture_px_per_m, settings.renderer, context.folder))
+        self.renderer = self.scene.renderer
+        self.stand = np.array(self.world.start)  # true x, y, yaw
+        self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
+        self.nearest_m, self.touched = np.inf, False
+        self.world_from_body = se2(*self.stand)
+        self._check_picture()
+
+    def _seed(self, rng: np.random.Generator) -> None:
+        """One child generator per purpose: settings of one do not change the draws of another."""
+        strays, tilts, self.rng = rng.spawn(3)
+        settings = self.settings
+        self.sideways = Wobble(strays, settings.wobble_m)
+        self.askew = Wobble(strays, np.radians(settings.wobble_deg))
+        self.pitch = Wobble(tilts, np.radians(settings.pitch_roll_deg))
+        self.roll = Wobble(tilts, np.radians(settings.pitch_roll_deg))
+        self.bias = self.rng.normal(0.0, settings.command_bias_percent / 100, 2)
+
+    def _check_picture(self) -> None:
+        image, _ = self.scene.render(self.world_from_body)
+        if float(image.std()) < 1.0:
+            raise RhsError(f"source.renderer={self.renderer} draws one flat colour ({image.mean():.0f}) at the start "
+                           f"of world {self.world.name}; look at that world, or try source.renderer=tiny")
+
+    def lead(self) -> Capture | None:
+        """The next view along the survey route."""
+        if self.led >= len(self.views):
+            return None
+        view = self.views[self.led]
+        self.led += 1
+        if self.led == 1:
+            self._note_clearance()
+            return self._capture(0.0, None, None)
+        self.travelled_m += view.distance_m
+        before, self.stand = self.stand, self._strayed(view)
+        travel = planar(inverse(se2(*before)) @ se2(*self.stand))
+        self._note_clearance()
+        return self._capture(view.duration_s, self._command_for(travel, view.duration_s), travel)
+
+    def _strayed(self, view: Waypoint) -> np.ndarray:
+        """Where a hand really holds the camera that should be at this waypoint."""
+        aside, askew = self.sideways(self.travelled_m), self.askew(self.travelled_m)
+        c, s = np.cos(view.yaw_rad), np.sin(view.yaw_rad)
+        return np.array([view.x_m - s * aside, view.y_m + c * aside, float(wrap(view.yaw_rad + askew))])
+
+    def _command_for(self, travel: np.ndarray, duration_s: float) -> Twist:
+        """The command that a robot with these errors would have been given to travel like this."""
+        error = 1.0 + self.bias + self.rng.normal(0.0, self.settings.command_noise_percent / 100, 2)
+        dx, turn = travel[0], travel[2]
+        length = dx * turn / np.sin(turn) if 1e-9 < abs(turn) < 3.0 else dx
+        return Twist(float(length / error[0] / duration_s), float(turn / error[1] / duration_s), duration_s)
+
+    def begin_patrol(self) -> None:
+        """Put in the obstacles of the world."""
+        self.scene.add_obstacles()
+        self.solid.add_obstacles()
+
+    def drive(self, command: Twist) -> Capture:
+        """Follow the command as well as this robot can, stopping at contact, and look."""
+        if not np.all(np.isfinite([command.forward_mps, command.turn_radps, command.duration_s])):
+            raise RhsError(f"source.simulator was told to drive {command}; expected finite numbers")
+        error = 1.0 + self.bias + self.rng.normal(0.0, self.settings.command_noise_percent / 100, 2)
+        forward, turn = command.forward_mps * error[0], command.turn_radps * error[1]
+        before = self.stand
+        substeps = max(1, int(np.ceil(command.duration_s / SUBSTEP_S - 1e-9)))
+        for _ in range(substeps):
+            self._advance(forward, turn, command.duration_s / substeps)
+        travel = planar(inverse(se2(*before)) @ se2(*self.stand))
+        return self._capture(command.duration_s, command, travel)
+
+    def _advance(self, forward_mps: float, turn_radps: float, seconds: float) -> None:
+        """One substep, shortened to the contact if there is something in the way; turning is never blocked."""
+        here = self._distance(self.stand)
+        share, goal = 1.0, unicycle(self.stand, forward_mps * seconds, turn_radps * seconds)
+        there = self._distance(goal)
+        if there < 0 and there < here:
+            self.touched = True
+            low, high = 0.0, 1.0
+            for _ in range(BISECTIONS):
+                middle = 0.5 * (low + high)
+                clear = self._distance(unicycle(self.stand, forward_mps * seconds * middle, turn_radps * seconds)) >= 0
+                low, high = (middle, high) if clear else (low, middle)
+            share = low if here >= 0 else 0.0
+            goal = unicycle(self.stand, forward_mps * seconds * share, turn_radps * seconds)
+        self.travelled_m += abs(forward_mps) * seconds * share
+        self.stand = goal
+        self._note_clearance()
+
+    def _distance(self, stand: np.ndarray) -> float:
+        return self.solid.distance_m(float(stand[0]), float(stand[1]))
+
+    def _note_clearance(self) -> None:
+        self.nearest_m = min(self.nearest_m, self._distance(self.stand))
+        self.touched |= self.nearest_m < 0
+
+    def _capture(self, seconds: float, command: Twist | None, travel: np.ndarray | None) -> Capture:
+        self.stamp_s += seconds
+        tilt = exp_so3(np.array([self.roll(self.travelled_m), self.pitch(self.travelled_m), 0.0]))
+        self.world_from_body = se2(*self.stand) @ se3(tilt, np.zeros(3))
+        image, depth = self.scene.render(self.world_from_body)
+        for array in (image, depth) if travel is None else (image, depth, travel):
+            array.flags.writeable = False
+        self.index += 1
+        return Capture(self.index - 1, self.stamp_s, image, depth, command, travel)
+
+    def teleport(self, world_from_body: np.ndarray) -> None:
+        """Put the robot elsewhere; the next drive shows where. Refuses a place where it would overlap something."""
+        stand = planar(world_from_body)
+        distance = self._distance(stand)
+        if distance < 0:
+            raise RhsError(f"source.simulator cannot teleport to ({stand[0]:.2f}, {stand[1]:.2f}): the robot would "
+                           f"overlap something by {-distance:.2f} m")
+        self.stand = stand
+
+    def truth(self) -> np.ndarray | None:
+        """World_from_body (4x4) of the last capture."""
+        return self.world_from_body.copy()
+
+    def clearance_m(self) -> tuple[float, bool]:
+        """Least distance between the robot's side and anything solid since the last call; whether it touched."""
+        answer = self.nearest_m, self.touched
+        self.nearest_m, self.touched = self._distance(self.stand), False
+        return float(answer[0]), bool(answer[1])
+
+    def close(self) -> None:
+        self.scene.close()
+        self.solid.close()
+
+
+def dressed(world: World, settings: Simulator) -> World:
+    """The world as these settings want it: direction of the survey, paintings, walls, seed."""
+    if settings.direction == "cw":
+        world = reversed_world(world)
+    paintings = world.paintings
+    if settings.paintings_unique is not None:
+        paintings = replace(paintings, unique=settings.paintings_unique)
+    if settings.paintings_density is not None:
+        paintings = replace(paintings, density=settings.paintings_density)
+    walls = world.walls
+    if settings.wall_roughness is not None:
+        walls = tuple(replace(w, surface=replace(w.surface, roughness=settings.wall_roughness)) for w in walls)
+    seed = world.seed if settings.texture_seed is None else settings.texture_seed
+    return replace(world, paintings=paintings, walls=walls, seed=seed)
+
+
+def pace(settings: Simulator) -> Pace:
+    """The survey's pace in SI units."""
+    return Pace(settings.step_m, float(np.radians(settings.turn_step_deg)), settings.speed_mps,
+                float(np.radians(settings.turn_rate_dps)), settings.arc_radius_m if settings.turn == "arc" else 0.0)
+
+
+def unicycle(stand: np.ndarray, length_m: float, turn_rad: float) -> np.ndarray:
+    """(3,) x, y, yaw after an arc of that length and turn: Thrun et al., Probabilistic Robotics, section 5.3."""
+    x, y, yaw = stand
+    chord = length_m * float(np.sinc(turn_rad / (2 * np.pi)))
+    middle = yaw + turn_rad / 2
+    return np.array([x + chord * np.cos(middle), y + chord * np.sin(middle), float(wrap(yaw + turn_rad))])

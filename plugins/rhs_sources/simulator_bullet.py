@@ -1,0 +1,34 @@
+"""PyBullet, imported without its banner."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """PyBullet and Mesa write banners past Python to both standard streams; a table on stdout must stay clean."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = os.dup(1), os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        yield
+        ctypes.CDLL(None).fflush(None)  # the C libraries keep their words in buffers of their own
+    finally:
+        os.dup2(kept[0], 1)
+        os.dup2(kept[1], 2)
+        for descriptor in (*kept, nowhere):
+            os.close(descriptor)
+
+
+with quiet():
+    import pybullet
+
+__all__ = ["pybullet", "quiet"]

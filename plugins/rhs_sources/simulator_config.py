@@ -1,0 +1,69 @@
+"""Settings of the simulator source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Optional
+
+from rhs.errors import check_choice, check_range
+
+
+@dataclass
+class Simulator:
+    """A PyBullet world seen by a camera on a round robot: led along the survey route, then driven by commands."""
+
+    image_width: int = 320  # pixels; the height is three quarters of it
+    hfov_deg: float = 57.0  # horizontal field of view, degrees; 57 is a Kinect's
+    renderer: str = "tiny"  # tiny: PyBullet's software renderer, the canonical one; egl: OpenGL, smoother
+    texture_px_per_m: float = 150.0  # pixels per metre of wall; finer ones alias in the distance
+    direction: str = "ccw"  # ccw: the survey route as written; cw: from its end back to its start
+    step_m: float = 0.2  # metres between two views of the survey on a straight
+    turn: str = "pivot"  # how corners of the route are taken: pivot on the spot, or arc, which keeps the camera moving
+    turn_step_deg: float = 10.0  # most degrees between two views of the survey in a corner
+    arc_radius_m: float = 0.7  # metres, radius of arcs; shrunk where a leg of the route is too short for it
+    speed_mps: float = 0.5  # metres per second of the survey; sets the time stamps and the commands
+    turn_rate_dps: float = 30.0  # degrees per second of turns on the spot in the survey
+    wobble_m: float = 0.02  # metres rms by which the led camera strays sideways from the route
+    wobble_deg: float = 0.5  # degrees rms by which the led camera's heading strays from the route
+    pitch_roll_deg: float = 0.0  # degrees rms of camera pitch and of roll while moving; 0: the floor is flat
+    command_bias_percent: float = 1.0  # per cent, one sigma: lasting error of distance and of turn against the command
+    command_noise_percent: float = 3.0  # per cent, one sigma: fresh error of distance and of turn at each command
+    paintings_unique: Optional[int] = None  # how many different paintings exist; null: as the world says  # noqa: UP045
+    paintings_density: Optional[float] = None  # 0..1, share of hanging places used; null: as the world says  # noqa: UP045
+    wall_roughness: Optional[float] = None  # grey levels of the walls' own pattern; null: as the world says  # noqa: UP045
+    texture_seed: Optional[int] = None  # seed of all paintings and surfaces; null: as the world says  # noqa: UP045
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "driving", "teleport"})
+
+    def __post_init__(self) -> None:
+        check_range("source", "image_width", self.image_width, low=32, high=4096, unit="px")
+        check_range("source", "hfov_deg", self.hfov_deg, low=10, high=120, unit="degrees")
+        check_choice("source", "renderer", self.renderer, ("tiny", "egl"))
+        check_range("source", "texture_px_per_m", self.texture_px_per_m, low=10, high=1000, unit="px/m")
+        check_choice("source", "direction", self.direction, ("ccw", "cw"))
+        check_range("source", "step_m", self.step_m, low=0.01, high=2.0, unit="m")
+        check_choice("source", "turn", self.turn, ("pivot", "arc"))
+        check_range("source", "turn_step_deg", self.turn_step_deg, low=0.5, high=90, unit="degrees")
+        check_range("source", "arc_radius_m", self.arc_radius_m, low=0.05, high=10, unit="m")
+        check_range("source", "speed_mps", self.speed_mps, low=0.01, high=5, unit="m/s")
+        check_range("source", "turn_rate_dps", self.turn_rate_dps, low=1, high=360, unit="degrees/s")
+        check_range("source", "wobble_m", self.wobble_m, low=0, high=0.3, unit="m")
+        check_range("source", "wobble_deg", self.wobble_deg, low=0, high=15, unit="degrees")
+        check_range("source", "pitch_roll_deg", self.pitch_roll_deg, low=0, high=15, unit="degrees")
+        check_range("source", "command_bias_percent", self.command_bias_percent, low=0, high=30, unit="%")
+        check_range("source", "command_noise_percent", self.command_noise_percent, low=0, high=30, unit="%")
+        if self.paintings_unique is not None:
+            check_range("source", "paintings_unique", self.paintings_unique, low=1, high=100_000)
+        if self.paintings_density is not None:
+            check_range("source", "paintings_density", self.paintings_density, low=0, high=1)
+        if self.wall_roughness is not None:
+            check_range("source", "wall_roughness", self.wall_roughness, low=0, high=100, unit="grey levels")
+        if self.texture_seed is not None:
+            check_range("source", "texture_seed", self.texture_seed, low=0, high=2**31 - 1)
+
+    def build(self, context: Any) -> Any:
+        """context: rhs.contracts.SourceContext with a world."""
+        from .simulator import SimulatorSource
+
+        return SimulatorSource(self, context)

@@ -1,0 +1,141 @@
+"""The world as PyBullet shows it: textured faces without thickness, two renderers. What is solid: simulator_solid.py.
+
+Every call names its physics client, so that several scenes live in one process.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from rhs.errors import RhsError
+from rhs.floorplan import Box, World
+from rhs.geometry import Camera, inverse, se3
+
+from .simulator_bullet import pybullet, quiet
+from .simulator_mesh import Quad, box_lids, box_sides, floor_and_ceiling, obj_text, wall_faces
+from .simulator_textures import WallPainter, generator, surface
+
+NEAR_M, FAR_M = 0.1, 60.0
+FLOOR_PX_PER_M = 80.0  # the floor is never nearer to the camera than its height
+SHADELESS = {"lightAmbientCoeff": 1.0, "lightDiffuseCoeff": 0.0, "lightSpecularCoeff": 0.0, "shadow": 0}
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the scene needs to draw: texture pixels per metre, the renderer wanted (tiny or egl), a scratch folder."""
+
+    px_per_m: float
+    renderer: str
+    folder: Path
+
+
+class Scene:
+    """A PyBullet client showing one world. `close` it."""
+
+    def __init__(self, world: World, camera: Camera, look: Look) -> None:
+        self.world, self.camera, self.look = world, camera, look
+        with quiet():
+            self.client = pybullet.connect(pybullet.DIRECT)
+            self.renderer = look.renderer if look.renderer != "egl" or self._load_egl() else "tiny"
+        self.projection = projection(camera, half=0.0 if self.renderer == "tiny" else 1.0)
+        look.folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=look.folder, prefix="scene.tmp-") as scratch, quiet():
+            self._build(Path(scratch))
+
+    def _load_egl(self) -> bool:
+        """Whether PyBullet's OpenGL renderer works here: without EGL it ends the process, so a child tries first."""
+        spec = importlib.util.find_spec("eglRenderer")
+        if spec is None or spec.origin is None:
+            return False
+        probe = ("import pybullet as p, sys; c = p.connect(p.DIRECT); "
+                 "ok = p.loadPlugin(sys.argv[1], '_eglRendererPlugin', physicsClientId=c) >= 0; "
+                 "p.getCameraImage(8, 8, physicsClientId=c); sys.exit(0 if ok else 1)")
+        done = subprocess.run([sys.executable, "-c", probe, spec.origin], capture_output=True, check=False)
+        return done.returncode == 0 and pybullet.loadPlugin(
+            spec.origin, "_eglRendererPlugin", physicsClientId=self.client) >= 0
+
+    def _build(self, scratch: Path) -> None:
+        painter = WallPainter(self.world, self.look.px_per_m)
+        for wall in self.world.walls:
+            for number in range(len(wall.segments_m)):
+                self._show(scratch, wall_faces(wall, number), painter.texture(wall, number))
+        for box in self.world.boxes:
+            self._add_box(scratch, box)
+        x0, y0, x1, y1 = self.world.bounds_m
+        top = max(wall.height_m for wall in self.world.walls)
+        floor, ceiling = floor_and_ceiling(self.world.bounds_m, top)
+        for name, look, quads in (("floor", self.world.floor, floor), ("ceiling", self.world.ceiling, ceiling)):
+            image = surface(generator(self.world.seed, name), look, (x1 - x0, y1 - y0), FLOOR_PX_PER_M)
+            self._show(scratch, quads, image)
+
+    def add_obstacles(self) -> None:
+        """Put in the boxes that the survey did not see."""
+        with tempfile.TemporaryDirectory(dir=self.look.folder, prefix="scene.tmp-") as scratch, quiet():
+            for box in self.world.obstacles:
+                self._add_box(Path(scratch), box)
+
+    def _add_box(self, scratch: Path, box: Box) -> None:
+        w, d, h = box.size_m
+        rng = generator(self.world.seed, "box", box.name)
+        image = surface(rng, box.surface, (2 * (w + d), h), self.look.px_per_m)
+        self._show(scratch, box_sides(box), image)
+        self._show(scratch, box_lids(box), surface(rng, box.surface, (w, d), self.look.px_per_m))
+
+    def _show(self, scratch: Path, quads: list[Quad], image: np.ndarray) -> None:
+        """Add quads wearing parts of one image.
+
+        The textures are set once and the mesh names no material: PyBullet's OpenGL renderer mixes them up otherwise."""
+        number = len(list(scratch.iterdir()))  # PyBullet remembers files by name: no name is used twice
+        mesh, picture = scratch / f"{number}.obj", scratch / f"{number}.bmp"
+        mesh.write_text(obj_text(quads), encoding="ascii")
+        cv2.imwrite(str(picture), image[..., ::-1])
+        shape = pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[1, 1, 1, 1],
+                                           specularColor=[0, 0, 0], physicsClientId=self.client)
+        body = pybullet.createMultiBody(0, -1, shape, physicsClientId=self.client)
+        texture = pybullet.loadTexture(str(picture), physicsClientId=self.client)
+        if min(shape, body, texture) < 0:
+            raise RhsError(f"source.simulator: PyBullet could not take a mesh of world {self.world.name}")
+        pybullet.changeVisualShape(body, -1, textureUniqueId=texture, physicsClientId=self.client)
+
+    def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """RGB (H, W, 3) uint8 and depth (H, W) float32 in metres along the optical axis, NaN where nothing is."""
+        camera = self.camera
+        gl_from_optical = se3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+        view = gl_from_optical @ inverse(world_from_body @ camera.body_from_camera)
+        which = pybullet.ER_TINY_RENDERER if self.renderer == "tiny" else pybullet.ER_BULLET_HARDWARE_OPENGL
+        _, _, rgba, buffer, _ = pybullet.getCameraImage(
+            camera.width, camera.height, view.T.ravel().tolist(), self.projection.T.ravel().tolist(), renderer=which,
+            flags=pybullet.ER_NO_SEGMENTATION_MASK, physicsClientId=self.client, **SHADELESS)
+        image = np.asarray(rgba, np.uint8).reshape(camera.height, camera.width, 4)[..., :3].copy()
+        window = np.asarray(buffer, np.float64).reshape(camera.height, camera.width)
+        depth = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
+        depth[window >= 1.0] = np.nan
+        return image, depth.astype(np.float32)
+
+    def close(self) -> None:
+        """Let PyBullet forget the world; safe to call twice."""
+        if self.client >= 0:
+            with quiet():
+                pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+
+
+def projection(camera: Camera, *, half: float) -> np.ndarray:
+    """4x4 OpenGL projection whose pixels are exactly those of the camera (pixel centres on whole numbers).
+
+    half: 1 for OpenGL, which samples pixel i at i + 1/2; 0 for PyBullet's software renderer, which samples it at i."""
+    w, h, n, f = camera.width, camera.height, NEAR_M, FAR_M
+    return np.array([
+        [2 * camera.fx / w, -2 * camera.skew / w, 1 - (2 * camera.cx + half) / w, 0],
+        [0, 2 * camera.fy / h, 1 - (2 * (h - 1 - camera.cy) + half) / h, 0],
+        [0, 0, -(f + n) / (f - n), -2 * f * n / (f - n)],
+        [0, 0, -1, 0],
+    ])

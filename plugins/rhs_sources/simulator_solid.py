@@ -1,0 +1,76 @@
+"""What is solid, as PyBullet judges it: boxes for walls and furniture, a cylinder for the robot.
+
+Kept in a client of its own: PyBullet draws every solid body that has no picture, in front of those that have.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.floorplan import Box, Wall, World
+
+from .simulator_bullet import pybullet, quiet
+
+WALL_HALF_THICKNESS_M = 0.001  # solid walls are 2 mm thick, so that distances to them are right to a millimetre
+FAR_ENOUGH_M = 3.0  # distances beyond this are not looked for
+
+
+class Solid:
+    """The solid world and the robot in it. `close` it."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        with quiet():
+            self.client = pybullet.connect(pybullet.DIRECT)
+        self.bodies: list[int] = []
+        for wall in world.walls:
+            for number in range(len(wall.segments_m)):
+                self._add_wall(wall, number)
+        for box in world.boxes:
+            self._add_box(box)
+        self.robot = self._robot()
+
+    def add_obstacles(self) -> None:
+        """Put in the boxes that the survey did not see."""
+        for box in self.world.obstacles:
+            self._add_box(box)
+
+    def _add_box(self, box: Box) -> None:
+        w, d, h = box.size_m
+        self._add((w / 2, d / 2, h / 2), (*box.centre_m, box.bottom_m + h / 2), box.yaw_rad)
+
+    def _add_wall(self, wall: Wall, number: int) -> None:
+        a, b = wall.segments_m[number]
+        half = (0.5 * float(np.hypot(*(b - a))), WALL_HALF_THICKNESS_M, 0.5 * wall.height_m)
+        self._add(half, (*(0.5 * (a + b)), 0.5 * wall.height_m), float(np.arctan2(*(b - a)[::-1])))
+
+    def _add(self, half_m, middle_m, yaw_rad: float) -> None:
+        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=list(half_m), physicsClientId=self.client)
+        turn = pybullet.getQuaternionFromEuler([0.0, 0.0, yaw_rad])
+        self.bodies.append(pybullet.createMultiBody(0, shape, -1, list(middle_m), turn, physicsClientId=self.client))
+
+    def _robot(self) -> int:
+        height = self.world.camera_height_m
+        shape = pybullet.createCollisionShape(pybullet.GEOM_CYLINDER, radius=self.world.robot_radius_m, height=height,
+                                              physicsClientId=self.client)
+        return pybullet.createMultiBody(1, shape, -1, [0, 0, -100], physicsClientId=self.client)
+
+    def distance_m(self, x_m: float, y_m: float, *, within_m: float = FAR_ENOUGH_M) -> float:
+        """Distance from the robot's side to the nearest solid thing, if it stood there; negative: overlapping.
+
+        `within_m` when nothing is nearer than that."""
+        middle = 0.5 * self.world.camera_height_m + 1e-3
+        pybullet.resetBasePositionAndOrientation(self.robot, [x_m, y_m, middle], [0, 0, 0, 1],
+                                                 physicsClientId=self.client)
+        nearest = within_m
+        for body in self.bodies:
+            for contact in pybullet.getClosestPoints(self.robot, body, nearest, physicsClientId=self.client):
+                nearest = min(nearest, contact[8])
+        return nearest
+
+    def close(self) -> None:
+        """Let PyBullet forget the world; safe to call twice."""
+        if self.client >= 0:
+            with quiet():
+                pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
