@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from .accuracy import Pairing, absolute_errors_m, apart, consecutive, pair, relative_errors, rmse
 from .errors import RhsError
 from .grid import OccupancyGrid
-from .trajectory import Trajectory, read_tum
+from .trajectory import Trajectory, aligned, read_tum
 
 NAN = float("nan")
 Values = dict[str, float | int | str]
@@ -23,6 +24,8 @@ TOLERANCE_S = 0.02
 # A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
 VISITED_M = 0.5
 STAGES = ("sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
+PATROL = ("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions", "clearance_min_m",
+          "arrival_error_max_m", "path_length_m", "path_optimal_m")
 
 
 def evaluate(folder: Path) -> Values:
@@ -53,10 +56,10 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
         return _no_trajectory(truth)
     both = pair(estimate, truth, tolerance_s)
     errors = absolute_errors_m(both, alignment)
-    travelled = both.truth.travelled_m
-    per_step = relative_errors(both, consecutive(len(both.truth)))
-    per_metre = relative_errors(both, apart(travelled, 1.0))
-    per_second = relative_errors(both, apart(both.truth.stamps_s, 1.0))
+    scaled = replace(both, estimate=aligned(both.estimate, both.truth, alignment))  # of weight for sim3 alone
+    per_step = relative_errors(scaled, consecutive(len(both.truth)))
+    per_metre = relative_errors(scaled, apart(both.truth.travelled_m, 1.0))
+    per_second = relative_errors(scaled, apart(both.truth.stamps_s, 1.0))
     return {
         "matched_share": both.matched_share, "covered_share": both.covered_share,
         "distance_m": float(truth.travelled_m[-1]) if len(truth) else NAN,
@@ -107,55 +110,55 @@ def _status_shares(survey: list[dict[str, str]]) -> Values:
 
 
 def patrol_values(folder: Path, steps: list[dict[str, str]]) -> Values:
-    """What the patrol achieved, by the simulator's word wherever there is one."""
+    """What the patrol achieved, by the simulator's word wherever there is one. All unknown where nothing was asked."""
+    facts = _json(folder / "facts.json") or {}
+    places = [(place["x_m"], place["y_m"]) for place in facts.get("places", ())]
+    if not places:
+        return dict.fromkeys(PATROL, NAN)
     patrol = [row for row in steps if row["phase"] == "patrol"]
     missions = _json(folder / "missions.json") or []
     driven = _trajectory(folder / "truth_patrol.tum")
-    clearances = [float(row["clearance_m"]) for row in patrol if row["clearance_m"]]
+    clearances = np.array([float(row["clearance_m"] or "nan") for row in patrol])
     errors = arrival_errors_m(missions, patrol)
-    wanted = _places(folder) or list(dict.fromkeys(m["place"] for m in missions))
-    visited = {name for name, error in errors.items() if not error > VISITED_M}
     return {
-        "patrol_steps": len(patrol),
-        "places_total": len(wanted), "places_visited": len(visited), "missions": len(missions),
-        "replans": sum(int(m["replans"]) for m in missions),
-        "collisions": _collisions(steps), "clearance_min_m": min(clearances, default=NAN),
-        "arrival_error_max_m": max((e for e in errors.values() if not np.isnan(e)), default=NAN),
+        "patrol_steps": len(patrol), "places_total": len(places), "missions": len(missions),
+        "places_visited": int(np.sum(~(errors > VISITED_M))), "replans": sum(int(m["replans"]) for m in missions),
+        "collisions": _collisions(patrol) if np.isfinite(clearances).any() else NAN,
+        "clearance_min_m": _of(np.min, clearances[np.isfinite(clearances)]),
+        "arrival_error_max_m": _of(np.max, errors[np.isfinite(errors)]),
         "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
-        "path_optimal_m": path_optimal_m(folder, missions),
+        "path_optimal_m": path_optimal_m(folder, facts, patrol),
     }
 
 
-def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> dict[str, float]:
-    """Place -> true distance to it in the step in which the robot said it had arrived; NaN where nobody knows."""
-    errors = {}
+def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> np.ndarray:
+    """(N,) true distance to the place in each step in which the robot said it had arrived; NaN where nobody knows."""
     said = [row for row in patrol if "arrived" in row["event"].split("+")]
-    for mission, row in zip([m for m in missions if m["status"] == "arrived"], said, strict=False):
-        at = np.array([float(row["true_x_m"] or "nan"), float(row["true_y_m"] or "nan")])
-        errors[mission["place"]] = float(np.linalg.norm(at - np.asarray(mission["goal_m"], float)[:2]))
-    return errors
+    goals = [m["goal_m"][:2] for m in missions if m["status"] == "arrived"]
+    at = [(float(row["true_x_m"] or "nan"), float(row["true_y_m"] or "nan")) for row in said]
+    count = min(len(at), len(goals))
+    return np.linalg.norm(np.reshape(at[:count], (-1, 2)) - np.reshape(goals[:count], (-1, 2)), axis=1)
 
 
-def _collisions(steps: list[dict[str, str]]) -> int:
+def _collisions(patrol: list[dict[str, str]]) -> int:
     """Number of separate touches: a touch that lasts several steps counts once."""
-    touching = np.array([row["collided"] == "1" for row in steps], dtype=int)
+    touching = np.array([row["collided"] == "1" for row in patrol], dtype=int)
     return int((np.diff(touching, prepend=0) == 1).sum())
 
 
-def path_optimal_m(folder: Path, missions: list[dict]) -> float:
-    """Length of the shortest way through the places in order on the true plan grown by the robot's radius."""
-    facts = _json(folder / "world.json")
+def path_optimal_m(folder: Path, facts: dict, patrol: list[dict[str, str]]) -> float:
+    """Length of the shortest way from where the patrol truly began through the places in order, on the true plan grown
+    by the robot's radius; NaN without a true plan, inf where a place cannot be reached."""
     plan = _map(folder / "true_map.yaml")
-    if not facts or plan is None or not missions:
+    if plan is None or not patrol or not patrol[0]["true_x_m"]:
         return NAN
     from .judge import shortest_length_m
 
-    goals = list({m["place"]: tuple(m["goal_m"][:2]) for m in missions}.values())
-    stops = [np.asarray(p, float) for p in [missions[0]["start_m"][:2], *goals]]
+    start = (float(patrol[0]["true_x_m"]), float(patrol[0]["true_y_m"]))
+    stops = np.array([start, *((place["x_m"], place["y_m"]) for place in facts["places"])])
     blocked = plan.blocked(float(facts["robot_radius_m"]))
-    legs = [shortest_length_m(blocked, plan.resolution_m, plan.origin_m, a, b) for a, b in zip(stops, stops[1:],
-                                                                                          strict=False)]
-    return float(np.sum(legs))
+    return float(sum(shortest_length_m(blocked, plan.resolution_m, plan.origin_m, a, b)
+                     for a, b in zip(stops[:-1], stops[1:], strict=True)))
 
 
 # --- map -------------------------------------------------------------------------------------------------------------
@@ -235,11 +238,6 @@ def _map(path: Path) -> OccupancyGrid | None:
     from .maps import load_map
 
     return load_map(path)
-
-
-def _places(folder: Path) -> list[str] | None:
-    facts = _json(folder / "world.json")
-    return [place[0] for place in facts["places"]] if facts and facts.get("places") else None
 
 
 def _of(function, values: np.ndarray) -> float:

@@ -21,6 +21,8 @@ from .errors import ConfigError, RecordingError
 from .files import free_space
 from .geometry import Camera, inverse
 from .grid import OccupancyGrid
+from .playback import PARTS, STEP
+from .playback import read as read
 from .records import Step, Twist
 
 LEVELS = ("full", "light", "off")
@@ -58,14 +60,14 @@ class Recorder:
                                               "config": json.dumps(config or {}), "level": level})
 
     def step(self, step: Step) -> None:
-        """Append all that one step knows."""
+        """Append all that one step knows. /rhs/step comes first: it says which parts of the view follow."""
         if self._writer is None:
             return
         t = self._stamp_ns = ros.nanoseconds(step.stamp_s)
         with self._guarded():
             if not self._channels:
                 self._put("/tf_static", ros.transforms(t, [("body", "camera", self._camera.body_from_camera)]))
-            self._put("/rhs/step", ros.text(json.dumps(step_to_plain(step))))
+            self._put(STEP, ros.text(json.dumps(step_to_plain(step) | {"holds": self._parts(step)})))
             if self._level == "full":
                 self._put_images(step, t)
             self._put_readings(step, t)
@@ -110,21 +112,26 @@ class Recorder:
         self._writer.add_message(self._channels[topic], log_time=self._stamp_ns, publish_time=self._stamp_ns,
                                  data=ros.serialize(message))
 
+    def _parts(self, step: Step) -> list[str]:
+        """Which of image, depth and scan follow."""
+        names = PARTS if self._level == "full" else ("scan",)
+        return [name for name in names if getattr(step.observation, name) is not None]
+
     def _put_images(self, step: Step, t: int) -> None:
         seen = step.observation
         if seen.image is not None or seen.depth is not None:
             self._put("/camera/camera_info", ros.camera_info(seen.camera, t, "camera"))
         if seen.image is not None:
-            self._put("/camera/image/compressed", ros.compressed_image(seen.image, t, "camera"))
+            self._put(PARTS["image"], ros.compressed_image(seen.image, t, "camera"))
         if seen.depth is not None:
-            self._put("/camera/depth", ros.depth_image(seen.depth, t, "camera"))
+            self._put(PARTS["depth"], ros.depth_image(seen.depth, t, "camera"))
             self._put("/cloud", ros.depth_cloud(seen.camera, seen.depth, seen.image, t, frame="camera"))
 
     def _put_readings(self, step: Step, t: int) -> None:
         if step.scan is not None:
             self._put("/scan", ros.laser_scan(step.scan, t, "body"))
         if step.observation.scan is not None:
-            self._put("/scan_points", ros.scan_cloud(step.observation.scan, t, "body"))
+            self._put(PARTS["scan"], ros.scan_cloud(step.observation.scan, t, "body"))
         if step.observation.wheel is not None:
             self._put("/wheel", ros.travel(step.observation.wheel, t, "body"))
         if step.command is not None:

@@ -1,0 +1,182 @@
+"""The bytes of MCAP records: parsing that never believes a length (level 1). Container format: https://mcap.dev/spec."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+MAGIC = b"\x89MCAP0\r\n"
+LIMIT_BYTES = 256 << 20  # of one record, and of one chunk unpacked
+BLOCK_BYTES = 1 << 20
+(HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS,
+ METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END) = range(1, 16)
+CHUNK_HEAD = struct.Struct("<QQQI")
+FOOTER_BYTES = 8 + 8 + 4
+DATA_END_BYTES = 4
+IN_DATA = (HEADER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA, DATA_END)
+
+
+@dataclass(frozen=True)
+class Schema:
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Channel:
+    topic: str
+    encoding: str
+    schema: Schema
+    metadata: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message as recorded; log_ns, publish_ns in nanoseconds."""
+
+    channel: Channel
+    log_ns: int
+    publish_ns: int
+    sequence: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Note:
+    """A metadata record."""
+
+    name: str
+    values: dict[str, str]
+
+
+class Damage(Exception):
+    """A record that cannot be what it says. framed: its length is believable, so the next record can be found."""
+
+    def __init__(self, message: str, *, framed: bool = False):
+        super().__init__(message)
+        self.framed = framed
+
+
+def chunk_content(body: bytes) -> bytes:
+    """The unpacked, checked records of a chunk."""
+    _, _, unpacked, crc = CHUNK_HEAD.unpack_from(body)
+    compression, at = text_at(body, CHUNK_HEAD.size)
+    (packed,) = struct.unpack_from("<Q", body, at)
+    if at + 8 + packed != len(body):
+        raise Damage("a chunk's length does not fit its record")
+    if unpacked > LIMIT_BYTES:
+        raise Damage(f"a chunk claims to unpack to {unpacked} bytes; at most {LIMIT_BYTES} are read", framed=True)
+    data = unpack(memoryview(body)[at + 8 :], compression, unpacked)
+    if crc and zlib.crc32(data) != crc:
+        raise Damage("a chunk's checksum is wrong", framed=True)
+    return data
+
+
+def schema_of(body: bytes) -> tuple[int, Schema]:
+    (number,) = struct.unpack_from("<H", body)
+    name, at = text_at(body, 2)
+    encoding, at = text_at(body, at)
+    (size,) = struct.unpack_from("<I", body, at)
+    if at + 4 + size > len(body):
+        raise Damage("a schema is longer than its record")
+    return number, Schema(name, encoding, body[at + 4 : at + 4 + size])
+
+
+def channel_of(body: bytes) -> tuple[int, int, str, str, dict[str, str]]:
+    """Number, number of the schema, topic, encoding, metadata."""
+    number, schema = struct.unpack_from("<HH", body)
+    topic, at = text_at(body, 4)
+    encoding, at = text_at(body, at)
+    return number, schema, topic, encoding, pairs_at(body, at)
+
+
+def records_in(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
+    """(code, body) of the records that follow one another in `data`."""
+    view, at = memoryview(data), 0
+    while at < len(view):
+        if len(view) - at < 9:
+            raise Damage("a record's head is cut", framed=True)
+        opcode, length = struct.unpack_from("<BQ", view, at)
+        if length > len(view) - at - 9:
+            raise Damage("a record is longer than what holds it", framed=True)
+        yield opcode, view[at + 9 : at + 9 + length]
+        at += 9 + length
+
+
+def unpack(data: memoryview, compression: str, size: int) -> bytes:
+    """Exactly `size` bytes of a compressed chunk; never more memory than that, whatever the data claim."""
+    if compression == "":
+        plain = bytes(data)
+    elif compression == "zstd":
+        import zstandard
+
+        try:
+            plain = zstandard.ZstdDecompressor().stream_reader(bytes(data)).read(size + 1)
+        except (zstandard.ZstdError, MemoryError) as error:
+            raise Damage("a chunk does not unpack", framed=True) from error
+    elif compression == "lz4":
+        import lz4.frame
+
+        try:
+            plain = lz4.frame.LZ4FrameDecompressor().decompress(bytes(data), max_length=size + 1)
+        except (RuntimeError, MemoryError) as error:
+            raise Damage("a chunk does not unpack", framed=True) from error
+    else:
+        raise Damage(f"a chunk is packed with {compression[:20]!r}; zstd, lz4 or nothing can be read", framed=True)
+    if len(plain) != size:
+        raise Damage(f"a chunk unpacks to another length than the {size} bytes it claims", framed=True)
+    return plain
+
+
+def find_chunk(file: BinaryIO, start: int, size: int) -> int | None:
+    """Offset of the next plausible compressed chunk at or after `start`: a chunk's head whose lengths agree."""
+    words = ((b"\x04\x00\x00\x00zstd", 8), (b"\x03\x00\x00\x00lz4", 7))
+    before = 9 + CHUNK_HEAD.size
+    at = start
+    while at < size:
+        file.seek(at)
+        block = file.read(BLOCK_BYTES + 64)
+        found = [offset for word, width in words for offset in _plausible(block, word, width, limit=size - at)]
+        if found:
+            return at + min(found)
+        at += BLOCK_BYTES + 64 - before - 16 if len(block) == BLOCK_BYTES + 64 else len(block)
+    return None
+
+
+def _plausible(block: bytes, word: bytes, width: int, *, limit: int) -> Iterator[int]:
+    before = 9 + CHUNK_HEAD.size
+    at = block.find(word, before)
+    while at >= 0:
+        head = at - before
+        if block[head] == CHUNK and at + width + 8 <= len(block):
+            (length,) = struct.unpack_from("<Q", block, head + 1)
+            (packed,) = struct.unpack_from("<Q", block, at + width)
+            if length == CHUNK_HEAD.size + width + 8 + packed and head + 9 + length <= limit:
+                yield head
+                return
+        at = block.find(word, at + 1)
+
+
+def text_at(body: bytes | memoryview, at: int) -> tuple[str, int]:
+    """A text and where it ends."""
+    (size,) = struct.unpack_from("<I", body, at)
+    if at + 4 + size > len(body):
+        raise Damage("a text is longer than its record")
+    return str(bytes(body[at + 4 : at + 4 + size]), "utf-8"), at + 4 + size
+
+
+def pairs_at(body: bytes, at: int) -> dict[str, str]:
+    """A table of texts."""
+    (size,) = struct.unpack_from("<I", body, at)
+    at += 4
+    end, out = at + size, {}
+    if end > len(body):
+        raise Damage("a table of texts is longer than its record")
+    while at < end:
+        key, at = text_at(body, at)
+        out[key], at = text_at(body, at)
+    return out
