@@ -189,14 +189,17 @@ def load(path: Path) -> Memory:
             data = {name: file[name] for name in file.files}
         if int(data["format"]) != FORMAT:
             raise ValueError(f"format {int(data['format'])}, expected {FORMAT}")
-        width, height, *rest = data["camera"].tolist()
-        camera = Camera(int(width), int(height), *rest, distortion=tuple(data["distortion"].tolist()),
-                        body_from_camera=data["body_from_camera"])  # fmt: skip
-        memory = Memory(*(data[name] for name in _ARRAYS), camera)
+        memory = Memory(**{name: data[name] for name in _ARRAYS}, camera=_camera_of(data))
         _check_sizes(memory)
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise RecordingError(f"{path} is not a place database: {error}; write one with rhs.places.save") from error
     return memory
+
+
+def _camera_of(data: dict[str, np.ndarray]) -> Camera:
+    width, height, fx, fy, cx, cy, skew = data["camera"].tolist()
+    distortion = tuple(data["distortion"].tolist())
+    return Camera(int(width), int(height), fx, fy, cx, cy, skew, distortion, data["body_from_camera"])
 
 
 _ARRAYS = ("poses", "indices", "starts", "pixels", "descriptors", "points")

@@ -28,13 +28,18 @@ def ring(count: int = 24, turns: float = 1.0) -> list[np.ndarray]:
 
 
 @cache
-def _observation(key: bytes, index: int) -> Observation:
-    return observe(CAMERA, np.frombuffer(key).reshape(4, 4), paintings(), index)
+def _paintings() -> np.ndarray:
+    return paintings()
 
 
-def look(pose: np.ndarray, index: int = 0) -> Observation:
-    """What the camera sees from a pose; rendered once per pose."""
-    return _observation(np.ascontiguousarray(pose, float).tobytes(), index)
+@cache
+def _observation(key: bytes) -> Observation:
+    return observe(CAMERA, np.frombuffer(key).reshape(4, 4), _paintings())
+
+
+def look(pose: np.ndarray) -> Observation:
+    """What the camera sees from a pose; rendered once per pose. Its index is 0."""
+    return _observation((np.round(pose, 9) + 0.0).tobytes())
 
 
 def survey(truth: list[np.ndarray], *, drift: np.ndarray | None = None, every: int = 1) -> list[View]:
@@ -44,7 +49,7 @@ def survey(truth: list[np.ndarray], *, drift: np.ndarray | None = None, every: i
     for k, pose in enumerate(truth):
         step = np.eye(4) if k == 0 else inverse(truth[k - 1]) @ pose @ drift
         believed = believed @ step
-        seen = look(pose, k)
+        seen = look(pose)
         kept = k % every == 0 or k == len(truth) - 1
         motion = Motion(step, SMALL, Tracking.OK)
         out.append(View(k, 0.1 * k, CAMERA, motion, believed, SMALL, None, features(seen, FEATURES) if kept else None))

@@ -17,7 +17,7 @@ from rhs.vision import features
 
 @pytest.fixture(scope="module")
 def memory():
-    return memory_of(survey(ring(16)))
+    return memory_of(survey(ring(24)))
 
 
 def _error(found, truth):
@@ -40,7 +40,7 @@ def test_a_view_between_the_stored_ones_is_located_to_centimetres(memory, retrie
 def test_a_stored_view_asked_again_names_itself_first(memory, retrieval):
     database = PlaceDatabase(memory, PlaceSettings(retrieval), np.random.default_rng(0))
     for place in (0, 5, 11):
-        assert database.ask(memory.features(place), CAMERA).ranked[0] in (place, (place + 16) % 32)
+        assert database.ask(memory.features(place), CAMERA).ranked[0] in (place, (place + 24) % 48)
 
 
 def test_a_room_never_seen_is_not_recognised(memory):
@@ -59,7 +59,7 @@ def test_a_blank_view_and_an_empty_memory_abstain(memory):
 
 
 def test_two_rooms_hung_with_the_same_paintings_make_it_abstain():
-    views = survey(ring(8))
+    views = survey(ring(24))
     twins = views + [replace(v, map_from_body=se2(20.0, 0.0, 0.0) @ v.map_from_body) for v in views]
     database = PlaceDatabase(memory_of(twins), PlaceSettings(checks=6), np.random.default_rng(0))
     answer = database.ask(features(look(se2(1.3, 0.3, 1.9)), FEATURES), CAMERA)

@@ -1,11 +1,16 @@
 """Closing a drifted lap of the painted room."""
 
+from dataclasses import replace
+
 import numpy as np
 from painted_survey import context, ring, survey
 
+from rhs.consistency import DriftBounds, agreement, largest_agreeing, supported
 from rhs.geometry import inverse, log_se3, se2
 from rhs.loops import travelled_m
+from rhs.records import LoopEdge
 from rhs_loop_closers.error_distribution_config import ErrorDistribution
+from rhs_loop_closers.pose_graph_config import PoseGraph
 
 TRUTH = ring(24)
 
@@ -53,3 +58,54 @@ def test_two_views_or_none_do_not_break_it():
 
 def test_travelled_adds_up():
     np.testing.assert_allclose(travelled_m(np.stack([se2(0, 0, 0), se2(3, 4, 1), se2(3, 5, 1)])), [0, 5, 6])
+
+
+def _ate_m(poses, truth):
+    return float(np.sqrt(np.mean([np.linalg.norm(p[:3, 3] - t[:3, 3]) ** 2 for p, t in zip(poses, truth, strict=True)])))
+
+
+def test_pose_graph_halves_the_error_of_a_lap_and_a_half_and_more():
+    truth = ring(36, turns=1.5)
+    views = survey(truth, drift=se2(0.01, 0.004, 0.01))
+    closure = PoseGraph().build(context()).close(views)
+    assert closure.details["closures"] >= 5
+    assert _ate_m(closure.poses, truth) < 0.3 * _ate_m([view.map_from_body for view in views], truth)
+    np.testing.assert_array_equal(closure.poses[0], views[0].map_from_body)
+
+
+def test_pose_graph_refuses_a_planted_lie_with_a_reason():
+    truth = ring(36, turns=1.5)
+    views = survey(truth, drift=se2(0.01, 0.004, 0.01))
+    views[30] = replace(views[30], features=views[10].features)  # view 30 pretends to be view 10
+    closure = PoseGraph().build(context()).close(views)
+    for edge in closure.edges:
+        if edge.later == 30 or edge.earlier == 30:
+            assert not edge.accepted and edge.reason
+    assert _ate_m(closure.poses, truth) < 0.3 * _ate_m([view.map_from_body for view in views], truth)
+
+
+def test_pose_graph_without_loops_changes_nothing():
+    views = survey(TRUTH[:10], drift=se2(0.01, 0.0, 0.0))
+    closure = PoseGraph().build(context()).close(views)
+    np.testing.assert_array_equal(closure.poses, [view.map_from_body for view in views])
+    assert PoseGraph().build(context()).close([]).poses.shape == (0, 4, 4)
+    assert PoseGraph().build(context()).close(survey(TRUTH[:1])).poses.shape == (1, 4, 4)
+
+
+def test_two_crowds_of_loops_that_contradict_each_other_are_not_mixed():
+    poses = np.stack([se2(0.5 * k, 0.0, 0.0) for k in range(60)])
+    way_m = travelled_m(poses)
+
+    def edge(i, j, x_m):
+        return LoopEdge(i, j, se2(x_m, 0.0, 0.0), np.eye(6), 30)
+
+    true = [edge(k, 50 + k, 0.5 * 50) for k in range(5)]
+    false = [edge(k, 50 + k, 0.5 * 50 + 3.0) for k in range(3)]
+    agree = agreement(true + false, poses, way_m, DriftBounds())
+    assert largest_agreeing(agree, np.ones(8)).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_a_lonely_edge_has_no_support():
+    way_m = np.arange(60.0)
+    edges = [LoopEdge(i, j, np.eye(4), np.eye(6), 30) for i, j in ((0, 40), (1, 41), (2, 42), (20, 55))]
+    assert supported(edges, way_m, 3.0).tolist() == [3, 3, 3, 1]

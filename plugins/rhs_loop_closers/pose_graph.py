@@ -1,0 +1,146 @@
+"""Loop closer `pose_graph`: loops anywhere on the route, four tests before one is believed, then least squares.
+
+1. Appearance: VLAD likeness of all pairs of stored views far apart along the way; the likeliest are checked.
+2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show (rhs.sighting).
+3. Odometry over a window: the loop moves no pose further than the odometry can have drifted; neighbouring views close the
+   same loop; all accepted loops agree pairwise round the cycles they make (rhs.consistency).
+4. Graph: after solving (rhs.posegraph), a loop that stays unhappy or bends the odometry between its neighbours is thrown
+   out and the rest is solved again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rhs.consistency import DriftBounds, agreement, largest_agreeing, supported
+from rhs.contracts import Context
+from rhs.filtering import gate
+from rhs.loops import closing_gap, edge_between, poses_of, travelled_m
+from rhs.posegraph import Edges, Solution, chain, joined, optimise
+from rhs.records import Closure, LoopEdge, View
+from rhs.retrieval import Vlad
+from rhs.sighting import SightingSettings
+
+from .pose_graph_config import PoseGraph
+
+# A loop edge is trusted to this much at best: the check's own covariance leaves out what all its points share.
+EDGE_SIGMA_M, EDGE_SIGMA_RAD = 0.02, 0.005
+
+
+class PoseGraphCloser:
+    """Finds, tests and uses loops."""
+
+    def __init__(self, settings: PoseGraph, context: Context) -> None:
+        self._settings, self._rng = settings, context.rng
+        self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio)
+
+    def close(self, views: Sequence[View]) -> Closure:
+        """Candidates, geometry, odometry, graph."""
+        poses = poses_of(views)
+        way_m = travelled_m(poses) if len(poses) else np.zeros(0)
+        pairs = likely_pairs(views, poses, way_m, self._settings, self._rng)
+        found = [edge_between(views, i, j, settings=self._sighting, rng=self._rng) for i, j in pairs]
+        edges = self._judged([edge for edge in found if edge is not None], poses, way_m)
+        edges, poses = self._solved(edges, views, poses, way_m)
+        accepted = sum(edge.accepted for edge in edges)
+        details = {"closures": float(accepted), "closures_refused": float(len(edges) - accepted),
+                   "pairs_checked": float(len(pairs))}  # fmt: skip
+        return Closure(poses, tuple(edges), details)
+
+    def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray) -> list[LoopEdge]:
+        """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others."""
+        edges = [self._plausible(edge, poses, way_m) for edge in edges]
+        alive = [k for k, edge in enumerate(edges) if edge.accepted]
+        support = supported([edges[k] for k in alive], way_m, self._settings.window_m)
+        for k, count in zip(alive, support, strict=True):
+            if count < self._settings.support:
+                edges[k] = _refused(edges[k], f"stands alone: {count} of {self._settings.support} views close this loop")
+        alive = [k for k in alive if edges[k].accepted]
+        agree = agreement([edges[k] for k in alive], poses, way_m, DriftBounds())
+        chosen = set(largest_agreeing(agree, np.array([float(edges[k].inliers) for k in alive])))
+        for n, k in enumerate(alive):
+            if n not in chosen:
+                edges[k] = _refused(edges[k], "contradicts the other loops through the odometry")
+        return edges
+
+    def _plausible(self, edge: LoopEdge, poses: np.ndarray, way_m: np.ndarray) -> LoopEdge:
+        way = way_m[edge.later] - way_m[edge.earlier]
+        shift_m = float(np.linalg.norm(closing_gap(poses, edge)[:3, 3]))
+        if shift_m <= 0.5 + self._settings.max_drift_share * way:
+            return edge
+        return _refused(edge, f"moves the later view by {shift_m:.1f} m after {way:.1f} m of way")
+
+    def _solved(self, edges: list[LoopEdge], views: Sequence[View], poses: np.ndarray, way_m: np.ndarray):
+        """The edges, with those refused that the graph does not bear, and the poses that follow from the rest."""
+        odometry = _odometry_edges(views, poses, way_m, self._settings) if len(views) > 1 else None
+        while any(edge.accepted for edge in edges):
+            assert odometry is not None
+            alive = [k for k, edge in enumerate(edges) if edge.accepted]
+            graph = joined(odometry, _loop_edges([edges[k] for k in alive]))
+            solution = optimise(poses, graph, kernel=self._settings.kernel_sigma)
+            worst = _unhappy(solution, len(odometry), self._settings.kernel_sigma)
+            if worst is None:
+                return edges, solution.poses
+            edges[alive[worst]] = _refused(edges[alive[worst]], "bends the graph: its residual stays outside the gate")
+        return edges, poses
+
+
+def likely_pairs(
+    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph, rng: np.random.Generator
+) -> list[tuple[int, int]]:
+    """(earlier, later) positions of the stored views that look most alike, are no neighbours on the way, and lie no
+    further apart than the odometry may have drifted plus what two views of one place can lie apart (4 m)."""
+    at = np.array([k for k, v in enumerate(views) if v.features is not None and len(v.features.pixels) > 1], int)
+    if len(at) < 2:
+        return []
+    vectors = _vectors([views[k] for k in at], rng)
+    likeness = vectors @ vectors.T
+    way = way_m[at][None, :] - way_m[at][:, None]
+    gap = np.linalg.norm(poses[at][:, None, :2, 3] - poses[at][None, :, :2, 3], axis=2)
+    possible = (way > settings.min_way_m) & (gap < 4.5 + settings.max_drift_share * way)
+    earlier, later = np.nonzero(possible)
+    order = np.argsort(-likeness[earlier, later], kind="stable")[: settings.checks]
+    return [(int(at[i]), int(at[j])) for i, j in zip(earlier[order], later[order], strict=True)]
+
+
+def _vectors(views: Sequence[View], rng: np.random.Generator) -> np.ndarray:
+    """(P, D) VLAD vectors of stored views over a vocabulary of their own."""
+    rows = [view.features.descriptors for view in views if view.features is not None]
+    starts = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
+    model = Vlad(np.concatenate(rows), starts, rng)
+    return np.stack([model.vector(r) for r in rows])
+
+
+def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph) -> Edges:
+    """The chain of motions as the poses hold it, its covariance widened by the drift the settings expect."""
+    step_m = np.diff(way_m)
+    turn = np.array([views[k].motion.covariance for k in range(1, len(views))])
+    drift_m = settings.drift_m_per_m * step_m + 1e-3
+    drift_rad = settings.drift_rad_per_m * step_m + 1e-3
+    floor = np.zeros_like(turn)
+    floor[:, range(3), range(3)] = (drift_m**2)[:, None]
+    floor[:, range(3, 6), range(3, 6)] = (drift_rad**2)[:, None]
+    return chain(poses, turn + floor)
+
+
+def _loop_edges(edges: Sequence[LoopEdge]) -> Edges:
+    floor = np.diag([EDGE_SIGMA_M**2] * 3 + [EDGE_SIGMA_RAD**2] * 3)
+    return Edges(
+        np.array([edge.earlier for edge in edges]), np.array([edge.later for edge in edges]),
+        np.stack([edge.earlier_from_later for edge in edges]), np.stack([edge.covariance + floor for edge in edges]),
+        np.ones(len(edges), bool),
+    )  # fmt: skip
+
+
+def _unhappy(solution: Solution, odometry_count: int, kernel: float) -> int | None:
+    """Which loop edge (position among them) is worst and outside the gate, or None when all fit."""
+    loops = solution.chi2[odometry_count:]
+    worst = int(loops.argmax())
+    return worst if loops[worst] > gate(6, 0.999) * kernel**2 else None
+
+
+def _refused(edge: LoopEdge, reason: str) -> LoopEdge:
+    return replace(edge, accepted=False, reason=reason)

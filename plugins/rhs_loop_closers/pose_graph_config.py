@@ -1,0 +1,56 @@
+"""Settings of the loop closer `pose_graph`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.errors import check_range
+
+
+@dataclass
+class PoseGraph:
+    """Finds loops anywhere on the route, refuses those that do not fit together, and solves a robust pose graph."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    # Two views closer than this along the way are neighbours, not a loop, metres.
+    min_way_m: float = 5.0
+    # So many pairs of views, the likeliest ones, are checked by geometry: about 8 ms each at 320x240.
+    checks: int = 60
+    # Key-points that must agree on one motion between the views.
+    min_inliers: int = 20
+    # Least share of the key-points that both views should show which are found again; look-alike paintings in a
+    # different setting fall below it.
+    min_coverage: float = 0.12
+    # An edge needs so many different later views near it (window_m) that close the same loop.
+    support: int = 2
+    # Metres of way in which the supporting views must lie.
+    window_m: float = 3.0
+    # A loop may not move a pose by more than this share of the way between its ends (plus half a metre).
+    max_drift_share: float = 0.15
+    # Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a step) ...
+    drift_m_per_m: float = 0.03
+    # ... and radians per metre.
+    drift_rad_per_m: float = 0.01
+    # Scale of the robust (Cauchy) kernel on loop edges, sigmas.
+    kernel_sigma: float = 3.0
+
+    def __post_init__(self) -> None:
+        owner = "loop_closer.pose_graph"
+        check_range(owner, "min_way_m", self.min_way_m, low=0.1, high=10000.0, unit="m")
+        check_range(owner, "checks", self.checks, low=1, high=100000)
+        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
+        check_range(owner, "min_coverage", self.min_coverage, low=0.0, high=1.0)
+        check_range(owner, "support", self.support, low=1, high=1000)
+        check_range(owner, "window_m", self.window_m, low=0.1, high=1000.0, unit="m")
+        check_range(owner, "max_drift_share", self.max_drift_share, low=0.0, high=10.0)
+        check_range(owner, "drift_m_per_m", self.drift_m_per_m, low=1e-5, high=1.0)
+        check_range(owner, "drift_rad_per_m", self.drift_rad_per_m, low=1e-5, high=1.0)
+        check_range(owner, "kernel_sigma", self.kernel_sigma, low=0.1, high=1000.0)
+
+    def build(self, context: Any) -> Any:
+        from .pose_graph import PoseGraphCloser
+
+        return PoseGraphCloser(self, context)
