@@ -83,7 +83,9 @@ class KdTree:
 
 class Vlad:
     """One vector per view: residuals to the words of a small vocabulary, summed per word (Jegou et al. 2010), each word
-    brought to unit length (Arandjelovic and Zisserman 2013). The score is the cosine."""
+    brought to unit length (Arandjelovic and Zisserman 2013). The score is the cosine.
+
+    vectors (P, D): one per stored view, of unit length."""
 
     def __init__(
         self, descriptors: np.ndarray, starts: np.ndarray, rng: np.random.Generator, words: int = 64
@@ -91,7 +93,7 @@ class Vlad:
         self._words = _vocabulary(descriptors, min(words, max(len(descriptors) // 8, 1)), rng)
         vectors = np.stack([self.vector(descriptors[a:b]) for a, b in zip(starts[:-1], starts[1:], strict=True)])
         self._basis = _principal(vectors) if len(vectors) > COMPRESS_ABOVE else None
-        self._vectors = vectors if self._basis is None else _unit(vectors @ self._basis)
+        self.vectors = vectors if self._basis is None else _unit(vectors @ self._basis)
 
     def rank(self, descriptors: np.ndarray, top: int) -> tuple[np.ndarray, np.ndarray]:
         return _best(self.likeness(descriptors), top)
@@ -99,15 +101,16 @@ class Vlad:
     def likeness(self, descriptors: np.ndarray) -> np.ndarray:
         """(P,) cosine between the view and each stored one."""
         vector = self.vector(descriptors)
-        return self._vectors @ (vector if self._basis is None else _unit(vector @ self._basis))
+        return self.vectors @ (vector if self._basis is None else _unit(vector @ self._basis))
 
     def vector(self, descriptors: np.ndarray) -> np.ndarray:
         """(words * 128,) float32 of unit length, zero for a view without key-points."""
         out = np.zeros((len(self._words), 128), np.float32)
         if len(descriptors):
             word = (descriptors @ self._words.T - 0.5 * (self._words**2).sum(axis=1)).argmax(axis=1)
-            np.add.at(out, word, descriptors - self._words[word])
-        return _unit(_unit(out).ravel())
+            members = word == np.arange(len(self._words))[:, None]
+            out = members.astype(np.float32) @ descriptors - members.sum(axis=1, keepdims=True) * self._words
+        return _unit(_unit(out.astype(np.float32)).ravel())
 
 
 def _best(scores: np.ndarray, top: int) -> tuple[np.ndarray, np.ndarray]:
@@ -122,14 +125,15 @@ def _unit(rows: np.ndarray) -> np.ndarray:
 
 def _vocabulary(descriptors: np.ndarray, words: int, rng: np.random.Generator, rounds: int = 12) -> np.ndarray:
     """(words, 128) centres by Lloyd's k-means over a sample of the descriptors."""
+    from scipy.sparse import csr_matrix
+
     size = min(len(descriptors), WORDS_SAMPLE)
     sample = descriptors[np.sort(rng.choice(len(descriptors), size, replace=False))]
     centres = sample[rng.choice(size, words, replace=False)].copy()
     for _ in range(rounds):
         word = (sample @ centres.T - 0.5 * (centres**2).sum(axis=1)).argmax(axis=1)
-        sums = np.zeros_like(centres)
-        np.add.at(sums, word, sample)
-        count = np.bincount(word, minlength=words)
+        members = csr_matrix((np.ones(size, np.float32), (word, np.arange(size))), (words, size))
+        sums, count = members @ sample, np.bincount(word, minlength=words)
         used = count > 0
         centres[used] = sums[used] / count[used, None]
     return centres

@@ -96,8 +96,7 @@ def likely_pairs(
     at = np.array([k for k, v in enumerate(views) if v.features is not None and len(v.features.pixels) > 1], int)
     if len(at) < 2:
         return []
-    vectors = _vectors([views[k] for k in at], rng)
-    likeness = vectors @ vectors.T
+    likeness = _likeness([views[k] for k in at], rng)
     way = way_m[at][None, :] - way_m[at][:, None]
     gap = np.linalg.norm(poses[at][:, None, :2, 3] - poses[at][None, :, :2, 3], axis=2)
     possible = (way > settings.min_way_m) & (gap < 4.5 + settings.max_drift_share * way)
@@ -106,12 +105,12 @@ def likely_pairs(
     return [(int(at[i]), int(at[j])) for i, j in zip(earlier[order], later[order], strict=True)]
 
 
-def _vectors(views: Sequence[View], rng: np.random.Generator) -> np.ndarray:
-    """(P, D) VLAD vectors of stored views over a vocabulary of their own."""
+def _likeness(views: Sequence[View], rng: np.random.Generator) -> np.ndarray:
+    """(P, P) cosines between the VLAD vectors of stored views, over a vocabulary of their own."""
     rows = [view.features.descriptors for view in views if view.features is not None]
     starts = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
-    model = Vlad(np.concatenate(rows), starts, rng)
-    return np.stack([model.vector(r) for r in rows])
+    vectors = Vlad(np.concatenate(rows), starts, rng).vectors
+    return vectors @ vectors.T
 
 
 def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph) -> Edges:
