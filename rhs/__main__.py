@@ -24,8 +24,8 @@ from .errors import ConfigError, RhsError  # noqa: E402
 USAGE = "python -m rhs [options] key=value ..."
 
 
-class Terminated(BaseException):
-    """SIGTERM arrived."""
+class Terminated(KeyboardInterrupt):
+    """SIGTERM arrived: like Ctrl-C, with another exit code."""
 
 
 class Arguments(argparse.ArgumentParser):
@@ -45,9 +45,7 @@ def main(words: list[str] | None = None) -> int:
     except RhsError as error:
         return _complain(error, error.exit_code, debug)
     except KeyboardInterrupt as error:
-        return _complain(error, 130, debug, "interrupted")
-    except Terminated as error:
-        return _complain(error, 143, debug, "terminated")
+        return _complain(error, _signal_code(error), debug, "interrupted; what was finished is kept")
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -70,6 +68,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--timeout", type=float, default=0.0)
     parser.add_argument("--resume", nargs="?", const="")
     parser.add_argument("--force", action="store_true")
+    parser.add_argument("--fail-fast", type=int, default=0)
     parser.add_argument("--config-dir", action="append", default=[])
     parser.add_argument("--debug", action="store_true")
     parser.add_argument("overrides", nargs="*")
@@ -77,6 +76,9 @@ def _arguments() -> argparse.ArgumentParser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    if arguments.resume and "=" in arguments.resume and not Path(arguments.resume).is_dir():
+        arguments.overrides.append(arguments.resume)  # `--resume key=value`: the folder is in output=
+        arguments.resume = ""
     if arguments.version:
         from importlib.metadata import version
 
@@ -103,18 +105,20 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
 
         print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
         return 0
+    from .experiment import run_config
     from .folders import claim_run
     from .progress import bar
-    from .experiment import run_config
 
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)
         cause = row.pop("_cause", None)
         print(table_of(row))
         print(f"\nfiles: {claim.folder}")
-    if cause is not None and row.get("status") == "failed":
-        _complain(cause, 1, arguments.debug, str(row.get("reason", "")))
-    return exit_code(row)
+    status = row.get("status")
+    if status == "ok":
+        return 0
+    code = 1 if cause is None or status != "interrupted" else _signal_code(cause)
+    return _complain(cause, code, arguments.debug, f"{status}: {row.get('reason', '')}")
 
 
 TOLD = ("status", "reason", "world", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed",
@@ -134,13 +138,89 @@ def table_of(row: dict) -> str:
     return "\n".join(lines)
 
 
-def exit_code(row: dict) -> int:
-    """The exit code of a single run, from its row."""
-    return {"ok": 0, "interrupted": 130}.get(str(row.get("status")), 1)
+def _signal_code(error: BaseException) -> int:
+    return 143 if isinstance(error, Terminated) else 130
 
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
-    raise ConfigError("sweeps are not there yet")
+    from . import sweep
+    from .folders import claim_sweep
+
+    resume, words = arguments.resume is not None, list(arguments.overrides)
+    if arguments.resume:
+        before = sweep.recall(Path(arguments.resume))
+        typed = {word.partition("=")[0] for word in words}
+        words = [word for word in before["words"] if word.partition("=")[0] not in {*typed, "output"}] + words
+        folders = folders or tuple(map(Path, before["conf"]))
+        words.append(f"output={_quoted(arguments.resume)}")
+    plan = sweep.plan(words, folders)
+    if arguments.cfg:
+        print("\n".join(job.name for job in plan.jobs))
+        return 0
+    limits = _limits(arguments)
+    with claim_sweep(plan.output, resume=resume) as claim:
+        if (claim.folder / "sweep.json").exists() and not arguments.force:
+            sweep.check_same(plan, claim.folder, sweep.recall(claim.folder))
+        sweep.remember(plan, claim.folder)
+        return _run_sweep(plan, claim.folder, limits)
+
+
+def _run_sweep(plan, folder: Path, limits) -> int:
+    """Run the plan under one progress bar, then say what became of it."""
+    from tqdm import tqdm
+
+    from . import sweep
+
+    counts: dict[str, int] = {}
+    with tqdm(total=len(plan.jobs), unit="job", disable=None, dynamic_ncols=True) as shown:
+        def tell(job, status: str) -> None:
+            counts[status] = counts.get(status, 0) + 1
+            shown.set_postfix(counts, refresh=False)
+            shown.update()
+
+        try:
+            report = sweep.run_plan(plan, folder, limits, tell=tell)
+        except KeyboardInterrupt as error:
+            shown.close()
+            print("\n".join(error.report.lines()))  # type: ignore[attr-defined]
+            print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
+            raise
+    _print_table(folder)
+    if plan.repeated:
+        print(f"{plan.repeated} combinations gave a configuration that was there already; each ran once")
+    print("\n".join(report.lines()))
+    print(f"files: {folder}")
+    if not report.complete:
+        failed = sum(status != "ok" for status in report.status.values())
+        print(f"rhs: {failed} of {len(report.status)} jobs did not end well; see job.log in their folders and "
+              f"{folder}/jobs.json", file=sys.stderr)
+    return 0 if report.complete else 3
+
+
+def _print_table(folder: Path) -> None:
+    from .files import replacing
+    from .summary import as_text, summarise
+    from .table import rows, to_csv
+
+    table = rows([folder])
+    with replacing(folder / "table.csv") as file:
+        file.write(to_csv(table))
+    print(as_text(summarise(table)))
+
+
+def _limits(arguments: argparse.Namespace):
+    from .errors import check_range
+    from .launcher import Limits
+
+    check_range("", "--jobs", arguments.jobs, low=0, high=1024)
+    check_range("", "--timeout", arguments.timeout, low=0.0, high=1e7, unit="s")
+    check_range("", "--fail-fast", arguments.fail_fast, low=0, high=1_000_000)
+    return Limits(arguments.jobs or len(os.sched_getaffinity(0)), arguments.timeout, arguments.fail_fast)
+
+
+def _quoted(text: str) -> str:
+    """Text as Hydra's grammar takes it whole."""
+    return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
 
 
 def _config_dir(text: str) -> Path:
@@ -164,9 +244,9 @@ def _terminate(signum: int, frame: object) -> None:
     raise Terminated()
 
 
-def _complain(error: BaseException, code: int, debug: bool, text: str = "") -> int:
+def _complain(error: BaseException | None, code: int, debug: bool, text: str = "") -> int:
     """One line on stderr; the traceback only with --debug."""
-    if debug:
+    if debug and error is not None:
         traceback.print_exception(error)
     if not text:
         text = " ".join(str(error).split())

@@ -19,8 +19,10 @@ import numpy as np
 from . import registry, settings
 from .contracts import KINDS, FeatureSettings
 from .errors import ConfigError, check_choice, check_range
+from .files import replacing
 from .mission import MissionSettings
 from .parts import Chosen, Parts, build, check_combination
+from .strict_yaml import load_yaml
 
 TASKS = ("patrol", "planning")
 OUTPUTS = ("output", "overwrite", "recording", "video")  # what is kept of a run; no number depends on these
@@ -178,6 +180,22 @@ def to_plain(config: RunConfig) -> dict[str, Any]:
     for kind, chosen in config.chosen().items():
         values[kind] = {"name": chosen.name, **settings.plain(chosen.settings)}
     return values
+
+
+def write_config(config: RunConfig, folder: Path) -> None:
+    """config.yaml: the resolved configuration, which `from_plain` reads back."""
+    import yaml
+
+    with replacing(folder / "config.yaml") as file:
+        yaml.safe_dump(to_plain(config), file, sort_keys=False, allow_unicode=True)
+
+
+def read_config(folder: Path) -> RunConfig:
+    """The configuration that a run folder remembers, checked like one that was typed."""
+    values = load_yaml(folder / "config.yaml")
+    if not isinstance(values, dict):
+        raise ConfigError(f"{folder}/config.yaml: expected `key: value` lines")
+    return from_plain(values)
 
 
 def config_hash(config: RunConfig) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import survey as surveying
-from .compose import RunConfig, build_parts, identity, to_plain
+from .compose import RunConfig, build_parts, identity, to_plain, write_config
 from .errors import RhsError
 from .files import replacing
 from .floorplan import World, truth_grid
@@ -80,7 +80,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     except KeyboardInterrupt as error:
         row.update(status="interrupted", reason="interrupted by the user")
         cause = error
-    except Exception as error:  # a plugin may raise anything; its run is a row with a reason
+    except (Exception, SystemExit) as error:  # a plugin may raise anything, even exit; its run is a row with a reason
         row.update(status="failed", reason=reason_of(error, notebook))
         cause = error
     finally:
@@ -105,7 +105,7 @@ def draw(config: RunConfig, folder: Path) -> None:
         report.video(folder)
 
 
-def reason_of(error: Exception, notebook: Notebook | None) -> str:
+def reason_of(error: BaseException, notebook: Notebook | None) -> str:
     """One line: what, where in the run."""
     at = f" at step {sum(notebook.counts.values())}" if notebook is not None else ""
     return " ".join(f"{type(error).__name__}{at}: {error}".split())
@@ -113,6 +113,7 @@ def reason_of(error: Exception, notebook: Notebook | None) -> str:
 
 def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: Path, watch: Watch) -> Notebook:
     """The run's files that grow with its steps, and the true plan beside them for the judge."""
+    write_config(config, folder)
     facts = parts.source.facts
     places = [{"name": n, "x_m": x, "y_m": y} for n, x, y in facts.places]
     write_json(folder / "facts.json", {"name": facts.name, "start": list(facts.start), "places": places,

@@ -34,7 +34,8 @@ Options
   -m, --multirun      run every combination of the values given, each in a process of its own
   --jobs N            processes at a time in a sweep (one per core)
   --timeout SECONDS   a job of a sweep that takes longer is stopped and counted (none)
-  --resume [FOLDER]   go on with a sweep: only what is not finished runs
+  --fail-fast N       stop a sweep after N jobs that failed alike (never)
+  --resume [FOLDER]   go on with a sweep: only what has not ended well runs
   --force             resume although the configuration or the version changed
   --config-dir DIR    look for experiment/, stack/ and presets here first; may be repeated
   --cfg               print the configuration that these words give, run nothing

@@ -1,76 +1,212 @@
-"""Settings of every type, and parts that can be built but do nothing."""
+"""A whole chain of light parts: an empty room, a noisy wheel, a straight line. And every way an odometry can go wrong."""
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
+import time
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
-from rhs.errors import check_range
+from rhs.errors import check_choice, check_range
 
 NOTHING: frozenset[str] = frozenset()
-
-
-class Part:
-    """A part that remembers what it was built from."""
-
-    def __init__(self, settings: Any, context: Any) -> None:
-        self.settings, self.context, self.closed = settings, context, False
-        self.camera, self.facts = "camera", "facts"
-
-    def close(self) -> None:
-        self.closed = True
-
-
-class _Config:
-    needs: ClassVar[frozenset[str]] = NOTHING
-    provides: ClassVar[frozenset[str]] = NOTHING
-
-    def build(self, context: Any) -> Part:
-        return Part(self, context)
+FAULTS = ("none", "raise", "exit", "os_exit", "kill", "segfault", "sleep", "spin", "none_result", "nan_pose", "shape",
+          "reseed", "mutate", "leak", "interrupt")
 
 
 @dataclass
-class FakeSource(_Config):
-    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "driving", "command"})
+class FakeSource:
+    """A source that can be driven about an empty room."""
+
+    needs: ClassVar[frozenset[str]] = NOTHING
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "driving", "command", "wheel"})
     # pixels across
     image_width: int = 32
+    # views of the survey
+    views: int = 6
+    # seconds it takes to come up with a view
+    delay_s: float = 0.0
+
+    def build(self, context: Any) -> Any:
+        from .room import Room
+
+        return Room(self, context)
 
 
 @dataclass
-class FakeSensor(_Config):
+class FakeSensor:
+    """Passes on the wheel with a little noise."""
+
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "scan", "wheel", "command"})
 
+    def build(self, context: Any) -> Any:
+        from .room import Wheel
+
+        return Wheel(context)
+
 
 @dataclass
-class FakeMono(_Config):
+class FakeMono(FakeSensor):
+    """Sees no depth."""
+
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "command"})
 
 
 @dataclass
-class FakeOdometry(_Config):
+class FakeOdometry:
+    """Believes the wheel."""
+
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
+    provides: ClassVar[frozenset[str]] = NOTHING
+
+    def build(self, context: Any) -> Any:
+        from .room import Counter
+
+        return Counter()
 
 
 @dataclass
-class FakeEye(_Config):
+class FakeEye(FakeOdometry):
+    """Does without depth."""
+
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan"})
 
 
 @dataclass
-class FakeCloser(_Config):
-    pass
+class Faulty(FakeOdometry):
+    """Goes wrong in the way one asks for."""
+
+    how: str = "none"  # what happens
+    at: int = 3  # at which view
+    seed: int = -1  # only in the run with this seed; -1: always
+    flag: str = ""  # a file; while it exists, nothing goes wrong
+
+    def __post_init__(self) -> None:
+        check_choice("odometry.faulty", "how", self.how, FAULTS)
+
+    def build(self, context: Any) -> Any:
+        from .room import Counter
+
+        return Trouble(self, Counter(), context)
+
+
+class Trouble:
+    """An odometry that counts views and strikes at one of them."""
+
+    def __init__(self, settings: Faulty, inner: Any, context: Any) -> None:
+        self.settings, self.inner, self.count, self.kept = settings, inner, 0, []
+
+    def revise(self) -> None:
+        return None
+
+    def update(self, observation: Any) -> Any:
+        self.count += 1
+        motion = self.inner.update(observation)
+        if self.count < self.settings.at or (self.settings.flag and os.path.exists(self.settings.flag)):
+            return motion
+        return getattr(self, self.settings.how)(observation, motion)
+
+    def none(self, observation: Any, motion: Any) -> Any:
+        return motion
+
+    def reseed(self, observation: Any, motion: Any) -> Any:
+        import random
+
+        import numpy as np
+
+        np.random.seed(0)  # noqa: NPY002
+        random.seed(0)
+        return motion
+
+    def leak(self, observation: Any, motion: Any) -> Any:
+        self.kept.append(open(os.devnull))
+        return motion
+
+    def mutate(self, observation: Any, motion: Any) -> Any:
+        observation.wheel[0] += 100.0
+        return motion
+
+    def interrupt(self, observation: Any, motion: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        return motion
+
+    def none_result(self, observation: Any, motion: Any) -> Any:
+        return None
+
+    def nan_pose(self, observation: Any, motion: Any) -> Any:
+        from dataclasses import replace
+
+        return replace(motion, previous_from_body=motion.previous_from_body * float("nan"))
+
+    def shape(self, observation: Any, motion: Any) -> Any:
+        from dataclasses import replace
+
+        return replace(motion, covariance=motion.covariance[:3, :3])
+
+    def exit(self, observation: Any, motion: Any) -> Any:
+        sys.exit(3)
+
+    def os_exit(self, observation: Any, motion: Any) -> Any:
+        os._exit(3)
+
+    def kill(self, observation: Any, motion: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def segfault(self, observation: Any, motion: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+    def sleep(self, observation: Any, motion: Any) -> Any:
+        time.sleep(3600)
+
+    def spin(self, observation: Any, motion: Any) -> Any:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        time.sleep(3600)
+
+
+def _raise(self: Trouble, observation: Any, motion: Any) -> Any:
+    raise ValueError("the odometry of this test\nfails on purpose")
+
+
+setattr(Trouble, "raise", _raise)
 
 
 @dataclass
-class FakeMapper(_Config):
+class FakeCloser:
+    """Leaves the survey as it is."""
+
+    needs: ClassVar[frozenset[str]] = NOTHING
+    provides: ClassVar[frozenset[str]] = NOTHING
+
+    def build(self, context: Any) -> Any:
+        from .room import Closer
+
+        return Closer()
+
+
+@dataclass
+class FakeMapper:
+    """Draws the room as empty."""
+
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
+    provides: ClassVar[frozenset[str]] = NOTHING
+
+    def build(self, context: Any) -> Any:
+        from .room import Empty
+
+        return Empty()
 
 
 @dataclass
-class FakePlanner(_Config):
+class FakePlanner:
+    """Goes straight. Its settings are of every type."""
+
+    needs: ClassVar[frozenset[str]] = NOTHING
+    provides: ClassVar[frozenset[str]] = NOTHING
     # points drawn
     samples: int = 100
     step_m: float = 0.5  # longest edge, metres
@@ -85,10 +221,23 @@ class FakePlanner(_Config):
         check_range("planner.fake", "samples", self.samples, low=1, high=1_000_000)
         check_range("planner.fake", "step_m", self.step_m, low=0.01, high=10.0, unit="m")
 
+    def build(self, context: Any) -> Any:
+        from .room import Straight
+
+        return Straight(self, context)
+
 
 @dataclass
-class FakeLocaliser(_Config):
-    pass
+class FakeLocaliser:
+    """Believes the odometry."""
+
+    needs: ClassVar[frozenset[str]] = NOTHING
+    provides: ClassVar[frozenset[str]] = NOTHING
+
+    def build(self, context: Any) -> Any:
+        from .room import Believer
+
+        return Believer()
 
 
 not_a_class = 7
