@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from .errors import RhsError
+from .files import replacing
 from .records import Features, FeatureSettings, Observation
 
 # The image size that FeatureSettings.count is meant for.
@@ -161,3 +164,14 @@ def _cv2() -> Any:
 
     cv2.setNumThreads(1)  # results and timings must not depend on the number of cores
     return cv2
+
+
+def write_image(path: Path, image: np.ndarray) -> None:
+    """Write an (H, W, 3) uint8 RGB image as PNG; the file appears whole or not at all."""
+    import cv2
+
+    ok, data = cv2.imencode(".png", cv2.cvtColor(np.asarray(image), cv2.COLOR_RGB2BGR))
+    if not ok:
+        raise RhsError(f"OpenCV could not encode {path.name} ({image.shape}, {image.dtype}) as PNG")
+    with replacing(path, "wb") as file:
+        file.write(data.tobytes())
