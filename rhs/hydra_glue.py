@@ -35,6 +35,7 @@ from .overrides import GROUPS, Word, check_options
 from .paths import data_dir
 from .strict_yaml import load_yaml
 
+DEFAULT_STACK = "rgbd"  # what a sensor without a stack file of its own gets
 _active: list[Path] = []  # the conf folders of the composition under way, first wins; empty outside `compose`
 _schema: list[dict[str, Any]] = []
 _files: list[Path] = []
@@ -55,7 +56,11 @@ class ConfSource(ConfigSource):
         return self.folder.is_dir()
 
     def _file(self, config_path: str) -> Path:
-        return self.folder / self._normalize_file_name(config_path)
+        file = self.folder / self._normalize_file_name(config_path)
+        group, _, name = config_path.removesuffix(".yaml").partition("/")
+        if group == "stack" and not file.is_file() and name in registry.names("sensor"):
+            return self.folder / "stack" / f"{DEFAULT_STACK}.yaml"
+        return file
 
     def is_group(self, config_path: str) -> bool:
         return config_path in GROUPS or (self.folder / config_path).is_dir()
