@@ -8,7 +8,6 @@ Frames: map -> odom -> body -> camera, and map -> body_truth.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
 from pathlib import Path
@@ -17,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from . import ros
-from .errors import ConfigError, RecordingError
-from .files import free_space
+from .errors import ConfigError
 from .geometry import Camera, inverse
 from .grid import OccupancyGrid
 from .playback import PARTS, STEP
 from .playback import read as read
 from .records import Step, Twist
+from .tape import Tape
 
 LEVELS = ("full", "light", "off")
 # One chunk is what a crash costs: a few views with images, a few dozen without.
@@ -40,77 +39,42 @@ class Recorder:
     def __init__(self, path: Path, level: str, camera: Camera, world_facts: Any = None, *, config: dict | None = None):
         if level not in LEVELS:
             raise ConfigError(f"recording={level} is not one of {', '.join(LEVELS)}")
-        self._path, self._level, self._camera = Path(path), level, camera
+        self._level, self._camera = level, camera
         self._odom_from_body = np.eye(4)
-        self._channels: dict[str, int] = {}
         self._drawn_path: object = None
         self._stamp_ns = 0
-        self._writer = None
-        if level == "off":
-            return
-        from mcap.writer import CompressionType, Writer
-
-        with self._guarded():
-            self._file = self._path.open("wb")
-            self._writer = Writer(self._file, chunk_size=CHUNK_BYTES[level], compression=CompressionType.ZSTD,
-                                  enable_data_crcs=True)
-            self._writer.start(profile="ros2", library="rhs")
-            facts = dataclasses.asdict(world_facts) if dataclasses.is_dataclass(world_facts) else (world_facts or {})
-            self._writer.add_metadata("rhs", {"camera": json.dumps(camera_to_plain(camera)), "world": json.dumps(facts),
-                                              "config": json.dumps(config or {}), "level": level})
+        self._tape = None if level == "off" else Tape(path, CHUNK_BYTES[level])
+        if self._tape is not None:
+            self._tape.note("rhs", head_note(camera, world_facts, config=config, level=level))
 
     def step(self, step: Step) -> None:
         """Append all that one step knows. /rhs/step comes first: it says which parts of the view follow."""
-        if self._writer is None:
+        if self._tape is None:
             return
-        t = self._stamp_ns = ros.nanoseconds(step.stamp_s)
-        with self._guarded():
-            if not self._channels:
-                self._put("/tf_static", ros.transforms(t, [("body", "camera", self._camera.body_from_camera)]))
-            self._put(STEP, ros.text(json.dumps(step_to_plain(step) | {"holds": self._parts(step)})))
-            if self._level == "full":
-                self._put_images(step, t)
-            self._put_readings(step, t)
-            self._put_estimates(step, t)
-            self._file.flush()
+        self._stamp_ns = ros.nanoseconds(step.stamp_s)
+        if self._tape.empty:
+            self._put("/tf_static", ros.transforms(self._stamp_ns, [("body", "camera", self._camera.body_from_camera)]))
+        self._put(STEP, ros.text(json.dumps(step_to_plain(step) | {"holds": self._parts(step)})))
+        if self._level == "full":
+            self._put_images(step, self._stamp_ns)
+        self._put_readings(step, self._stamp_ns)
+        self._put_estimates(step, self._stamp_ns)
+        self._tape.flush()
 
     def map(self, grid: OccupancyGrid, stamp_s: float) -> None:
         """Append the map as it is now."""
-        if self._writer is not None:
-            with self._guarded():
-                t = self._stamp_ns = ros.nanoseconds(stamp_s)
-                self._put("/map", ros.occupancy_grid(grid, t, "map"))
+        self._stamp_ns = ros.nanoseconds(stamp_s)
+        self._put("/map", ros.occupancy_grid(grid, self._stamp_ns, "map"))
 
     def close(self, status: str = "ok", reason: str = "") -> None:
         """Write the index. A failed run's recording is closed too, and says so."""
-        if self._writer is None:
-            return
-        writer, self._writer = self._writer, None
-        with self._guarded():
-            writer.add_metadata("rhs.end", {"status": status, "reason": reason})
-            writer.finish()
-            self._file.close()
-
-    @contextlib.contextmanager
-    def _guarded(self):
-        """Turn a refusing disk into one clear line, and stop writing."""
-        try:
-            yield
-        except OSError as error:
-            self._writer = None
-            with contextlib.suppress(OSError):
-                self._file.close()
-            raise RecordingError(f"cannot write {self._path}: {error.strerror or error} ({free_space(self._path)}); "
-                                 f"free some space or use recording=off") from error
+        if self._tape is not None:
+            self._tape.note("rhs.end", {"status": status, "reason": reason})
+            self._tape.close()
 
     def _put(self, topic: str, message: Any) -> None:
-        kind = message.__msgtype__
-        if topic not in self._channels:
-            schema = self._writer.register_schema(kind, "ros2msg", ros.definition(kind))
-            qos = {"offered_qos_profiles": ""}
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", schema, qos)
-        self._writer.add_message(self._channels[topic], log_time=self._stamp_ns, publish_time=self._stamp_ns,
-                                 data=ros.serialize(message))
+        if self._tape is not None:
+            self._tape.put(topic, message, self._stamp_ns)
 
     def _parts(self, step: Step) -> list[str]:
         """Which of image, depth and scan follow."""
@@ -151,7 +115,14 @@ class Recorder:
         if step.path is not None and step.path is not self._drawn_path:
             self._drawn_path = step.path
             self._put("/path", ros.path(step.path.points_m, t, "map"))
-            self._put("/path_poses", ros.path_poses(step.path.points_m, t, "map"))
+            self._put("/path_points", ros.path_cloud(step.path.points_m, t, "map"))
+
+
+def head_note(camera: Camera, world_facts: Any, *, config: dict | None, level: str) -> dict[str, str]:
+    """The metadata record `rhs` at the beginning of a recording."""
+    facts = dataclasses.asdict(world_facts) if dataclasses.is_dataclass(world_facts) else world_facts or {}  # type: ignore
+    return {"camera": json.dumps(camera_to_plain(camera)), "world": json.dumps(facts),
+            "config": json.dumps(config or {}), "level": level}
 
 
 def camera_to_plain(camera: Camera) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .geometry import Camera, planar, quaternion_xyzw
+from .geometry import Camera, quaternion_xyzw
 from .grid import OccupancyGrid
 from .records import Scan, Twist
 
@@ -118,11 +118,6 @@ def path(points_m: np.ndarray, stamp_ns: int, frame: str):
     return make("nav_msgs/msg/Path", header=header(stamp_ns, frame), poses=poses)
 
 
-def path_poses(points_m: np.ndarray, stamp_ns: int, frame: str):
-    """The same as a PoseArray: some viewers show no nav_msgs/Path."""
-    return make("geometry_msgs/msg/PoseArray", header=header(stamp_ns, frame), poses=_path_poses(points_m))
-
-
 def _path_poses(points_m: np.ndarray) -> list[Any]:
     from .geometry import se2
 
@@ -226,6 +221,16 @@ def depth_cloud(camera: Camera, depth_m: np.ndarray, image: np.ndarray | None, s
     return point_cloud(columns, stamp_ns, frame)
 
 
+def path_cloud(points_m: np.ndarray, stamp_ns: int, frame: str):
+    """The path as points 5 cm apart: Rerun shows no nav_msgs/Path, but every viewer shows clouds."""
+    points = np.asarray(points_m, float).reshape(-1, 2)
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])[: len(points)]
+    along = np.arange(0.0, way[-1] if len(way) else 0.0, 0.05)
+    x, y = (np.interp(along, way, points[:, k]).astype(np.float32) if len(along) else np.zeros(0, np.float32)
+            for k in (0, 1))
+    return point_cloud({"x": x, "y": y, "z": np.zeros_like(x)}, stamp_ns, frame)
+
+
 def twist(command: Twist, stamp_ns: int, frame: str):
     """TwistStamped of a command; its duration is kept in /rhs/step."""
     body = make("geometry_msgs/msg/Twist", linear=vector((command.forward_mps, 0, 0)),
@@ -240,8 +245,3 @@ def travel(dx_dy_dyaw: np.ndarray, stamp_ns: int, frame: str):
 
 def text(value: str):
     return make("std_msgs/msg/String", data=value)
-
-
-def shadow(matrix: np.ndarray) -> list[float]:
-    """x, y, yaw as plain numbers."""
-    return [float(v) for v in planar(matrix)]
