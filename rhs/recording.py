@@ -21,7 +21,7 @@ from .geometry import Camera, inverse
 from .grid import OccupancyGrid
 from .playback import PARTS, STEP
 from .playback import read as read
-from .records import Step, Twist
+from .records import Capture, Observation, Step, Twist
 from .tape import Tape
 
 LEVELS = ("full", "light", "off")
@@ -54,9 +54,7 @@ class Recorder:
         self._stamp_ns = ros.nanoseconds(step.stamp_s)
         if self._tape.empty:
             self._put("/tf_static", ros.transforms(self._stamp_ns, [("body", "camera", self._camera.body_from_camera)]))
-        self._put(STEP, ros.text(json.dumps(step_to_plain(step) | {"holds": self._parts(step)})))
-        if self._level == "full":
-            self._put_images(step, self._stamp_ns)
+        put_view(self._tape, self._camera, step.observation, plain=step_to_plain(step), images=self._level == "full")
         self._put_readings(step, self._stamp_ns)
         self._put_estimates(step, self._stamp_ns)
         self._tape.flush()
@@ -76,26 +74,9 @@ class Recorder:
         if self._tape is not None:
             self._tape.put(topic, message, self._stamp_ns)
 
-    def _parts(self, step: Step) -> list[str]:
-        """Which of image, depth and scan follow."""
-        names = PARTS if self._level == "full" else ("scan",)
-        return [name for name in names if getattr(step.observation, name) is not None]
-
-    def _put_images(self, step: Step, t: int) -> None:
-        seen = step.observation
-        if seen.image is not None or seen.depth is not None:
-            self._put("/camera/camera_info", ros.camera_info(seen.camera, t, "camera"))
-        if seen.image is not None:
-            self._put(PARTS["image"], ros.compressed_image(seen.image, t, "camera"))
-        if seen.depth is not None:
-            self._put(PARTS["depth"], ros.depth_image(seen.depth, t, "camera"))
-            self._put("/cloud", ros.depth_cloud(seen.camera, seen.depth, seen.image, t, frame="camera"))
-
     def _put_readings(self, step: Step, t: int) -> None:
         if step.scan is not None:
             self._put("/scan", ros.laser_scan(step.scan, t, "body"))
-        if step.observation.scan is not None:
-            self._put(PARTS["scan"], ros.scan_cloud(step.observation.scan, t, "body"))
         if step.observation.wheel is not None:
             self._put("/wheel", ros.travel(step.observation.wheel, t, "body"))
         if step.command is not None:
@@ -133,21 +114,42 @@ def camera_to_plain(camera: Camera) -> dict[str, Any]:
     return {name: float(v) if isinstance(v, np.floating) else v for name, v in plain.items()}
 
 
-def step_to_plain(step: Step) -> dict[str, Any]:
-    """What the ROS messages of a step cannot hold exactly: the full stamp, statuses, reasons, poses and readings."""
-    seen, command = step.observation, step.command
+def put_view(tape: Tape, camera: Camera, seen: Observation | Capture, *, plain: dict[str, Any], images: bool) -> None:
+    """All that a sensor reported at one instant, without loss; `plain` goes first and says which parts follow."""
+    t = ros.nanoseconds(seen.stamp_s)
+    names = PARTS if images else ("scan",)
+    holds = [name for name in names if getattr(seen, name) is not None]
+    tape.put(STEP, ros.text(json.dumps(plain | {"holds": holds})), t)
+    if "image" in holds or "depth" in holds:
+        tape.put("/camera/camera_info", ros.camera_info(camera, t, "camera"), t)
+    if "image" in holds:
+        tape.put(PARTS["image"], ros.compressed_image(seen.image, t, "camera"), t)
+    if "depth" in holds:
+        tape.put(PARTS["depth"], ros.depth_image(seen.depth, t, "camera"), t)
+        tape.put("/cloud", ros.depth_cloud(camera, seen.depth, seen.image, t, frame="camera"), t)
+    if "scan" in holds:
+        tape.put(PARTS["scan"], ros.scan_cloud(seen.scan, t, "body"), t)
+
+
+def view_to_plain(seen: Observation | Capture, wheel: np.ndarray | None, truth: np.ndarray | None) -> dict[str, Any]:
+    """What the ROS messages of a view cannot hold exactly: the full stamp, readings, the true pose."""
     scan = seen.scan
     return {
-        "index": step.index, "phase": step.phase, "stamp_s": float(step.stamp_s), "mission": step.mission,
-        "event": step.event, "motion": str(step.motion.status), "reason": step.motion.reason,
-        "belief": str(step.belief.status), "probability": float(step.belief.probability),
-        "map_from_body": step.belief.map_from_body.tolist(),
-        "truth": None if step.truth is None else step.truth.tolist(),
-        "wheel": None if seen.wheel is None else [float(v) for v in seen.wheel],
-        "command": _twist(command), "told": _twist(seen.command),
+        "index": seen.index, "stamp_s": float(seen.stamp_s), "told": _twist(seen.command),
+        "wheel": None if wheel is None else [float(v) for v in wheel],
         "scan": None if scan is None else {"max_range_m": float(scan.max_range_m),
                                            "origin_xy_m": [float(v) for v in scan.origin_xy_m]},
-        "clearance_m": float(step.clearance_m), "collided": bool(step.collided),
+        "truth": None if truth is None else truth.tolist(),
+    }
+
+
+def step_to_plain(step: Step) -> dict[str, Any]:
+    """The view, and beside it statuses, reasons and the believed pose."""
+    return view_to_plain(step.observation, step.observation.wheel, step.truth) | {
+        "step": step.index, "phase": step.phase, "mission": step.mission, "event": step.event,
+        "motion": str(step.motion.status), "reason": step.motion.reason, "belief": str(step.belief.status),
+        "probability": float(step.belief.probability), "map_from_body": step.belief.map_from_body.tolist(),
+        "command": _twist(step.command), "clearance_m": float(step.clearance_m), "collided": bool(step.collided),
     }
 
 

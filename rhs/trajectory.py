@@ -44,11 +44,11 @@ class Trajectory:
 
 
 def tum_line(stamp_s: float, pose: np.ndarray) -> str:
-    """One line of a TUM file, with its line end."""
+    """One line of a TUM file, with its line end; never a minus before zero."""
     from .geometry import quaternion_xyzw
 
     numbers = [*pose[:3, 3], *quaternion_xyzw(pose[:3, :3])]
-    return f"{stamp_s:.9f} " + " ".join(f"{v:.9f}" for v in numbers) + "\n"
+    return f"{stamp_s:.9f} " + " ".join(f"{round(float(v), 9) + 0.0:.9f}" for v in numbers) + "\n"
 
 
 def write_tum(path: Path, stamps_s: np.ndarray, poses: np.ndarray) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from rhs.errors import ConfigError
 from rhs.records import Capture, Twist, WorldFacts
 
+from .replay_mcap import is_run, open_run
 from .replay_tum import Recording, is_tum, open_tum
 
 log = logging.getLogger("rhs.replay")
@@ -75,9 +76,11 @@ def open_recording(settings) -> Recording:
     if not path.exists():
         raise ConfigError(f"source.path={settings.path}: no such file or folder")
     kind = settings.format if settings.format != "auto" else _format_of(path)
+    if kind == "run":
+        return open_run(path, settings)
     if kind == "tum":
         return open_tum(path, settings)
-    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM folder (rgb.txt, depth.txt)")
+    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM folder (rgb.txt, depth.txt) or run.mcap")
 
 
 def _facts(settings) -> WorldFacts:
@@ -89,6 +92,8 @@ def _facts(settings) -> WorldFacts:
 def _format_of(path: Path) -> str:
     if path.is_dir() and is_tum(path):
         return "tum"
+    if is_run(path):
+        return "run"
     return "unknown"
 
 

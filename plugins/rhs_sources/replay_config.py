@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from rhs.errors import ConfigError, check_choice, check_range
 
-FORMATS = ("auto", "tum", "seven_scenes", "bag", "carmen")
+FORMATS = ("auto", "tum", "seven_scenes", "run", "bag", "carmen")
 
 
 @dataclass
@@ -21,7 +21,7 @@ class Replay:
     path: str = ""
     # tum_fr1, tum_fr2, tum_fr3, primesense, seven_scenes, [fx,fy,cx,cy] in pixels, or auto: what the recording says.
     camera: Any = "auto"
-    # How to read the path: auto, tum, seven_scenes, bag or carmen; auto looks at the files.
+    # How to read the path: auto, tum, seven_scenes, run (run.mcap), bag or carmen; auto looks at the files.
     format: str = "auto"
     # Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000).
     depth_scale: float = 0.0
@@ -38,6 +38,8 @@ class Replay:
     stride: int = 1
     # Number of views to use at most; 0 means all.
     count: int = 0
+    # Part of a run recorded by rhs to hand out: survey, patrol or all.
+    phase: str = "survey"
     # Topics of a bag; empty takes the only topic of a fitting type.
     color_topic: str = ""
     depth_topic: str = ""
@@ -56,6 +58,7 @@ class Replay:
     def __post_init__(self) -> None:
         owner = "source.replay"
         check_choice(owner, "format", self.format, FORMATS)
+        check_choice(owner, "phase", self.phase, ("survey", "patrol", "all"))
         check_range(owner, "depth_scale", self.depth_scale, low=0.0, high=1e6, unit="steps per metre")
         check_range(owner, "max_depth_m", self.max_depth_m, low=0.1, high=1e4, unit="m")
         check_range(owner, "max_difference_s", self.max_difference_s, low=0.0, high=10.0, unit="s")

@@ -1,0 +1,50 @@
+"""Recordings that rhs wrote (run.mcap), also cut ones: what the sensor reported, bit for bit, and the true poses."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections import Counter
+from pathlib import Path
+
+from rhs.errors import ConfigError
+from rhs.playback import PARTS, read, read_head
+
+from .replay_tum import Recording
+
+log = logging.getLogger("rhs.replay")
+
+
+def is_run(path: Path) -> bool:
+    """Whether the file is a recording by rhs."""
+    return path.suffix == ".mcap" and path.is_file() and read_head(path) is not None
+
+
+def open_run(path: Path, settings) -> Recording:
+    """The views of one phase of a recorded run. A recording without images is refused."""
+    head = read_head(path)
+    assert head is not None
+    if head.level != "full":
+        raise ConfigError(f"{path}: recorded with recording={head.level}, which keeps no images; record with "
+                          "recording=full to replay")
+    facts = head.facts and dataclasses.replace(head.facts, places=())  # a recording cannot be driven to a place
+    return Recording(head.camera, _views(path, settings), None, Counter(), facts)
+
+
+def _views(path: Path, settings):
+    reading = read(path)
+    number = handed_out = 0
+    for view in reading.views():
+        if settings.phase not in ("all", view.phase):
+            continue
+        if number >= settings.start and (number - settings.start) % settings.stride == 0:
+            yield view.capture, view.truth
+            handed_out += 1
+            if handed_out == settings.count:
+                return
+        number += 1
+    if not reading.report.whole:
+        log.warning("%s", reading.report.line)
+    if not handed_out:
+        raise ConfigError(f"{path}: holds no complete view of phase {settings.phase} "
+                          f"({', '.join(PARTS.values())}); {reading.report.line}")
