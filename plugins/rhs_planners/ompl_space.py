@@ -1,0 +1,107 @@
+"""OMPL's plane over one grid: bounds, exact motion checks in one crossing per edge, counted budgets, seeds.
+
+OMPL (Sucan, Moll, Kavraki, "The Open Motion Planning Library", 2012) is used from Python with three cautions:
+- an edge is checked whole by a compiled walk over cells; checking states along it in Python is slower and cuts corners;
+- termination is a counter, never a clock, and never given to a solve() that runs a thread of its own (PRM's does);
+- its random seed is global and read when a planner is made, so it is set before every new planner from our own
+  generator. That makes a plan depend on its seed only, whatever was planned before in the process. Two planners must
+  not be built at the same time in two threads of one process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from ompl import base as ob
+from ompl import util as ou
+
+from .line import segment_free_at
+
+
+class _GridMotion(ob.MotionValidator):
+    """Exact validity of a straight motion over a uint8 grid (H, W), which must stay alive and in place."""
+
+    def __init__(self, space_information, grid: np.ndarray):
+        super().__init__(space_information)
+        self._grid, self._address = grid, grid.ctypes.data
+        self._rows, self._columns = grid.shape
+
+    def checkMotion(self, a, b):
+        return segment_free_at(self._address, self._rows, self._columns, a[0], a[1], b[0], b[1])
+
+
+class Counter:
+    """A termination condition that allows `budget` calls, or fewer when `enough` says so."""
+
+    def __init__(self, budget: int, enough: Callable[[], bool] | None = None):
+        self.budget, self.calls, self._enough = budget, 0, enough
+
+    def condition(self):
+        """For OMPL. Not kept here: it refers back to this counter, a ring that Python could not free."""
+        return ob.PlannerTerminationCondition(self._spent)
+
+    def _spent(self) -> bool:
+        self.calls += 1
+        return self.calls > self.budget or (self._enough is not None and self._enough())
+
+
+def fresh_seed(rng: np.random.Generator) -> None:
+    """Seed OMPL for the next planner from our generator; OMPL's warning about a second seeding is not for us."""
+    ou.setLogLevel(ou.LogLevel.LOG_NONE)
+    ou.RNG.setSeed(int(rng.integers(1, 2**31)))
+
+
+def space_over(grid: np.ndarray):
+    """SpaceInformation over a padded uint8 grid; reads the grid where it lies, so changes to it are seen at once."""
+    rows, columns = grid.shape
+    plane = ob.RealVectorStateSpace(2)
+    bounds = ob.RealVectorBounds(2)
+    for axis, size in enumerate((columns, rows)):
+        bounds.setLow(axis, 1.0)
+        bounds.setHigh(axis, size - 1.0 - 1e-6)
+    plane.setBounds(bounds)
+    information = ob.SpaceInformation(plane)
+    cells = memoryview(grid.reshape(-1))  # reading one byte of a memoryview is the cheapest check from Python
+    information.setStateValidityChecker(lambda state: cells[int(state[1]) * columns + int(state[0])] == 0)
+    information.setMotionValidator(_GridMotion(information, grid))
+    information.setup()
+    return information
+
+
+def definition(information, start: np.ndarray, goal: np.ndarray):
+    """ProblemDefinition from start to goal, (2,) cells each."""
+    problem = ob.ProblemDefinition(information)
+    ends = []
+    for point in (start, goal):
+        state = information.allocState()
+        state[0], state[1] = float(point[0]), float(point[1])
+        ends.append(state)
+    problem.setStartAndGoalStates(ends[0], ends[1], 1e-6)
+    return problem
+
+
+def solution(problem, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
+    """(N, 2) cells of an exact solution; None for none, for an approximate one, or one that does not join the ends."""
+    if not problem.hasExactSolution():
+        return None
+    points = np.array([[state[0], state[1]] for state in problem.getSolutionPath().getStates()])
+    joins = len(points) >= 2 and np.allclose(points[0], start, atol=1e-5) and np.allclose(points[-1], goal, atol=1e-5)
+    if not joins:
+        return None
+    points[0], points[-1] = start, goal
+    return points
+
+
+def edges_of(information, planner) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 2) in cells and edges (E, 2) of the planner's tree or roadmap."""
+    data = ob.PlannerData(information)
+    planner.getPlannerData(data)
+    count = data.numVertices()
+    points = np.empty((count, 2))
+    edges = []
+    for k in range(count):
+        state = data.getVertex(k).getState()
+        points[k] = state[0], state[1]
+        edges.extend((k, other) for other in data.getEdges(k))
+    return points, np.array(edges, int).reshape(-1, 2)

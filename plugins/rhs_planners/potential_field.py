@@ -1,0 +1,123 @@
+"""Potential field with a repulsive trail (Khatib 1986; the trail is the thesis's, section 3.2.5).
+
+The walk goes to the neighbour cell of least potential: distance to the goal, plus repulsion near blocked cells, plus
+a trail, a cone heaped on the cells round each visited one, that fills local minima until the walk leaves them. It is a
+search, not a plan: loops are cut out of the walk before anyone drives it. Deterministic.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numba as nb
+import numpy as np
+
+from rhs.records import Path, PlanningProblem
+
+from .line import GRID, NEW_POINTS
+from .problem import Ground, Task, begin, finish
+
+_FIELD = nb.types.Array(nb.float64, 2, "C")
+
+
+class PotentialFieldPlanner:
+    """rhs.contracts.Planner. Settings: potential_field_config.PotentialField."""
+
+    def __init__(self, settings):
+        self._settings, self._ground = settings, Ground()
+        self._repulsion, self._version = np.empty((0, 0)), -1
+
+    def plan(self, problem: PlanningProblem) -> Path:
+        """Potential of the goal over the kept repulsion, walk, cut loops."""
+        task = begin(problem, self._ground, self._settings.start_radius_m)
+        if isinstance(task, Path):
+            return task
+        learning = time.process_time()
+        if self._version != self._ground.version:
+            self._repulsion, self._version = self._repel(task), self._ground.version
+        learn_ms = 1e3 * (time.process_time() - learning)
+        step_m = problem.resolution_m
+        field = _with_attraction(self._repulsion, step_m, task.goal[0], task.goal[1])
+        walk = descend(task.grid, field, np.stack([task.start, task.goal]), self._settings.trail_m,
+                       self._settings.trail_radius_m / step_m, self._settings.steps)
+        extras = {"walk_steps": float(len(walk) - 1)}
+        arrived = bool(np.array_equal(walk[-1], np.floor(task.goal) + 0.5))
+        raw = _join(task, without_loops(walk)) if arrived else None
+        return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=learn_ms, extras=extras,
+                      sketch=lambda: np.stack([walk[:-1], walk[1:]], axis=1))
+
+    def _repel(self, task: Task) -> np.ndarray:
+        """(H, W) metres of potential from blocked cells, at cell centres; zero beyond the reach."""
+        from scipy.ndimage import distance_transform_edt
+
+        inner = task.grid[1:-1, 1:-1]
+        out = np.zeros(task.grid.shape)
+        if inner.any():
+            away = distance_transform_edt(inner == 0) * task.problem.resolution_m
+            with np.errstate(divide="ignore"):
+                steep = np.maximum(1.0 / away - 1.0 / self._settings.reach_m, 0.0)
+            out[1:-1, 1:-1] = 0.5 * self._settings.repulsion_m3 * np.where(inner == 0, steep, 0.0) ** 2
+        return out
+
+
+@nb.njit(_FIELD(_FIELD, nb.float64, nb.float64, nb.float64), cache=True)
+def _with_attraction(repulsion, step_m, goal_x, goal_y):
+    """The repulsion plus the distance in metres from each cell's centre to the goal."""
+    rows, columns = repulsion.shape
+    out = np.empty((rows, columns))
+    for j in range(rows):
+        for i in range(columns):
+            out[j, i] = repulsion[j, i] + step_m * np.hypot(i + 0.5 - goal_x, j + 0.5 - goal_y)
+    return out
+
+
+@nb.njit(NEW_POINTS(GRID, _FIELD, NEW_POINTS, nb.float64, nb.float64, nb.int64), cache=True)
+def descend(grid, field, ends, trail, radius, steps):
+    """(N, 2) cell centres from the cell of ends[0] down the potential, leaving the trail in `field` (changed).
+
+    8-connected without cutting corners; among equals the first in row order. Ends at the cell of ends[1] or after
+    `steps` steps.
+    """
+    i, j = int(np.floor(ends[0, 0])), int(np.floor(ends[0, 1]))
+    gi, gj = int(np.floor(ends[1, 0])), int(np.floor(ends[1, 1]))
+    rows, columns = grid.shape
+    reach = int(np.floor(radius))
+    walk = np.empty((steps + 1, 2))
+    walk[0, 0], walk[0, 1] = i + 0.5, j + 0.5
+    for count in range(1, steps + 1):
+        if i == gi and j == gj:
+            return walk[:count].copy()
+        for b in range(max(j - reach, 1), min(j + reach + 1, rows - 1)):
+            for a in range(max(i - reach, 1), min(i + reach + 1, columns - 1)):
+                away = np.hypot(float(a - i), float(b - j))
+                if away <= radius:
+                    field[b, a] += trail * (1.0 - away / (radius + 1.0))
+        least, to_i, to_j = np.inf, i, j
+        for b in range(j - 1, j + 2):
+            for a in range(i - 1, i + 2):
+                if (a == i and b == j) or grid[b, a] or grid[b, i] or grid[j, a]:
+                    continue
+                if field[b, a] < least:
+                    least, to_i, to_j = field[b, a], a, b
+        i, j = to_i, to_j
+        walk[count, 0], walk[count, 1] = i + 0.5, j + 0.5
+    return walk
+
+
+def without_loops(walk: np.ndarray) -> np.ndarray:
+    """The walk (N, 2) with every loop cut out: from each cell go on as after the last visit to it."""
+    cells = [tuple(cell) for cell in walk]
+    last = {cell: k for k, cell in enumerate(cells)}
+    keep, at = [], 0
+    while at < len(cells):
+        at = last[cells[at]]
+        keep.append(at)
+        at += 1
+    return walk[keep]
+
+
+def _join(task: Task, cells: np.ndarray) -> np.ndarray:
+    """Start, the centres between, goal: both ends lie inside the first and last cell of the walk."""
+    if len(cells) == 1:
+        return np.stack([task.start, task.goal])
+    return np.vstack([task.start, cells[1:-1], task.goal])

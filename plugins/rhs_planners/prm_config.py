@@ -1,0 +1,44 @@
+"""Settings of the roadmap planners: prm and prm_star."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rhs.errors import check_range
+
+from .shared_config import PlannerSettings
+
+
+@dataclass
+class _Roadmap(PlannerSettings):
+    milestones: int = 1000  # vertices learnt once per map; 1000 cover 100 x 100 cells with corridors
+    growth: int = 250  # vertices added when start and goal are not joined yet
+    growth_rounds: int = 20  # how often a query may add them before its budget is spent
+    links: int = 12  # vertices in sight that start and goal are joined to
+
+    def __post_init__(self):
+        owner = f"planner.{self._word}"
+        self.check(owner)
+        check_range(owner, "milestones", self.milestones, low=1, high=200_000)
+        check_range(owner, "growth", self.growth, low=1, high=200_000)
+        check_range(owner, "growth_rounds", self.growth_rounds, low=0, high=1000)
+        check_range(owner, "links", self.links, low=1, high=1000)
+
+    def build(self, context):
+        from .prm import RoadmapPlanner
+
+        return RoadmapPlanner(self, context.rng, kind=self._kind)
+
+
+@dataclass
+class Prm(_Roadmap):
+    """Probabilistic roadmap (Kavraki, Svestka, Latombe, Overmars 1996), by OMPL, kept for every later query."""
+
+    _word, _kind = "prm", "PRM"
+
+
+@dataclass
+class PrmStar(_Roadmap):
+    """PRM* (Karaman and Frazzoli 2011): as prm, with more neighbours per vertex as it grows, to approach the best."""
+
+    _word, _kind = "prm_star", "PRMstar"

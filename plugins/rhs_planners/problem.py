@@ -1,0 +1,164 @@
+"""From a PlanningProblem in metres to cells of a padded grid, and from a path in cells back to a Path in metres.
+
+Cells are continuous: cell (i, j) covers [i, i+1) x [j, j+1) of a grid with one blocked cell all round, so no planner
+needs a case for the edge of the map. Times are CPU milliseconds of this process.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.errors import ContractError
+from rhs.records import Path, PlanningProblem, PlanReason
+
+from .line import polyline_free, segment_free
+from .shorten import shorten
+
+_EMPTY = np.empty((0, 2))
+
+
+class Ground:
+    """The grid of the last problem, padded; kept while the grid stays the same. `version` counts its changes."""
+
+    def __init__(self):
+        self.grid = np.ones((0, 0), np.uint8)
+        self.version = 0
+        self._free = None
+
+    def stand_on(self, blocked: np.ndarray) -> None:
+        """Take the grid (H, W) bool of a problem; cheap when it has not changed."""
+        if blocked.ndim != 2 or 0 in blocked.shape or blocked.dtype != np.bool_:
+            raise ContractError(
+                f"planning problem: blocked has shape {blocked.shape} and type {blocked.dtype}; expected (H, W) bool"
+            )
+        shape = (blocked.shape[0] + 2, blocked.shape[1] + 2)
+        inner = np.ascontiguousarray(blocked).view(np.uint8)
+        if self.grid.shape == shape and np.array_equal(self.grid[1:-1, 1:-1], inner):
+            return
+        if self.grid.shape != shape:
+            self.grid = np.ones(shape, np.uint8)
+        self.grid[1:-1, 1:-1] = inner
+        self.version += 1
+        self._free = None
+
+    def connected(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Two points in free cells can be joined: their cells are in one 4-connected piece (exact for a point)."""
+        if self._free is None:
+            from scipy.ndimage import label
+
+            self._free = label(self.grid == 0)[0]
+        (i, j), (k, m) = np.floor(a).astype(int), np.floor(b).astype(int)
+        return bool(self._free[j, i] == self._free[m, k])
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A problem whose ends are usable. start, goal: (2,) cells, in free cells. moved_m: how far the start was set off
+    to leave a blocked cell, metres. began_s: CPU clock when planning began."""
+
+    problem: PlanningProblem
+    ground: Ground
+    start: np.ndarray
+    goal: np.ndarray
+    moved_m: float
+    began_s: float
+
+    @property
+    def grid(self) -> np.ndarray:
+        return self.ground.grid
+
+    def metres(self, cells: np.ndarray) -> np.ndarray:
+        """(..., 2) metres in the map frame of (..., 2) padded cells."""
+        return (cells - 1.0) * self.problem.resolution_m + np.asarray(self.problem.origin_m)
+
+
+def begin(problem: PlanningProblem, ground: Ground, start_radius_m: float) -> Task | Path:
+    """The task, or the Path that says why start or goal cannot be used.
+
+    A start inside a blocked cell (a grown obstacle seen too late) is set to the nearest centre of a free cell within
+    `start_radius_m`; the path still begins at the true start.
+    """
+    began = time.process_time()
+    ground.stand_on(problem.blocked)
+    start, goal = _cells(problem, problem.start_m), _cells(problem, problem.goal_m)
+    if not (_inside(ground.grid, start) and _inside(ground.grid, goal)):
+        return failure(PlanReason.OUTSIDE, began)
+    settled = start
+    if ground.grid[int(start[1]), int(start[0])]:
+        settled = _nearest_free(ground.grid, start, start_radius_m / problem.resolution_m)
+        if settled is None:
+            return failure(PlanReason.START_BLOCKED, began)
+    if ground.grid[int(goal[1]), int(goal[0])]:
+        return failure(PlanReason.GOAL_BLOCKED, began)
+    moved = float(np.hypot(*(settled - start))) * problem.resolution_m
+    return Task(problem, ground, settled, goal, moved, began)
+
+
+def straight(task: Task) -> np.ndarray | None:
+    """(2, 2) cells, the straight line, if it is free: every planner tries this first."""
+    return np.stack([task.start, task.goal]) if segment_free(task.grid, *task.start, *task.goal) else None
+
+
+def finish(task: Task, raw: np.ndarray | None, *, rounds: int, learn_ms: float = 0.0, extras: dict | None = None,
+           sketch: Callable[[], np.ndarray] | None = None) -> Path:
+    """The Path of a raw path (N, 2) in cells, shortened; or, for None, the reason why there is none.
+
+    extras: numbers for the table. sketch gives (E, 2, 2) cells, the tree or roadmap; it is asked for after the clock
+    is read. A path that leaves the free cells is never returned: that is a fault of the planner, a ContractError.
+    """
+    extras = dict(extras or {}, start_moved_m=task.moved_m)
+    reason, points, lines = PlanReason.OK, _EMPTY, _EMPTY
+    if raw is None:
+        reason = PlanReason.BUDGET_SPENT if task.ground.connected(task.start, task.goal) else PlanReason.DISCONNECTED
+    else:
+        short = shorten(task.grid, raw, rounds)
+        if not (polyline_free(task.grid, raw) and polyline_free(task.grid, short)):
+            raise ContractError("planner returned a path through blocked cells; expected every segment to be free")
+        points, lines = _exact(task, short), _exact(task, raw)
+    plan_ms = 1e3 * (time.process_time() - task.began_s) - learn_ms
+    drawing = None if sketch is None else task.metres(sketch())
+    return Path(reason, points, lines, learn_ms, plan_ms, drawing, extras)
+
+
+def failure(reason: PlanReason, began_s: float) -> Path:
+    """A Path that was refused before planning, and why."""
+    return Path(reason, _EMPTY, _EMPTY, 0.0, 1e3 * (time.process_time() - began_s))
+
+
+def _exact(task: Task, cells: np.ndarray) -> np.ndarray:
+    """Metres, with the ends exactly as the problem gave them; a start that was set off stays as a second point."""
+    points = task.metres(cells)
+    points[-1] = task.problem.goal_m
+    if task.moved_m > 0.0:
+        return np.vstack([np.asarray(task.problem.start_m, float), points])
+    points[0] = task.problem.start_m
+    return points
+
+
+def _cells(problem: PlanningProblem, point_m) -> np.ndarray:
+    """(2,) padded cells of a point; within 1e-9 of a border it counts as on it, as OccupancyGrid.cells does."""
+    cells = (np.asarray(point_m, float) - np.asarray(problem.origin_m)) / problem.resolution_m + 1.0
+    near = np.rint(cells)
+    return np.where(np.abs(cells - near) < 1e-9, near, cells)
+
+
+def _inside(grid: np.ndarray, point: np.ndarray) -> bool:
+    rows, columns = grid.shape
+    return bool(1.0 <= point[0] < columns - 1 and 1.0 <= point[1] < rows - 1)
+
+
+def _nearest_free(grid: np.ndarray, point: np.ndarray, radius: float) -> np.ndarray | None:
+    """(2,) centre of the nearest free cell within `radius` cells, first in row order among equals; else None."""
+    low = np.maximum(np.floor(point - radius - 1).astype(int), 0)
+    high = np.floor(point + radius + 2).astype(int)
+    rows, columns = np.nonzero(grid[low[1]: high[1], low[0]: high[0]] == 0)
+    if not len(rows):
+        return None
+    centres = np.stack([columns + low[0], rows + low[1]], axis=1) + 0.5
+    distance = np.hypot(*(centres - point).T)
+    best = int(np.argmin(distance))
+    return centres[best] if distance[best] <= radius + 1e-9 else None

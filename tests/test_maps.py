@@ -1,0 +1,125 @@
+"""map_server files: what the ROS semantics say of single pixels, and exact round trips."""
+
+import numpy as np
+import pytest
+
+from rhs.errors import ConfigError
+from rhs.grid import OccupancyGrid
+from rhs.maps import load_map, save_map
+
+
+def write_map(folder, pixels, **keys):
+    """A map_server pair with a PNG (or the named image) of (H, W) or (H, W, C) uint8 pixels, first row on top."""
+    import cv2
+
+    values = {"image": "m.png", "resolution": 0.5, "origin": "[0, 0, 0]", "negate": 0, "occupied_thresh": 0.65,
+              "free_thresh": 0.196} | keys
+    assert cv2.imwrite(str(folder / values["image"]), np.asarray(pixels, np.uint8))
+    path = folder / "m.yaml"
+    path.write_text("".join(f"{k}: {v}\n" for k, v in values.items()) + "# a comment line\n")
+    return path
+
+
+def test_round_trip_keeps_the_three_classes_exactly(tmp_path):
+    rng = np.random.default_rng(0)
+    probability = rng.choice([0.02, 0.1, 0.24, 0.3, 0.5, 0.64, 0.66, 0.99, np.nan], size=(13, 7)).astype(np.float32)
+    grid = OccupancyGrid(probability, 0.05, (-1.25, 3.5))
+    text, image = save_map(tmp_path / "map.v2", grid)
+    back = load_map(text)
+    assert (text.name, image.name) == ("map.v2.yaml", "map.v2.pgm")
+    assert back.resolution_m == 0.05 and back.origin_m == (-1.25, 3.5)
+    assert np.array_equal(back.free(), grid.free()) and np.array_equal(back.occupied(), grid.occupied())
+    assert np.array_equal(np.isnan(back.probability), ~(grid.free() | grid.occupied()))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["map.v2.pgm", "map.v2.yaml"]
+
+
+@pytest.mark.parametrize("name", ["m.pgm", "m.png", "m.bmp"])
+def test_the_first_image_row_is_the_highest_y(tmp_path, name):
+    grid = load_map(write_map(tmp_path, [[0, 254], [254, 254], [254, 254]], image=name))
+    assert grid.occupied().tolist() == [[False, False], [False, False], [True, False]]
+    assert grid.cells([(0.25, 1.25)]).tolist() == [[2, 0]]
+
+
+def test_trinary_thresholds_are_strict_and_205_is_unknown(tmp_path):
+    # occupancy of 205 is 50/255 = 0.19608: not below 0.196, but below nav2's old 0.25
+    pixels = [[254, 205, 100, 89, 0]]
+    found = load_map(write_map(tmp_path, pixels)).probability[0]
+    assert np.array_equal(found, [0, np.nan, np.nan, 1, 1], equal_nan=True)
+    assert load_map(write_map(tmp_path, pixels, free_thresh=0.25)).probability[0, 1] == 0.0
+
+
+def test_negate_makes_white_occupied(tmp_path):
+    assert load_map(write_map(tmp_path, [[254, 0]], negate=1)).probability.tolist() == [[1.0, 0.0]]
+
+
+def test_scale_is_a_ramp_between_the_thresholds(tmp_path):
+    pixels = np.array([[255, 128, 0]])
+    grid = load_map(write_map(tmp_path, pixels, mode="scale", occupied_thresh=0.9, free_thresh=0.1))
+    middle = np.rint(100 * ((1 - 128 / 255) - 0.1) / 0.8) / 100
+    assert grid.probability[0] == pytest.approx([0.0, middle, 1.0])
+
+
+def test_scale_takes_transparent_as_unknown(tmp_path):
+    rgba = np.zeros((1, 2, 4))
+    rgba[0, :, 3] = 255, 10
+    grid = load_map(write_map(tmp_path, rgba, mode="scale"))
+    assert grid.probability[0, 0] == 1.0 and np.isnan(grid.probability[0, 1])
+
+
+def test_raw_is_percent_up_to_100_and_unknown_above(tmp_path):
+    grid = load_map(write_map(tmp_path, [[0, 37, 100, 101, 255]], mode="raw"))
+    assert np.allclose(grid.probability[0], [0, 0.37, 1.0, np.nan, np.nan], equal_nan=True)
+
+
+def test_a_quarter_turn_moves_every_cell_where_geometry_says(tmp_path):
+    # origin (10, 20) turned by 90 degrees: the image's x axis points along +y, its y axis along -x
+    path = write_map(tmp_path, [[254, 254, 0]], origin=f"[10, 20, {np.pi / 2}]")
+    grid = load_map(path)
+    assert grid.shape == (3, 1) and grid.origin_m == pytest.approx((9.5, 20.0))
+    assert grid.occupied()[:, 0].tolist() == [False, False, True]
+
+
+def test_a_slanted_map_keeps_its_obstacle_in_place_and_knows_nothing_outside(tmp_path):
+    pixels = np.full((20, 20), 254)
+    pixels[20 - 1 - 5, 14] = 0  # centre at (7.25, 2.75) m of the image frame
+    grid = load_map(write_map(tmp_path, pixels, origin="[1, 2, 0.5]"))
+    c, s = np.cos(0.5), np.sin(0.5)
+    where = np.array([1 + c * 7.25 - s * 2.75, 2 + s * 7.25 + c * 2.75])
+    assert grid.occupied().any()
+    assert np.linalg.norm(grid.centres(np.argwhere(grid.occupied())) - where, axis=1).max() < 0.5
+    assert np.isnan(grid.probability[0, 0])
+
+
+def test_comments_bom_and_windows_lines_are_read(tmp_path):
+    path = write_map(tmp_path, [[254, 0]])
+    plain = load_map(path).probability
+    path.write_bytes(b"\xef\xbb\xbf# head\r\n" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert np.array_equal(load_map(path).probability, plain)
+
+
+@pytest.mark.parametrize(
+    ("keys", "word"),
+    [
+        ({"resolution": 0}, "resolution"), ({"resolution": "nan"}, "resolution"), ({"resolution": "a"}, "resolution"),
+        ({"origin": "[0, .inf, 0]"}, "origin"), ({"origin": 3}, "origin"), ({"mode": "binary"}, "mode"),
+        ({"occupied_thresh": 1.5}, "occupied_thresh"), ({"free_thresh": 0.9}, "free_thresh"), ({"negate": 2}, "negate"),
+    ],
+)
+def test_bad_keys_are_refused_by_name(tmp_path, keys, word):
+    with pytest.raises(ConfigError, match=word):
+        load_map(write_map(tmp_path, [[254, 0]], **keys))
+
+
+def test_missing_files_and_bad_yaml_are_refused_in_words(tmp_path):
+    with pytest.raises(ConfigError, match="cannot read"):
+        load_map(tmp_path / "none.yaml")
+    path = write_map(tmp_path, [[254]])
+    (tmp_path / "m.png").write_bytes(b"not an image")
+    with pytest.raises(ConfigError, match="not an image"):
+        load_map(path)
+    path.write_text("image: [unclosed\nx: 1\n")
+    with pytest.raises(ConfigError, match="m.yaml:"):
+        load_map(path)
+    path.write_text("!!python/object/apply:os.system ['true']\n")
+    with pytest.raises(ConfigError):
+        load_map(path)
