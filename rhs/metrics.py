@@ -23,7 +23,7 @@ Values = dict[str, float | int | str]
 TOLERANCE_S = 0.02
 # A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
 VISITED_M = 0.5
-STAGES = ("sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
+STAGES = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
 PATROL = ("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions", "clearance_min_m",
           "arrival_error_max_m", "path_length_m", "path_optimal_m")
 

@@ -48,10 +48,10 @@ class Pilot(Protocol):
 
 def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, first_index: int = 0) -> Iterator[Step]:
     """Yield one Step per view until the pilot stops."""
-    capture = pilot.first(source)
-    index = first_index
+    clock, index = Stopwatch(), first_index
+    with clock("capture"):
+        capture = pilot.first(source)
     while capture is not None:
-        clock = Stopwatch()
         with clock("sense"):
             observation = sensor.sense(capture)
         with clock("odometry"):
@@ -68,8 +68,9 @@ def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, f
         yield Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, source.truth(),
                    decision.path, decision.mission, decision.event, capture.command, clock.timings_ms,
                    clearance_m, collided)
-        index += 1
-        capture = pilot.move(source, decision.command)
+        clock, index = Stopwatch(), index + 1
+        with clock("capture"):
+            capture = pilot.move(source, decision.command)
 
 
 class Led:

@@ -26,7 +26,7 @@ SURVEY = (
 )
 MAP = ("map_agreement", "map_observed_share")
 FLOATS = (*PATROL, *SURVEY, *MAP)
-MACHINE = ("sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms", "wall_ms", "real_time_factor",
+MACHINE = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms", "wall_ms", "real_time_factor",
            "peak_memory_mb")
 # The order of a table; columns it does not name follow in alphabetical order, machine-dependent ones last.
 ORDER = ("status", "reason", *KEYS, *INTEGERS[1:6], *PATROL, *SURVEY, "ate_alignment", *MAP, *INTEGERS[6:])
