@@ -172,7 +172,8 @@ def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[P
         try:
             config = hydra.compose("config", [f"{w.key}={w.value or 'null'}" for w in options], return_hydra_config=True)
         except (hydra.errors.HydraException, omegaconf.errors.OmegaConfBaseException) as error:
-            raise ConfigError(_in_one_line(error)) from error
+            raise (error.__cause__ if isinstance(error.__cause__, ConfigError) else
+                   ConfigError(_in_one_line(error))) from error
         choices = {k: v for k, v in config.hydra.runtime.choices.items() if not k.startswith("hydra/")}
         with open_dict(config):
             del config["hydra"]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,3 +35,17 @@ def environment(*folders: Path, **more: str) -> dict[str, str]:
     """The environment of a child process in which they count as installed."""
     path = os.pathsep.join([*map(str, folders), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     return {**os.environ, "PYTHONPATH": path, **more}
+
+
+def installed_project(project: Path, site: Path) -> Path:
+    """`site`, holding the project as pip would have installed it: its package and the metadata of its pyproject."""
+    about = tomllib.loads((project / "pyproject.toml").read_text())["project"]
+    metadata = site / f"{about['name'].replace('-', '_')}-{about['version']}.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {about['name']}\nVersion: {about['version']}\n")
+    lines = [f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
+             for group, points in about["entry-points"].items()]
+    (metadata / "entry_points.txt").write_text("\n".join(lines))
+    for package in project.glob("*/__init__.py"):
+        shutil.copytree(package.parent, site / package.parent.name, ignore=shutil.ignore_patterns("__pycache__"))
+    return site

@@ -193,8 +193,8 @@ def test_parts_are_built_from_their_settings_with_generators_of_their_own(tmp_pa
     built = build_parts(compose("planner.samples=7", "seed=2"), "a world", tmp_path)
     assert built.planner.settings.samples == 7
     assert built.source.context.world == "a world"
-    assert built.planner.context.camera == "camera"
-    assert built.planner.context.rng.random() != built.mapper.context.rng.random()
+    assert built.planner.context.camera is built.source.camera
+    assert built.planner.context.rng.random() != built.sensor.rng.random()
     assert {"driving", "scan"} <= built.provides
 
 
