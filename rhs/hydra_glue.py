@@ -95,7 +95,7 @@ class ConfSource(ConfigSource):
 
 
 class PluginSource(ConfigSource):
-    """`<kind>/<name>` for every registered plugin."""
+    """`<kind>/<name>` for every registered plugin, and `stack/<sensor>` for sensors that have no stack file."""
 
     @staticmethod
     def scheme() -> str:
@@ -115,6 +115,8 @@ class PluginSource(ConfigSource):
 
     def is_config(self, config_path: str) -> bool:
         kind, name = self._split(config_path)
+        if kind == "stack":
+            return name in registry.names("sensor") and not any(_stack(folder, name).is_file() for folder in _active)
         return kind in KINDS and name in registry.names(kind)
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
@@ -127,11 +129,17 @@ class PluginSource(ConfigSource):
 
     def load_config(self, config_path: str) -> ConfigResult:
         kind, name = self._split(config_path)
+        if kind == "stack":
+            return _result(self, {"defaults": ["default"]}, {"package": "_global_"})
         try:
             values = settings.defaults(registry.load(kind, name))
         except ConfigError as error:
             raise ConfigCompositionException(str(error)) from error
         return _result(self, {"name": name, **values}, {"package": None})
+
+
+def _stack(folder: Path, name: str) -> Path:
+    return folder / "stack" / f"{name}.yaml"
 
 
 class Search(SearchPathPlugin):

@@ -168,6 +168,18 @@ def test_a_sensor_that_lacks_what_a_part_needs_is_refused_with_what_to_type():
     assert compose("sensor=fake_mono", "odometry=fake_eye").sensor.name == "fake_mono"
 
 
+def test_an_experiment_chooses_parts_over_the_stack_and_words_choose_over_both(tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "e.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - override /sensor: fake_mono\n  - override /odometry: fake_eye\n"
+        "planner:\n  samples: 7\n")
+    parts_by_word = [word for word in CHOICE if not word.startswith(("sensor=", "odometry="))]
+    config = compose_config([*parts_by_word, "experiment=e"], folders=(tmp_path,))
+    assert (config.sensor.name, config.odometry.name, config.planner.settings.samples) == ("fake_mono", "fake_eye", 7)
+    config = compose_config([*parts_by_word, "experiment=e", "sensor=fake", "planner.samples=8"], folders=(tmp_path,))
+    assert (config.sensor.name, config.odometry.name, config.planner.settings.samples) == ("fake", "fake_eye", 8)
+
+
 def test_a_config_written_and_read_back_is_the_same():
     config = compose("seed=5", "planner.step_m=0.1", "obstacles=[[1,2,0.5,0.5]]", "mission.turn=arc")
     again = from_plain(to_plain(config))
