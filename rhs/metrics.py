@@ -148,7 +148,7 @@ def _collisions(patrol: list[dict[str, str]]) -> int:
 
 def path_optimal_m(folder: Path, facts: dict, patrol: list[dict[str, str]]) -> float:
     """Length of the shortest way from where the patrol truly began through the places in order, on the true plan grown
-    by the robot's radius; NaN without a true plan, inf where a place cannot be reached."""
+    by the robot's radius; NaN without a true plan or where a place cannot be reached."""
     plan = _map(folder / "true_map.yaml")
     if plan is None or not patrol or not patrol[0]["true_x_m"]:
         return NAN
@@ -157,8 +157,7 @@ def path_optimal_m(folder: Path, facts: dict, patrol: list[dict[str, str]]) -> f
     start = (float(patrol[0]["true_x_m"]), float(patrol[0]["true_y_m"]))
     stops = np.array([start, *((place["x_m"], place["y_m"]) for place in facts["places"])])
     blocked = plan.blocked(float(facts["robot_radius_m"]))
-    return float(sum(shortest_length_m(blocked, plan.resolution_m, plan.origin_m, a, b)
-                     for a, b in zip(stops[:-1], stops[1:], strict=True)))
+    return float(shortest_length_m(blocked, plan.resolution_m, plan.origin_m, stops))
 
 
 # --- map -------------------------------------------------------------------------------------------------------------

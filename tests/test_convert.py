@@ -14,7 +14,6 @@ from rhs.playback import read, read_head
 from rhs.recording import Recorder
 from rhs.trajectory import read_tum
 
-
 CAMERA = camera_from_fov(96, 72, 60.0, height_m=1.0)  # large enough for several chunks
 
 
