@@ -20,7 +20,7 @@ from .playback import read, read_head
 from .recording import camera_to_plain, head_note, put_view, view_to_plain
 from .records import Capture
 from .tape import Tape
-from .trajectory import read_tum, tum_line, write_tum
+from .trajectory import Trajectory, read_tum, tum_line, write_tum
 
 DEPTH_STEPS_PER_M = 5000.0
 POSE_TOPICS = {"geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Odometry"}
@@ -99,7 +99,7 @@ def to_trajectory(source: Path, target: Path, topic: str) -> tuple[Report, int]:
     if not poses:
         known = f"poses are on {', '.join(sorted(seen))}" if seen else "no topic holds poses"
         raise ConfigError(f"{source} has no poses on {topic}; {known}; type --topic TOPIC")
-    write_tum(target, np.array(stamps), np.array(poses))
+    write_tum(target, Trajectory(np.array(stamps), np.array(poses)))
     return reading.report, len(poses)
 
 

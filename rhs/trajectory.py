@@ -51,11 +51,11 @@ def tum_line(stamp_s: float, pose: np.ndarray) -> str:
     return f"{stamp_s:.9f} " + " ".join(f"{round(float(v), 9) + 0.0:.9f}" for v in numbers) + "\n"
 
 
-def write_tum(path: Path, stamps_s: np.ndarray, poses: np.ndarray) -> None:
-    """Write (N,) stamps and (N, 4, 4) poses; the file appears whole or not at all."""
+def write_tum(path: Path, trajectory: Trajectory) -> None:
+    """Write a trajectory; the file appears whole or not at all."""
     with replacing(Path(path)) as file:
         file.write("# stamp_s x_m y_m z_m qx qy qz qw\n")
-        file.writelines(tum_line(s, p) for s, p in zip(stamps_s, poses, strict=True))
+        file.writelines(tum_line(s, p) for s, p in zip(trajectory.stamps_s, trajectory.poses, strict=True))
 
 
 def read_tum(path: Path) -> Trajectory:

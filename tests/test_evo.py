@@ -66,8 +66,9 @@ def test_errors_are_those_of_evo(tmp_path):
     moved = exp_se3(np.array([3, -2, 1, 0.4, 0.2, -1.0])) @ truth.poses @ noise
     moved[:, :3, 3] *= 0.8
     keep = np.delete(np.arange(280), [4, 5, 60])
-    write_tum(tmp_path / "truth.tum", truth.stamps_s, truth.poses)
-    write_tum(tmp_path / "estimate.tum", truth.stamps_s[keep] + rng.uniform(-0.015, 0.015, len(keep)), moved[keep])
+    write_tum(tmp_path / "truth.tum", truth)
+    late = truth.stamps_s[keep] + rng.uniform(-0.015, 0.015, len(keep))
+    write_tum(tmp_path / "estimate.tum", Trajectory(late, moved[keep]))
     files = [tmp_path / "truth.tum", tmp_path / "estimate.tum"]
     done = subprocess.run([evo_python(), "-c", EVO, *map(str, files)], capture_output=True, text=True, timeout=120,
                           env=os.environ | {"HOME": str(tmp_path)})

@@ -18,14 +18,14 @@ def wander(count: int, seed: int = 0) -> Trajectory:
 
 def test_a_trajectory_reads_back_within_a_nanometre(tmp_path):
     written = wander(50)
-    write_tum(tmp_path / "a.tum", written.stamps_s, written.poses)
+    write_tum(tmp_path / "a.tum", written)
     read = read_tum(tmp_path / "a.tum")
     np.testing.assert_allclose(read.stamps_s, written.stamps_s, atol=1e-9)
     np.testing.assert_allclose(read.poses, written.poses, atol=4e-9)
 
 
 def test_w_comes_last(tmp_path):
-    write_tum(tmp_path / "a.tum", np.array([1.5]), se2(1, 2, np.pi)[None])
+    write_tum(tmp_path / "a.tum", Trajectory(np.array([1.5]), se2(1, 2, np.pi)[None]))
     words = (tmp_path / "a.tum").read_text().splitlines()[1].split()
     assert words[0] == "1.500000000"
     np.testing.assert_allclose([float(w) for w in words[1:]], [1, 2, 0, 0, 0, 1, 0], atol=1e-9)

@@ -12,7 +12,7 @@ from rhs.grid import OccupancyGrid
 from rhs.records import Belief, Motion, Observation, PlanReason, Scan, Step, Tracking, Twist, WorldFacts
 from rhs.records import Path as Plan
 from rhs.steps import StepTable
-from rhs.trajectory import read_tum, write_tum
+from rhs.trajectory import Trajectory, read_tum, write_tum
 
 CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
 FACTS = WorldFacts("room", (2.0, 2.0, 0.0), (("east", 8.0, 2.0), ("north", 8.0, 8.0)), (0.0, 0.0, 10.0, 10.0), 0.3)
@@ -79,7 +79,7 @@ def make_run(folder: Path, *, count: int = 40, drift: float = 0.01, patrol: bool
             table.add(step)
     table.close()
     truth = read_tum(folder / "truth_survey.tum")
-    write_tum(folder / "corrected.tum", truth.stamps_s, truth.poses @ se2(0.02, 0.0, 0.0))
+    write_tum(folder / "corrected.tum", Trajectory(truth.stamps_s, truth.poses @ se2(0.02, 0.0, 0.0)))
     seen = room()
     seen.probability[:, :5] = np.nan
     save_map(folder / "map", seen)
