@@ -9,6 +9,7 @@ import importlib.util
 import subprocess
 import sys
 import tempfile
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,10 +111,13 @@ class Scene:
         camera = self.camera
         gl_from_optical = se3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
         view = gl_from_optical @ inverse(world_from_body @ camera.body_from_camera)
-        which = pybullet.ER_TINY_RENDERER if self.renderer == "tiny" else pybullet.ER_BULLET_HARDWARE_OPENGL
-        _, _, rgba, buffer, _ = pybullet.getCameraImage(
-            camera.width, camera.height, view.T.ravel().tolist(), self.projection.T.ravel().tolist(), renderer=which,
-            flags=pybullet.ER_NO_SEGMENTATION_MASK, physicsClientId=self.client, **SHADELESS)
+        which, hush = pybullet.ER_TINY_RENDERER, nullcontext
+        if self.renderer == "egl":
+            which, hush = pybullet.ER_BULLET_HARDWARE_OPENGL, quiet
+        with hush():
+            _, _, rgba, buffer, _ = pybullet.getCameraImage(
+                camera.width, camera.height, view.T.ravel().tolist(), self.projection.T.ravel().tolist(),
+                renderer=which, flags=pybullet.ER_NO_SEGMENTATION_MASK, physicsClientId=self.client, **SHADELESS)
         image = np.asarray(rgba, np.uint8).reshape(camera.height, camera.width, 4)[..., :3].copy()
         window = np.asarray(buffer, np.float64).reshape(camera.height, camera.width)
         depth = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
