@@ -31,17 +31,15 @@ def cut(corners: np.ndarray, uv: np.ndarray, columns: int, rows: int) -> list[Qu
 
 
 def wall_faces(wall: Wall, number: int) -> list[Quad]:
-    """Both sides of one straight piece of a wall; each shows the texture the right way round."""
+    """Both sides of one straight piece of a wall: the texture on the left-hand one, its mirror image on the other."""
     a, b = wall.segments_m[number]
     low, high = -OVERLAP_M, wall.height_m + OVERLAP_M
     uv = WHOLE.copy()
     uv[:, 1] = np.array([low, low, high, high]) / wall.height_m
     columns = max(1, round(float(np.hypot(*(b - a))) / WALL_PIECE_M))
-    quads = []
-    for left, right in ((a, b), (b, a)):
-        corners = np.array([[*left, low], [*right, low], [*right, high], [*left, high]], float)
-        quads += cut(corners, uv, columns, 1)
-    return quads
+    from_left = np.array([[*b, low], [*a, low], [*a, high], [*b, high]], float)
+    from_right, mirrored = from_left[[1, 0, 3, 2]], uv[[1, 0, 3, 2]]
+    return cut(from_left, uv, columns, 1) + cut(from_right, mirrored, columns, 1)
 
 
 def box_sides(box: Box) -> list[Quad]:

@@ -25,6 +25,8 @@ from .simulator_mesh import Quad, box_lids, box_sides, floor_and_ceiling, obj_te
 from .simulator_textures import WallPainter, generator, surface
 
 NEAR_M, FAR_M = 0.1, 60.0
+LEVEL_M = 1e-5  # nearer than this to the plane of the lens counts as level with it: ten times float32's grain at 20 m
+NUDGES_M = (0.0, 3e-5, -3e-5, 6e-5, -6e-5, 9e-5, -9e-5)
 FLOOR_PX_PER_M = 80.0  # the floor is never nearer to the camera than its height
 SHADELESS = {"lightAmbientCoeff": 1.0, "lightDiffuseCoeff": 0.0, "lightSpecularCoeff": 0.0, "shadow": 0}
 
@@ -46,6 +48,7 @@ class Scene:
         with quiet():
             self.client = pybullet.connect(pybullet.DIRECT)
             self.renderer = look.renderer if look.renderer != "egl" or self._load_egl() else "tiny"
+        self.vertices = np.zeros((0, 3))
         self.projection = projection(camera, half=0.0 if self.renderer == "tiny" else 1.0)
         look.folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=look.folder, prefix="scene.tmp-") as scratch, quiet():
@@ -96,6 +99,8 @@ class Scene:
         The textures are set once and the mesh names no material: PyBullet's OpenGL renderer mixes them up otherwise."""
         number = len(list(scratch.iterdir()))  # PyBullet remembers files by name: no name is used twice
         mesh, picture = scratch / f"{number}.obj", scratch / f"{number}.bmp"
+        corners = np.concatenate([self.vertices, *(corners for corners, _ in quads)])
+        self.vertices = np.unique(corners, axis=0)
         mesh.write_text(obj_text(quads), encoding="ascii")
         cv2.imwrite(str(picture), image[..., ::-1])
         shape = pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[1, 1, 1, 1],
@@ -108,9 +113,10 @@ class Scene:
 
     def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """RGB (H, W, 3) uint8 and depth (H, W) float32 in metres along the optical axis, NaN where nothing is."""
-        camera = self.camera
+        camera, nudge = self.camera, self._nudge(world_from_body)
         gl_from_optical = se3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
         view = gl_from_optical @ inverse(world_from_body @ camera.body_from_camera)
+        view[2, 3] += nudge
         which, hush = pybullet.ER_TINY_RENDERER, nullcontext
         if self.renderer == "egl":
             which, hush = pybullet.ER_BULLET_HARDWARE_OPENGL, quiet
@@ -122,7 +128,19 @@ class Scene:
         window = np.asarray(buffer, np.float64).reshape(camera.height, camera.width)
         depth = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
         depth[window >= 1.0] = np.nan
-        return image, depth.astype(np.float32)
+        return image, (depth + nudge).astype(np.float32)
+
+    def _nudge(self, world_from_body: np.ndarray) -> float:
+        """Metres, at most a few hundredths of a millimetre, by which to push the camera along its axis.
+
+        A corner of a mesh exactly level with the lens has depth zero; the software renderer divides by it and then
+        counts through two thousand million pixels."""
+        world_from_camera = world_from_body @ self.camera.body_from_camera
+        depth = (self.vertices - world_from_camera[:3, 3]) @ world_from_camera[:3, 2]
+        for nudge in NUDGES_M:
+            if np.abs(depth - nudge).min() > LEVEL_M:
+                return nudge
+        return NUDGES_M[-1]
 
     def close(self) -> None:
         """Let PyBullet forget the world; safe to call twice."""

@@ -139,7 +139,7 @@ class WallPainter:
         self.drawn: dict[int, np.ndarray] = {}
 
     def texture(self, wall: Wall, segment: int) -> np.ndarray:
-        """(H, W, 3) of one straight piece of a wall, seen with its first point at the left edge."""
+        """(H, W, 3) of one straight piece of a wall, seen from the left-hand side: its first point is the right edge."""
         a, b = wall.points_m[segment : segment + 2]
         length = float(np.hypot(*(b - a)))
         look = wall.twins[segment] if wall.twins else segment
@@ -148,12 +148,13 @@ class WallPainter:
         px = image.shape[1] / length
         blanks = [blank for blank in wall.blanks if blank.segment == segment]
         for blank in blanks:
-            image[:, int(blank.from_m * px) : int(blank.to_m * px)] = np.asarray(wall.surface.colour, np.uint8)
+            left, right = max(0.0, length - blank.to_m), length - blank.from_m
+            image[:, int(left * px) : int(right * px)] = np.asarray(wall.surface.colour, np.uint8)
         for middle_m, number in self.hung.get((wall.name, look), ()):
             picture = self._painting(number, px)
             half_m = 0.5 * picture.shape[1] / px
             if all(middle_m + half_m <= blank.from_m or middle_m - half_m >= blank.to_m for blank in blanks):
-                _paste(image, picture, middle_m * px, (wall.height_m - self.paintings.middle_m) * px)
+                _paste(image, picture, (length - middle_m) * px, (wall.height_m - self.paintings.middle_m) * px)
         return image
 
     def _painting(self, number: int, px: float) -> np.ndarray:
