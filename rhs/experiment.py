@@ -30,7 +30,7 @@ from .rowfile import write_row
 from .sentinel import Sentinel
 from .steps import StepTable
 from .survey import Survey, ViewCollector
-from .trajectory import write_tum
+from .trajectory import Trajectory, write_tum
 from .world import load_world
 
 Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
@@ -145,7 +145,7 @@ def lead_round(parts: Parts, config: RunConfig, notebook: Notebook) -> Survey:
     grid = surveying.draw(views, parts.mapper)
     closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
-    write_tum(notebook.folder / "corrected.tum", stamps, closure.poses)
+    write_tum(notebook.folder / "corrected.tum", Trajectory(stamps, closure.poses))
     save_map(notebook.folder / "map", grid)
     notebook.recorder.map(grid, float(stamps[-1]))
     write_json(notebook.folder / "closure.json", closure_rows(closure) | {"closing_ms": closing_ms})
