@@ -19,3 +19,22 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(cache=True)(function)
     except RuntimeError:  # numba: "no locator available"
         return numba.njit(function)
+
+
+def typed(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator: compiled for one numba signature when the module is imported, so that no call has to wait for it.
+
+    Cached and careful like `compiled`.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        import numba
+
+        try:
+            return numba.njit(signature, cache=True)(function)
+        except RuntimeError as error:
+            if "locator" not in str(error):
+                raise
+            return numba.njit(signature)(function)
+
+    return decorate

@@ -12,12 +12,14 @@ import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from rhs.jit import typed
+
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 POINTS = types.Array(types.float64, 2, "C", readonly=True)
 NEW_POINTS = types.Array(types.float64, 2, "C")
 
 
-@nb.njit(nb.boolean(GRID, nb.float64, nb.float64, nb.float64, nb.float64), cache=True)
+@typed(nb.boolean(GRID, nb.float64, nb.float64, nb.float64, nb.float64))
 def segment_free(grid, x0, y0, x1, y1):
     """Every cell entered on the way from (x0, y0) to (x1, y1) is free; the same answer for the way back."""
     if x0 > x1 or (x0 == x1 and y0 > y1):
@@ -58,7 +60,7 @@ def _as_pointer(typing_context, address):
     return types.voidptr(types.intp), generate
 
 
-@nb.njit(nb.boolean(nb.intp, nb.int64, nb.int64, nb.float64, nb.float64, nb.float64, nb.float64), cache=True)
+@typed(nb.boolean(nb.intp, nb.int64, nb.int64, nb.float64, nb.float64, nb.float64, nb.float64))
 def segment_free_at(address, rows, columns, x0, y0, x1, y1):
     """segment_free on the uint8 grid at a memory address: spares unboxing the array on every call from OMPL.
 
@@ -68,7 +70,7 @@ def segment_free_at(address, rows, columns, x0, y0, x1, y1):
     return segment_free(nb.carray(_as_pointer(address), (rows, columns), np.uint8), x0, y0, x1, y1)
 
 
-@nb.njit(nb.boolean(GRID, POINTS), cache=True)
+@typed(nb.boolean(GRID, POINTS))
 def polyline_free(grid, points):
     """Every segment of the polyline (N, 2) is free."""
     for k in range(len(points) - 1):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from rhs.jit import compiled, typed
 from rhs.records import Path, PlanningProblem
 
 from .line import GRID, NEW_POINTS, POINTS, segment_free
@@ -46,7 +47,7 @@ class NativeRrtConnect:
         return finish(task, raw, rounds=self._settings.shorten_rounds, extras=extras, sketch=sketch)
 
 
-@nb.njit(cache=True)
+@compiled
 def _room(trees, parents, sizes):
     """The arrays, twice as long when one tree has filled them."""
     if max(sizes) < len(trees):
@@ -57,7 +58,7 @@ def _room(trees, parents, sizes):
     return longer, up
 
 
-@nb.njit(cache=True)
+@compiled
 def _extend(grid, trees, parents, sizes, which, x, y, step):
     """One edge of at most `step` from the nearest vertex towards (x, y); the new vertex, or -1 when stopped."""
     nearest, least = 0, np.inf
@@ -81,7 +82,7 @@ def _extend(grid, trees, parents, sizes, which, x, y, step):
 _RESULT = nb.types.Tuple((NEW_POINTS, nb.types.Array(nb.int64, 2, "C"), _INTS, _INTS, nb.int64))
 
 
-@nb.njit(_RESULT(GRID, POINTS, nb.float64, nb.int64, _RNG), cache=True)
+@typed(_RESULT(GRID, POINTS, nb.float64, nb.int64, _RNG))
 def grow(grid, roots, step, iterations, rng):
     """Two trees from roots (2, 2), turn about, until they meet or the samples are spent.
 

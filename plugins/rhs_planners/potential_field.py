@@ -12,6 +12,7 @@ import time
 import numba as nb
 import numpy as np
 
+from rhs.jit import typed
 from rhs.records import Path, PlanningProblem
 
 from .line import GRID, NEW_POINTS
@@ -60,7 +61,7 @@ class PotentialFieldPlanner:
         return out
 
 
-@nb.njit(_FIELD(_FIELD, nb.float64, nb.float64, nb.float64), cache=True)
+@typed(_FIELD(_FIELD, nb.float64, nb.float64, nb.float64))
 def _with_attraction(repulsion, step_m, goal_x, goal_y):
     """The repulsion plus the distance in metres from each cell's centre to the goal."""
     rows, columns = repulsion.shape
@@ -71,7 +72,7 @@ def _with_attraction(repulsion, step_m, goal_x, goal_y):
     return out
 
 
-@nb.njit(NEW_POINTS(GRID, _FIELD, NEW_POINTS, nb.float64, nb.float64, nb.int64), cache=True)
+@typed(NEW_POINTS(GRID, _FIELD, NEW_POINTS, nb.float64, nb.float64, nb.int64))
 def descend(grid, field, ends, trail, radius, steps):
     """(N, 2) cell centres from the cell of ends[0] down the potential, leaving the trail in `field` (changed).
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from rhs.jit import compiled, typed
+
 from .heap import pop, push
 from .line import GRID, POINTS, segment_free
 
@@ -71,7 +73,7 @@ def _order(points: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.argsort(((points - at) ** 2).sum(axis=1), kind="stable")
 
 
-@nb.njit(nb.void(GRID, POINTS, _PAIRS, _FLAGS, nb.types.Array(nb.float64, 1, "C")), cache=True)
+@typed(nb.void(GRID, POINTS, _PAIRS, _FLAGS, nb.types.Array(nb.float64, 1, "C")))
 def _recheck(grid, points, edges, open_, box):
     """Test again every edge whose bounding box meets box = (x0, y0, x1, y1) cells."""
     for e in range(len(edges)):
@@ -82,7 +84,7 @@ def _recheck(grid, points, edges, open_, box):
         open_[e] = segment_free(grid, ax, ay, bx, by)
 
 
-@nb.njit(_OUT(GRID, POINTS, _INTS, nb.types.Array(nb.float64, 1, "C", readonly=True), nb.int64), cache=True)
+@typed(_OUT(GRID, POINTS, _INTS, nb.types.Array(nb.float64, 1, "C", readonly=True), nb.int64))
 def _in_sight(grid, points, order, at, limit):
     """The first `limit` vertices of `order` that are in sight of `at`."""
     out = np.empty(min(limit, len(order)), np.int64)
@@ -96,7 +98,7 @@ def _in_sight(grid, points, order, at, limit):
     return out[:count].copy()
 
 
-@nb.njit(cache=True)
+@compiled
 def _search(points, offsets, others, numbers, open_, ends, links):
     """A* from ends[0] over links[0], open edges and links[1] to ends[1]; the vertices passed, in order."""
     start, goal = ends

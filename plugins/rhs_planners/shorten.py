@@ -10,13 +10,15 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from rhs.jit import typed
+
 from .line import GRID, NEW_POINTS, POINTS, segment_free
 
 _HALVINGS = 24  # bisection steps: a bend is placed to 6e-8 of its segment
 _ENOUGH = 1e-5  # stop when a round gains less than this share of the length
 
 
-@nb.njit(NEW_POINTS(GRID, POINTS), cache=True)
+@typed(NEW_POINTS(GRID, POINTS))
 def skip_points(grid, points):
     """From each point go on to the farthest later one in sight (greedy)."""
     keep = np.empty(len(points), np.int64)
@@ -30,7 +32,7 @@ def skip_points(grid, points):
     return points[keep[:count]].copy()
 
 
-@nb.njit(nb.float64(GRID, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64), cache=True)
+@typed(nb.float64(GRID, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64))
 def _reach(grid, fx, fy, ax, ay, bx, by):
     """Largest found share t of the way a -> b from where (fx, fy) is still in sight, by bisection."""
     if segment_free(grid, fx, fy, bx, by):
@@ -45,7 +47,7 @@ def _reach(grid, fx, fy, ax, ay, bx, by):
     return low
 
 
-@nb.njit(NEW_POINTS(GRID, POINTS), cache=True)
+@typed(NEW_POINTS(GRID, POINTS))
 def _pull_once(grid, points):
     """Each bend split in two where a line across is free, else slid on towards the goal while in sight of the last."""
     out = np.empty((2 * len(points), 2))
@@ -79,7 +81,7 @@ def _pull_once(grid, points):
     return out[: count + 1].copy()
 
 
-@nb.njit(nb.float64(POINTS), cache=True)
+@typed(nb.float64(POINTS))
 def length(points):
     """Length of a polyline (N, 2)."""
     total = 0.0
@@ -88,7 +90,7 @@ def length(points):
     return total
 
 
-@nb.njit(NEW_POINTS(GRID, POINTS, nb.int64), cache=True)
+@typed(NEW_POINTS(GRID, POINTS, nb.int64))
 def shorten(grid, points, rounds):
     """At most `rounds` rounds of pulling, towards the goal and towards the start by turns; never longer than given."""
     if len(points) < 3 or rounds <= 0:

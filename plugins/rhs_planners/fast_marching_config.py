@@ -1,0 +1,26 @@
+"""Settings of fast marching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rhs.errors import check_range
+
+from .shared_config import PlannerSettings
+
+
+@dataclass
+class FastMarching(PlannerSettings):
+    """Fast marching (Sethian 1996): the time a wave from the goal takes to every cell, a navigation function without
+    local minima, descended from the start. Complete. Kept while goal and map stay the same."""
+
+    comfort_m: float = 0.0  # the wave is slower this near to blocked cells, so paths keep away; 0: shortest paths
+
+    def __post_init__(self):
+        self.check("planner.fast_marching")
+        check_range("planner.fast_marching", "comfort_m", self.comfort_m, low=0.0, high=100.0, unit="m")
+
+    def build(self, context):
+        from .fast_marching import FastMarchingPlanner
+
+        return FastMarchingPlanner(self)

@@ -1,0 +1,147 @@
+"""A* and Theta* over cells, eight neighbours, corners never cut. Deterministic: ties go to the lower cell number.
+
+Theta* is the basic form of Nash et al. (2007): a cell takes its predecessor's predecessor when that is in sight.
+Start and goal stand where they are within their cells; all other points are cell centres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba as nb
+import numpy as np
+
+from rhs.jit import typed
+from rhs.records import Path, PlanningProblem
+
+from .heap import pop, push
+from .line import GRID, NEW_POINTS, POINTS, segment_free
+from .problem import Ground, begin, finish
+
+_DIAGONAL = np.sqrt(2.0) - 1.0
+_RESULT = nb.types.Tuple((NEW_POINTS, nb.int64))
+
+
+class GridSearch:
+    """search(grid, ends, budget) gives the path (N, 2) in cells, empty for none, and the number of cells taken up."""
+
+    def __init__(self, settings, search: Callable):
+        self._settings, self._search, self._ground = settings, search, Ground()
+
+    def plan(self, problem: PlanningProblem) -> Path:
+        task = begin(problem, self._ground, self._settings.start_radius_m)
+        if isinstance(task, Path):
+            return task
+        cells, expanded = self._search(task.grid, np.stack([task.start, task.goal]), self._settings.expansions)
+        raw = cells if len(cells) else None
+        return finish(task, raw, rounds=self._settings.shorten_rounds, extras={"expanded": float(expanded)})
+
+
+@typed(nb.float64(nb.int64, nb.int64, nb.int64, nb.int64))
+def octile(i, j, k, m):
+    """Least cost in cells from cell (i, j) to (k, m) over free eight-connected cells."""
+    dx, dy = abs(i - k), abs(j - m)
+    return max(dx, dy) + _DIAGONAL * min(dx, dy)
+
+
+@typed(NEW_POINTS(nb.types.Array(nb.int64, 1, "C"), nb.int64, nb.int64, POINTS))
+def _trace(parent, last, columns, ends):
+    """Points from start to goal along parents; the ends exact, centres between."""
+    count, node = 1, last
+    while parent[node] != node:
+        count, node = count + 1, parent[node]
+    count = max(count, 2)
+    out = np.empty((count, 2))
+    node = last
+    for k in range(count - 1, -1, -1):
+        out[k, 0], out[k, 1] = node % columns + 0.5, node // columns + 0.5
+        node = parent[node]
+    out[0], out[count - 1] = ends[0], ends[1]
+    return out
+
+
+@typed(_RESULT(GRID, POINTS, nb.int64))
+def astar(grid, ends, budget):
+    """A* with the octile distance, between the cells of ends (2, 2)."""
+    rows, columns = grid.shape
+    si, sj, gi, gj = int(ends[0, 0]), int(ends[0, 1]), int(ends[1, 0]), int(ends[1, 1])
+    cost, parent = np.full(rows * columns, np.inf), np.full(rows * columns, -1)
+    closed = np.zeros(rows * columns, nb.uint8)
+    keys, items = np.empty(256), np.empty(256, np.int64)
+    start, goal = sj * columns + si, gj * columns + gi
+    cost[start], parent[start] = 0.0, start
+    size, expanded = push(keys, items, 0, octile(si, sj, gi, gj), start), 0
+    while size and expanded < budget:
+        u = items[0]
+        size = pop(keys, items, size)
+        if closed[u]:
+            continue
+        closed[u] = 1
+        expanded += 1
+        if u == goal:
+            return _trace(parent, u, columns, ends), expanded
+        i, j = u % columns, u // columns
+        if size + 8 > len(keys):
+            keys, items = np.append(keys, np.empty(len(keys))), np.append(items, np.empty(len(items), np.int64))
+        for b in range(j - 1, j + 2):
+            for a in range(i - 1, i + 2):
+                v = b * columns + a
+                if grid[b, a] or closed[v] or grid[b, i] or grid[j, a]:
+                    continue
+                through = cost[u] + (1.0 if a == i or b == j else 1.0 + _DIAGONAL)
+                if through < cost[v]:
+                    cost[v], parent[v] = through, u
+                    size = push(keys, items, size, through + octile(a, b, gi, gj), v)
+    return np.empty((0, 2)), expanded
+
+
+@typed(nb.types.UniTuple(nb.float64, 2)(nb.int64, nb.int64, nb.int64, nb.int64, POINTS))
+def _place(node, columns, start, goal, ends):
+    """Where a node stands: the start and the goal where they are, other cells at their centre."""
+    if node == start:
+        return ends[0, 0], ends[0, 1]
+    if node == goal:
+        return ends[1, 0], ends[1, 1]
+    return node % columns + 0.5, node // columns + 0.5
+
+
+@typed(_RESULT(GRID, POINTS, nb.int64))
+def theta_star(grid, ends, budget):
+    """Theta* with the straight distance, between the points ends (2, 2)."""
+    rows, columns = grid.shape
+    cost, parent = np.full(rows * columns, np.inf), np.full(rows * columns, -1)
+    closed = np.zeros(rows * columns, nb.uint8)
+    keys, items = np.empty(256), np.empty(256, np.int64)
+    start = int(ends[0, 1]) * columns + int(ends[0, 0])
+    goal = int(ends[1, 1]) * columns + int(ends[1, 0])
+    cost[start], parent[start] = 0.0, start
+    size, expanded = push(keys, items, 0, 0.0, start), 0
+    while size and expanded < budget:
+        u = items[0]
+        size = pop(keys, items, size)
+        if closed[u]:
+            continue
+        closed[u] = 1
+        expanded += 1
+        if u == goal:
+            return _trace(parent, u, columns, ends), expanded
+        i, j, above = u % columns, u // columns, parent[u]
+        ux, uy = _place(u, columns, start, goal, ends)
+        px, py = _place(above, columns, start, goal, ends)
+        if size + 8 > len(keys):
+            keys, items = np.append(keys, np.empty(len(keys))), np.append(items, np.empty(len(items), np.int64))
+        for b in range(j - 1, j + 2):
+            for a in range(i - 1, i + 2):
+                v = b * columns + a
+                if grid[b, a] or closed[v] or grid[b, i] or grid[j, a]:
+                    continue
+                vx, vy = _place(v, columns, start, goal, ends)
+                straight = cost[above] + np.hypot(vx - px, vy - py)
+                if straight < cost[v] and segment_free(grid, px, py, vx, vy):
+                    through, via = straight, above
+                else:
+                    through, via = cost[u] + np.hypot(vx - ux, vy - uy), u
+                if through < cost[v]:
+                    cost[v], parent[v] = through, via
+                    size = push(keys, items, size, through + np.hypot(vx - ends[1, 0], vy - ends[1, 1]), v)
+    return np.empty((0, 2)), expanded

@@ -1,0 +1,41 @@
+"""Settings of the grid searches: astar, theta_star."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rhs.errors import check_range
+
+from .shared_config import PlannerSettings
+
+
+@dataclass
+class AStar(PlannerSettings):
+    """A* over eight neighbours without cutting corners (Hart, Nilsson, Raphael 1968): complete, shortest on the grid."""
+
+    expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
+
+    def __post_init__(self):
+        self.check("planner.astar")
+        check_range("planner.astar", "expansions", self.expansions, low=1, high=10**12)
+
+    def build(self, context):
+        from .grid_search import GridSearch, astar
+
+        return GridSearch(self, astar)
+
+
+@dataclass
+class ThetaStar(PlannerSettings):
+    """Theta* (Nash, Daniel, Koenig, Felner 2007): A* whose paths may leave the grid's directions. Complete."""
+
+    expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
+
+    def __post_init__(self):
+        self.check("planner.theta_star")
+        check_range("planner.theta_star", "expansions", self.expansions, low=1, high=10**12)
+
+    def build(self, context):
+        from .grid_search import GridSearch, theta_star
+
+        return GridSearch(self, theta_star)
