@@ -5,12 +5,8 @@ The meaning of a setting is the comment above it, or behind it, in its settings 
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import inspect
-import io
 import textwrap
-import tokenize
 import typing
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,6 +15,7 @@ from typing import Any
 from . import registry, settings
 from .contracts import KINDS
 from .errors import PluginError
+from .meanings import comments, summary
 from .paths import data_dir
 from .strict_yaml import load_yaml
 
@@ -90,8 +87,8 @@ def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
                                "" if origin.distribution.startswith("rhs ") else f"from {origin.distribution}",
                                f"needs {', '.join(sorted(cls.needs))}" if cls.needs else "",  # type: ignore[attr-defined]
                                ) if note]
-    summary = _summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
-    lines = list(_entry(f"  {kind}={name}", summary))
+    told = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
+    lines = list(_entry(f"  {kind}={name}", told))
     for line in _settings(cls, kind):
         lines.append(line)
     return lines
@@ -134,43 +131,3 @@ def _entry(head: str, text: str, indent: int = 40) -> Iterator[str]:
     yield f"{head:<{indent}}{wrapped[0]}".rstrip()
     for line in wrapped[1:]:
         yield " " * indent + line
-
-
-def _summary(cls: type) -> str:
-    text = inspect.cleandoc(cls.__doc__ or "")
-    if text.startswith(f"{cls.__name__}("):  # the text that @dataclass makes up
-        return ""
-    return " ".join(text.split("\n\n", 1)[0].split())
-
-
-def comments(cls: type) -> dict[str, str]:
-    """Field -> its comment: the lines of comment right above it and the one behind it, base classes included."""
-    out: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        if dataclasses.is_dataclass(base):
-            out.update(_own_comments(base))
-    return out
-
-
-def _own_comments(cls: type) -> dict[str, str]:
-    try:
-        source = textwrap.dedent(inspect.getsource(cls))
-        tree = ast.parse(source)
-    except (OSError, TypeError, SyntaxError):
-        return {}
-    lines = source.splitlines()
-    notes = {token.start[0]: token.string.lstrip("#").strip()
-             for token in tokenize.generate_tokens(io.StringIO(source).readline) if token.type == tokenize.COMMENT}
-    body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
-    return {node.target.id: _comment_of(node, notes, lines) for node in body
-            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)}
-
-
-def _comment_of(node: ast.AnnAssign, notes: dict[int, str], lines: list[str]) -> str:
-    above = []
-    number = node.lineno - 1
-    while number in notes and lines[number - 1].lstrip().startswith("#"):
-        above.insert(0, notes[number])
-        number -= 1
-    behind = [notes[n] for n in range(node.lineno, (node.end_lineno or node.lineno) + 1) if n in notes]
-    return " ".join(above + behind)

@@ -11,7 +11,8 @@ from installing import FAKES, environment, installed
 
 from rhs import registry, settings
 from rhs.contracts import KINDS
-from rhs.help_text import comments, help_text
+from rhs.help_text import help_text
+from rhs.meanings import comments
 
 HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "hydra", "gtsam")
 

@@ -33,19 +33,20 @@ class Replay:
     max_truth_gap_s: float = 0.1
     # A stamp further than this ahead of the one before is a jump of the clock, seconds; rejected when alone.
     max_jump_s: float = 60.0
-    # First recorded view to use, and every how many.
+    # First recorded view to use.
     start: int = 0
+    # Every how many of them.
     stride: int = 1
     # Number of views to use at most; 0 means all.
     count: int = 0
     # Part of a run recorded by rhs to hand out: survey, patrol or all.
     phase: str = "survey"
     # Topics of a bag; empty takes the only topic of a fitting type.
-    color_topic: str = ""
-    depth_topic: str = ""
-    info_topic: str = ""
-    scan_topic: str = ""
-    wheel_topic: str = ""
+    color_topic: str = ""  # colour or grey images
+    depth_topic: str = ""  # depth images
+    info_topic: str = ""  # CameraInfo
+    scan_topic: str = ""  # LaserScan
+    wheel_topic: str = ""  # Odometry of the wheels
     # Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown.
     truth_topic: str = ""
     # Or the fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth.
