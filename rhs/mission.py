@@ -17,6 +17,8 @@ class MissionSettings:
     arrive_m: float = 0.25
     # added to the robot's radius when the map is grown, metres: room for the error of the belief
     margin_m: float = 0.1
+    # room the robot would like on top of that, metres; given up where there is no way with it
+    comfort_m: float = 0.15
     # plans per place before it is given up
     tries: int = 6
     # commands without progress (less than 5 cm believed motion each) before the place is given up
@@ -41,6 +43,7 @@ class MissionSettings:
     def __post_init__(self) -> None:
         check_range("mission", "arrive_m", self.arrive_m, low=0.05, high=5.0, unit="m")
         check_range("mission", "margin_m", self.margin_m, low=0.0, high=2.0, unit="m")
+        check_range("mission", "comfort_m", self.comfort_m, low=0.0, high=2.0, unit="m")
         check_range("mission", "tries", self.tries, low=1, high=1000)
         check_range("mission", "stuck_steps", self.stuck_steps, low=2, high=10000)
         check_range("mission", "watch_m", self.watch_m, low=0.2, high=20.0, unit="m")

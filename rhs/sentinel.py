@@ -27,9 +27,10 @@ class Sentinel:
                  places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings) -> None:
         self.localiser, self.planner, self.settings = localiser, planner, settings
         self.grid = grid
-        self.growth_cells = (radius_m + settings.margin_m) / grid.resolution_m
         self.radius_m = radius_m
-        self.mapped = inflate(~free, self.growth_cells)
+        least_m = radius_m + settings.margin_m
+        self.grown = [(growth, inflate(~free, growth)) for growth in
+                      np.unique([least_m, least_m + settings.comfort_m])[::-1] / grid.resolution_m]
         self.watch = ObstacleWatch(grid, free, tolerance_m=settings.wall_tolerance_m)
         self.book = Logbook(places)
         self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
@@ -110,10 +111,13 @@ class Sentinel:
     def _plan(self, pose: np.ndarray, events: list[str]) -> bool:
         self.attempts += 1
         mission = self.book.missions[-1]
-        blocked = self.mapped | inflate(self.watch.cells, self.growth_cells)
-        problem = PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, pose[:2].copy(),
-                                  np.array(mission.goal_m))
-        plan = self.planner.plan(problem)
+        for growth_cells, mapped in self.grown:  # with room to spare if there is a way, otherwise with what is needed
+            blocked = mapped | inflate(self.watch.cells, growth_cells)
+            problem = PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, pose[:2].copy(),
+                                      np.array(mission.goal_m))
+            plan = self.planner.plan(problem)
+            if plan.found:
+                break
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
         self.last_reason = plan.reason
