@@ -39,7 +39,7 @@ Options
   --debug             show the traceback of an error
   --version, -h, --help
 
-A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3 and 'key=range(10)'.
+A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 'key=range(10)' and 'planner=glob(*)'.
 Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 interrupted.
 """
 

@@ -87,6 +87,8 @@ class ConfSource(ConfigSource):
             content = {}
         if not isinstance(content, dict):
             raise ConfigCompositionException(f"{path}: expected `key: value` lines, found a {type(content).__name__}")
+        if config_path.startswith("experiment/"):
+            content = {key: value for key, value in content.items() if key != "sweep"}  # for experiment_sweep below
         header = self._get_header_dict(path.read_text("utf-8-sig"))
         if config_path.removesuffix(".yaml") == "config" and _schema:
             own = {k: v for k, v in content.items() if k != "defaults"}
@@ -231,6 +233,19 @@ def _options(group: str) -> list[str]:
     for folder in _active:
         found |= {path.stem for path in (folder / group).glob("*.yaml")}
     return sorted(found)
+
+
+def experiment_sweep(name: str, folders: tuple[Path, ...] = ()) -> list[str]:
+    """The words `key=values` that an experiment sweeps over when it is run with -m: its file's mapping `sweep`."""
+    for folder in (*folders, data_dir("conf")):
+        path = folder / "experiment" / f"{name}.yaml"
+        if path.is_file():
+            content = load_yaml(path)
+            sweep = content.get("sweep", {}) if isinstance(content, dict) else {}
+            if not isinstance(sweep, dict):
+                raise ConfigError(f"{path}: sweep: expected `key: values` lines, found a {type(sweep).__name__}")
+            return [f"{key}={value}" for key, value in sweep.items()]
+    return []
 
 
 def to_plain(config: DictConfig) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """The words of the command line, read by Hydra's grammar and checked before anything is composed.
 
 `planner=prm` chooses an option of a group, `planner.samples=500` sets a value, `seed=range(10)` or `planner=prm,rrt`
-sweeps. Unknown groups, options and malformed words are refused here, each in one line.
+sweeps, `planner=glob(*)` over every planner there is. Unknown groups, options and malformed words are refused here,
+each in one line.
 """
 
 from __future__ import annotations
@@ -43,6 +44,17 @@ def parse(words: Sequence[str]) -> list[Override]:
     return [_parse_one(parser, word) for word in words]
 
 
+class _Names:
+    """What Hydra's grammar asks when it meets glob(...): the options of a group. Only parts can be enumerated."""
+
+    def get_group_options(self, group: str, results_filter: object = None) -> list[str]:
+        from . import registry
+
+        if group not in KINDS:
+            raise ConfigError(f"{group}=glob(...): only {', '.join(KINDS)} can be chosen by a pattern; list the values")
+        return registry.names(group)
+
+
 def _parse_one(parser: OverridesParser, word: str) -> Override:
     if word.startswith("-"):
         raise ConfigError(f"unknown option {word}; see python -m rhs --help")
@@ -54,6 +66,7 @@ def _parse_one(parser: OverridesParser, word: str) -> Override:
         reason = " ".join(str(error).split())[:100]
         raise ConfigError(f"cannot read '{word}': {reason}; quote text with special characters: "
                           f"{word.partition('=')[0]}=\"'...'\"") from error
+    override.config_loader = _Names()  # type: ignore[assignment]
     if override.is_delete():
         raise ConfigError(f"{word}: a setting cannot be taken away, only given another value")
     if not override.key_or_group:

@@ -39,7 +39,7 @@ class Plan:
 
 def plan(words: Sequence[str], conf: tuple[Path, ...] = ()) -> Plan:
     """Compose and check every job before the first one starts. Raises ConfigError in one line."""
-    overrides = parse(words)
+    overrides = parse(_with_experiment(words, conf))
     swept = swept_keys(overrides)
     if "output" in swept:
         raise ConfigError("output: a sweep has one folder; its runs get folders inside it")
@@ -55,6 +55,15 @@ def plan(words: Sequence[str], conf: tuple[Path, ...] = ()) -> Plan:
         job = _job(config, combination, swept)
         jobs.setdefault(config_hash(config), job)
     return Plan(tuple(words), conf, tuple(jobs.values()), output, len(combinations) - len(jobs))
+
+
+def _with_experiment(words: Sequence[str], conf: tuple[Path, ...]) -> list[str]:
+    """The words, and those the experiment sweeps over unless they were typed."""
+    from .hydra_glue import experiment_sweep
+
+    typed = {word.partition("=")[0]: word.partition("=")[2] for word in words}
+    own = experiment_sweep(typed["experiment"], conf) if typed.get("experiment") else []
+    return [*(word for word in own if word.partition("=")[0] not in typed), *words]
 
 
 def _job(config: RunConfig, combination: Sequence[Word], swept: Sequence[str]) -> Job:
