@@ -1,143 +1,157 @@
-"""Pictures of a run, from the files of its folder. matplotlib's home; no pyplot, so it works in any process."""
+"""Pictures and pages of runs, from the files of their folders alone. `python -m rhs.report FOLDER` makes them again.
+
+overview.png: one run at a glance. report.html: one file that needs no other. For a folder of many runs, report.html
+shows bars per group and the table instead.
+"""
 
 from __future__ import annotations
 
-import json
+import argparse
+import base64
+import io
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from .files import write_whole
-from .grid import OccupancyGrid
-from .trajectory import read_tum
+from .charts import bars, errors_over_time, new_figure, save, stage_times
+from .drawing import draw_run, json_of, title
+from .errors import ConfigError, RhsError
+from .files import replacing, write_whole
+from .film import video
+from .rowfile import KEYS, read_row
+from .summary import SHOWN
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-COLOURS = {"truth": "#222222", "estimate": "#d1801f", "corrected": "#1f6fb4", "patrol": "#2a9d5c", "plan": "#b03a9c",
-           "place": "#c1121f"}
+LARGEST_VIDEO_BYTES = 30 << 20
 
 
 def overview(folder: Path) -> Path:
     """overview.png: the map, the true walls, the survey as driven, believed and corrected, the patrol, the places."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     folder = Path(folder)
-    figure = Figure(figsize=(9.0, 8.0), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(10.5, 8.0)
     axes = figure.add_subplot()
     draw_run(axes, folder)
-    row = _json(folder / "row.json") or {}
-    figure.suptitle(title(row), fontsize=11)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
-    return write_whole(folder / "overview.png", lambda path: figure.savefig(path, metadata={"Software": None}))
+    figure.suptitle(title(json_of(folder / "row.json") or {}), fontsize=11)
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return write_whole(folder / "overview.png", lambda path: save(figure, path))
 
 
-def title(row: dict[str, Any]) -> str:
-    """Two lines: what ran, and the key numbers."""
-    parts = [row.get(name) for name in ("world", "sensor", "odometry", "loop_closer", "planner", "localiser")]
-    first = " · ".join(str(part) for part in parts if part) + (f" · seed {row['seed']}" if "seed" in row else "")
-    numbers = [_number(row, "ate_rmse_m", "ATE {:.3f} m"), _number(row, "end_error_m", "end error {:.3f} m"),
-               _number(row, "map_agreement", "map agreement {:.1%}"), _number(row, "collisions", "{:.0f} collisions")]
-    if row.get("places_total"):
-        numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
-    return first + "\n" + " · ".join(n for n in numbers if n)
+def html(folder: Path) -> Path:
+    """report.html of one run: numbers, pictures, missions, settings; the video too when it is there and not large."""
+    import pandas as pd
+
+    folder = Path(folder)
+    row = read_row(folder / "row.json")
+    steps = pd.read_csv(folder / "steps.csv") if (folder / "steps.csv").exists() else None
+    pictures = [(path.stem, embed(path)) for path in sorted((folder / "places").glob("*.png"))]
+    overview_png = folder / "overview.png" if (folder / "overview.png").exists() else overview(folder)
+    page = _page("run").render(
+        title=title(row).splitlines()[0] or folder.name, row=_shown(row), overview=embed(overview_png), places=pictures,
+        charts=[embed_figure(f) for f in _charts(steps)], missions=json_of(folder / "missions.json") or [],
+        config=_text(folder / "config.yaml"), video=_video(folder))
+    return _write(folder / "report.html", page)
 
 
-def draw_run(axes: Axes, folder: Path) -> None:
-    """The layers of a run that exist, bottom to top."""
-    grid, true = _grid(folder / "map.yaml"), _grid(folder / "true_map.yaml")
-    if grid is not None:
-        draw_grid(axes, grid)
-    if true is not None:
-        draw_walls(axes, true)
-    draw_lines(axes, folder)
-    draw_plans(axes, folder)
-    draw_places(axes, folder)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+def sweep(folder: Path) -> Path:
+    """report.html of a folder of runs: bars per group, the summary, and every run with a link to its folder."""
+    from .summary import complete, listing, summarise
+    from .table import rows
+
+    folder = Path(folder)
+    table = rows([folder])
+    if not len(table):
+        raise ConfigError(f"no row.json under {folder}; give the folder of a sweep")
+    group = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
+    charts = [figure for name in SHOWN if (figure := bars(table, name, group)) is not None]
+    runs = listing(table, [])
+    runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
+    page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summarise(table)),
+                                 charts=[embed_figure(figure) for figure in charts], count=len(table),
+                                 good=int(complete(table).sum()))
+    return _write(folder / "report.html", page)
 
 
-def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
-    """Occupancy as grey: white free, black occupied, grey-blue never seen."""
-    shade = np.where(np.isnan(grid.probability), 0.5, 1.0 - grid.probability)
-    image = np.repeat(shade[:, :, None], 3, axis=2)
-    image[np.isnan(grid.probability)] = (0.86, 0.88, 0.92)
-    axes.imshow(image, origin="lower", extent=extent(grid), interpolation="nearest", zorder=0)
+def embed(path: Path) -> str:
+    """A file as a data address."""
+    kind = {".png": "image/png", ".webm": "video/webm"}[path.suffix]
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
-def draw_walls(axes: Axes, true: OccupancyGrid) -> None:
-    """Outline of the true walls."""
-    walls = true.occupied().astype(float)
-    if walls.any() and min(walls.shape) > 1:
-        rows, columns = np.arange(walls.shape[0]), np.arange(walls.shape[1])
-        x = true.origin_m[0] + (columns + 0.5) * true.resolution_m
-        y = true.origin_m[1] + (rows + 0.5) * true.resolution_m
-        axes.contour(x, y, walls, levels=[0.5], colors="#7ab8e0", linewidths=0.8, zorder=1)
-        axes.plot([], [], color="#7ab8e0", linewidth=0.8, label="true walls")
+def embed_figure(figure: Figure) -> str:
+    """A figure as a PNG data address."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return f"data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}"
 
 
-def draw_lines(axes: Axes, folder: Path) -> None:
-    """Trajectories: truth thin and dark, beliefs in colour."""
-    styles = (("truth_survey", "survey, true", COLOURS["truth"], 1.4, "-"),
-              ("estimate", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
-              ("corrected", "survey, loop closed", COLOURS["corrected"], 1.2, "-"),
-              ("truth_patrol", "patrol, true", COLOURS["truth"], 1.4, ":"),
-              ("patrol", "patrol, as believed", COLOURS["patrol"], 1.2, "-"))
-    for name, label, colour, width, style in styles:
-        path = folder / f"{name}.tum"
-        if path.exists():
-            xy = read_tum(path).positions_m
-            axes.plot(xy[:, 0], xy[:, 1], color=colour, linewidth=width, linestyle=style, label=label, zorder=3)
+def _charts(steps: Any) -> list[Figure]:
+    made = () if steps is None or steps.empty else (errors_over_time(steps), stage_times(steps))
+    return [figure for figure in made if figure is not None]
 
 
-def draw_plans(axes: Axes, folder: Path) -> None:
-    """Every path that was planned."""
-    label = "planned"
-    for plan in _json(folder / "plans.json") or []:
-        points = np.asarray(plan.get("points_m") or [], float).reshape(-1, 2)
-        if len(points) > 1:
-            axes.plot(points[:, 0], points[:, 1], color=COLOURS["plan"], linewidth=0.9, linestyle="--", label=label,
-                      zorder=2)
-            label = "_nolegend_"
+def _shown(row: dict[str, object]) -> list[tuple[str, str]]:
+    return [(name, "-" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value))
+            for name, value in row.items()]
 
 
-def draw_places(axes: Axes, folder: Path) -> None:
-    """Places by name; an empty ring where the robot never arrived."""
-    missions = _json(folder / "missions.json") or []
-    arrived = {m["place"] for m in missions if m["status"] == "arrived"}
-    goals = {m["place"]: m["goal_m"] for m in missions}
-    for name, goal in goals.items():
-        face = COLOURS["place"] if name in arrived else "none"
-        axes.plot(goal[0], goal[1], "o", markersize=7, markerfacecolor=face, markeredgecolor=COLOURS["place"], zorder=5)
-        axes.annotate(name, (goal[0], goal[1]), xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6,
-                      bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1})
-    if goals:
-        axes.plot([], [], "o", color=COLOURS["place"], label="place (ring: not reached)")
+def _cells(view: Any) -> dict[str, list]:
+    from .summary import short
+
+    return {"names": [str(name) for name in view.columns],
+            "rows": [[short(value) for value in row] for row in view.itertuples(index=False, name=None)]}
 
 
-def extent(grid: OccupancyGrid) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max in metres, for imshow."""
-    height, width = grid.shape
-    x, y = grid.origin_m
-    return x, x + width * grid.resolution_m, y, y + height * grid.resolution_m
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.exists() else ""
 
 
-def _number(row: dict[str, Any], name: str, pattern: str) -> str:
-    value = row.get(name)
-    return pattern.format(value) if isinstance(value, int | float) and value == value else ""
+def _video(folder: Path) -> str:
+    path = folder / "video.webm"
+    return embed(path) if path.exists() and path.stat().st_size <= LARGEST_VIDEO_BYTES else ""
 
 
-def _grid(path: Path) -> OccupancyGrid | None:
-    if not path.exists():
-        return None
-    from .maps import load_map
+def _page(name: str) -> Any:
+    """A template in which every value is escaped."""
+    from jinja2 import DictLoader, Environment
 
-    return load_map(path)
+    from .page import TEMPLATES
+
+    return Environment(loader=DictLoader(TEMPLATES), autoescape=True).get_template(name)
 
 
-def _json(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+def _write(path: Path, page: str) -> Path:
+    with replacing(path) as file:
+        file.write(page)
+    return path
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make the pictures and pages of run or sweep folders. Exit code 0; 1 not possible; 2 refused."""
+    parser = argparse.ArgumentParser(prog="python -m rhs.report", description="Pictures and pages of run folders.")
+    parser.add_argument("folders", nargs="+", type=Path, help="run folders (with row.json) or sweep folders")
+    parser.add_argument("--video", action="store_true", help="also make video.webm (needs recording=full)")
+    chosen = parser.parse_args(arguments)
+    try:
+        for folder in chosen.folders:
+            for path in _make(folder, with_video=chosen.video):
+                sys.stdout.write(f"{path}\n")
+    except RhsError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
+    return 0
+
+
+def _make(folder: Path, *, with_video: bool) -> list[Path]:
+    if not folder.is_dir():
+        raise ConfigError(f"{folder} is not a folder; give a run or sweep folder")
+    if not (folder / "row.json").exists():
+        return [sweep(folder)]
+    made = [overview(folder)]
+    return [*made, *([video(folder)] if with_video else []), html(folder)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

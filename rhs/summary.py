@@ -103,7 +103,7 @@ def check_columns(table: pandas.DataFrame, names: Sequence[str]) -> None:
 
 def as_text(view: pandas.DataFrame) -> str:
     """Columns of words for a terminal."""
-    cells = [[_short(value) for value in row] for row in view.itertuples(index=False, name=None)]
+    cells = [[short(value) for value in row] for row in view.itertuples(index=False, name=None)]
     names = [str(name) for name in view.columns]
     widths = [max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(names)]
     lines = ["  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip()
@@ -111,7 +111,8 @@ def as_text(view: pandas.DataFrame) -> str:
     return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
 
 
-def _short(value: object) -> str:
+def short(value: object) -> str:
+    """A value as a table shows it: four digits, `-` for unknown, one line."""
     if value is None or str(value) in ("<NA>", "nan"):
         return "-"
     text = f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,98 @@
+"""Charts of runs and sweeps: error over time, time per stage, bars with intervals. matplotlib's home, without pyplot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .drawing import COLOURS
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+STAGES = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """A figure that draws into memory only."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """PNG without date and version: equal pictures are equal files."""
+    figure.savefig(path, metadata={"Software": None})
+
+
+def errors_over_time(steps: pandas.DataFrame) -> Figure | None:
+    """True error of the believed position over time, with the error the robot itself expected (3 sigma)."""
+    known = steps.dropna(subset=["true_x_m"])
+    if known.empty:
+        return None
+    figure = new_figure(8.0, 3.0)
+    axes = figure.add_subplot()
+    error = np.hypot(known["x_m"] - known["true_x_m"], known["y_m"] - known["true_y_m"])
+    expected = 3.0 * np.sqrt(known["sigma_x_m"] ** 2 + known["sigma_y_m"] ** 2)
+    axes.plot(known["stamp_s"], error, color=COLOURS["estimate"], label="error of the believed position")
+    axes.plot(known["stamp_s"], expected, color="#888888", linestyle="--", linewidth=1, label="expected, 3 sigma")
+    patrol = known[known["phase"] == "patrol"]
+    if len(patrol):
+        axes.axvspan(patrol["stamp_s"].iloc[0], patrol["stamp_s"].iloc[-1], color=COLOURS["patrol"], alpha=0.08,
+                     label="patrol")
+    for stamp_s in known.loc[known["motion_status"] != "ok", "stamp_s"]:
+        axes.axvline(stamp_s, color=COLOURS["place"], alpha=0.25, linewidth=1)
+    axes.set_ylim(0.0, max(1.1 * float(error.max()), 1e-3))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("[m]")
+    axes.legend(fontsize=8, frameon=False, loc="upper left")
+    return figure
+
+
+def stage_times(steps: pandas.DataFrame) -> Figure | None:
+    """Time per view and stage: median with the middle 90 %."""
+    stages = [name for name in STAGES if name in steps.columns and steps[name].notna().any()]
+    if not stages:
+        return None
+    figure = new_figure(8.0, 0.5 + 0.4 * len(stages))
+    axes = figure.add_subplot()
+    for place, name in enumerate(reversed(stages)):
+        low, middle, high = np.percentile(steps[name].dropna(), [5, 50, 95])
+        axes.barh(place, middle, color=COLOURS["corrected"], height=0.6)
+        axes.plot([low, high], [place, place], color="#222222", linewidth=1)
+    axes.set_yticks(range(len(stages)), [name.removesuffix("_ms") for name in reversed(stages)])
+    axes.set_xlabel("milliseconds per view (bar: median, line: 5 to 95 %)")
+    return figure
+
+
+def bars(table: pandas.DataFrame, column: str, group: Sequence[str]) -> Figure | None:
+    """Mean of a column per group with its 95 % bootstrap interval, every run as a dot, and the share that ended well."""
+    from .summary import bootstrap
+
+    if column not in table.columns or not table[column].notna().any():
+        return None
+    parts = list(table.groupby(list(group), dropna=False, sort=True)) if group else [(("all runs",), table)]
+    figure = new_figure(8.0, 0.9 + 0.42 * len(parts))
+    axes = figure.add_subplot()
+    labels = []
+    for place, (key, part) in enumerate(reversed(parts)):
+        values = part[column].astype("float64").dropna().to_numpy()
+        labels.append(f"{' · '.join(map(str, key))} ({len(values)}/{len(part)})")
+        if not len(values):
+            continue
+        axes.barh(place, values.mean(), color=COLOURS["corrected"], alpha=0.55, height=0.6)
+        axes.plot(values, np.full(len(values), place), ".", color="#222222", markersize=4, alpha=0.6)
+        low, high = bootstrap(values)
+        if np.isfinite(low):
+            axes.plot([low, high], [place, place], color=COLOURS["place"], linewidth=2)
+    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    axes.set_xlabel(f"{column} (bar: mean, line: 95 % interval, dots: runs; in brackets: runs with a value / runs)",
+                    fontsize=8)
+    return figure

@@ -1,0 +1,132 @@
+"""The layers of a picture of a run: map, walls, trajectories, plans, places; from the files of its folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .grid import OccupancyGrid
+from .trajectory import read_tum
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = {"truth": "#222222", "estimate": "#d1801f", "corrected": "#1f6fb4", "patrol": "#2a9d5c", "plan": "#b03a9c",
+           "place": "#c1121f"}
+
+
+def title(row: dict[str, Any]) -> str:
+    """Two lines: what ran, and the key numbers."""
+    parts = [row.get(name) for name in ("world", "sensor", "odometry", "loop_closer", "planner", "localiser")]
+    first = " · ".join(str(part) for part in parts if part) + (f" · seed {row['seed']}" if "seed" in row else "")
+    numbers = [_number(row, "ate_rmse_m", "ATE {:.3f} m"), _number(row, "end_error_m", "end error {:.3f} m"),
+               _number(row, "map_agreement", "map agreement {:.1%}"), _number(row, "collisions", "{:.0f} collisions")]
+    if row.get("places_total"):
+        numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
+    if row.get("status") not in (None, "ok"):
+        numbers.insert(0, f"{row['status']}: {str(row.get('reason', ''))[:80]}")
+    return first + "\n" + " · ".join(n for n in numbers if n)
+
+
+def draw_run(axes: Axes, folder: Path) -> None:
+    """The layers of a run that exist, bottom to top."""
+    grid, true = grid_of(folder / "map.yaml"), grid_of(folder / "true_map.yaml")
+    if grid is not None:
+        draw_grid(axes, grid)
+    if true is not None:
+        draw_walls(axes, true)
+    draw_lines(axes, folder)
+    draw_plans(axes, folder)
+    draw_places(axes, folder)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+
+
+def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
+    """Occupancy as grey: white free, black occupied, grey-blue never seen."""
+    shade = np.where(np.isnan(grid.probability), 0.5, 1.0 - grid.probability)
+    image = np.repeat(shade[:, :, None], 3, axis=2)
+    image[np.isnan(grid.probability)] = (0.86, 0.88, 0.92)
+    axes.imshow(image, origin="lower", extent=extent(grid), interpolation="nearest", zorder=0)
+
+
+def draw_walls(axes: Axes, true: OccupancyGrid) -> None:
+    """Outline of the true walls."""
+    walls = true.occupied().astype(float)
+    if walls.any() and min(walls.shape) > 1:
+        rows, columns = np.arange(walls.shape[0]), np.arange(walls.shape[1])
+        x = true.origin_m[0] + (columns + 0.5) * true.resolution_m
+        y = true.origin_m[1] + (rows + 0.5) * true.resolution_m
+        axes.contour(x, y, walls, levels=[0.5], colors="#7ab8e0", linewidths=0.8, zorder=1)
+        axes.plot([], [], color="#7ab8e0", linewidth=0.8, label="true walls")
+
+
+def draw_lines(axes: Axes, folder: Path) -> None:
+    """Trajectories: truth thin and dark, beliefs in colour."""
+    styles = (("truth_survey", "survey, true", COLOURS["truth"], 1.4, "-"),
+              ("estimate", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
+              ("corrected", "survey, loop closed", COLOURS["corrected"], 1.2, "-"),
+              ("truth_patrol", "patrol, true", COLOURS["truth"], 1.4, ":"),
+              ("patrol", "patrol, as believed", COLOURS["patrol"], 1.2, "-"))
+    for name, label, colour, width, style in styles:
+        path = folder / f"{name}.tum"
+        if path.exists():
+            xy = read_tum(path).positions_m
+            axes.plot(xy[:, 0], xy[:, 1], color=colour, linewidth=width, linestyle=style, label=label, zorder=3)
+
+
+def draw_plans(axes: Axes, folder: Path) -> None:
+    """Every path that was planned."""
+    label = "planned"
+    for plan in json_of(folder / "plans.json") or []:
+        points = np.asarray(plan.get("points_m") or [], float).reshape(-1, 2)
+        if len(points) > 1:
+            axes.plot(points[:, 0], points[:, 1], color=COLOURS["plan"], linewidth=0.9, linestyle="--", label=label,
+                      zorder=2)
+            label = "_nolegend_"
+
+
+def draw_places(axes: Axes, folder: Path) -> None:
+    """Places by name; an empty ring where the robot never arrived."""
+    missions = json_of(folder / "missions.json") or []
+    arrived = {m["place"] for m in missions if m["status"] == "arrived"}
+    places = (json_of(folder / "facts.json") or {}).get("places", ())
+    goals = {place["name"]: (place["x_m"], place["y_m"]) for place in places}
+    for name, goal in goals.items():
+        face = COLOURS["place"] if name in arrived else "none"
+        axes.plot(goal[0], goal[1], "o", markersize=7, markerfacecolor=face, markeredgecolor=COLOURS["place"], zorder=5)
+        axes.annotate(name, (goal[0], goal[1]), xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6,
+                      bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1})
+    if goals:
+        axes.plot([], [], "o", color=COLOURS["place"], label="place reached")
+        axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place not reached")
+
+
+def extent(grid: OccupancyGrid) -> tuple[float, float, float, float]:
+    """x_min, x_max, y_min, y_max in metres, for imshow."""
+    height, width = grid.shape
+    x, y = grid.origin_m
+    return x, x + width * grid.resolution_m, y, y + height * grid.resolution_m
+
+
+def _number(row: dict[str, Any], name: str, pattern: str) -> str:
+    value = row.get(name)
+    return pattern.format(value) if isinstance(value, int | float) and value == value else ""
+
+
+def grid_of(path: Path) -> OccupancyGrid | None:
+    """The map of a yaml file, None where there is none."""
+    if not path.exists():
+        return None
+    from .maps import load_map
+
+    return load_map(path)
+
+
+def json_of(path: Path) -> Any:
+    """The content of a JSON file, None where there is none."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
