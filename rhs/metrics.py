@@ -23,7 +23,9 @@ Values = dict[str, float | int | str]
 TOLERANCE_S = 0.02
 # A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
 VISITED_M = 0.5
-STAGES = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
+# Each stage is timed where it does its work: elsewhere it only passes on.
+STAGES = {"capture_ms": ("survey", "patrol"), "sense_ms": ("survey", "patrol"), "odometry_ms": ("survey", "patrol"),
+          "localise_ms": ("patrol",), "map_ms": ("survey",)}
 PATROL = ("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions", "clearance_min_m",
           "arrival_error_max_m", "path_length_m", "path_optimal_m")
 
@@ -33,7 +35,7 @@ def evaluate(folder: Path) -> Values:
     folder = Path(folder)
     steps = _steps(folder / "steps.csv")
     survey, patrol = survey_values(folder, steps), patrol_values(folder, steps)
-    return {**survey, **patrol, **map_values(folder), **_stage_medians(steps)}
+    return {**survey, **patrol, **map_values(folder), **stage_values(folder, steps)}
 
 
 # --- survey ----------------------------------------------------------------------------------------------------------
@@ -204,12 +206,14 @@ def _look_up(grid: OccupancyGrid, flags: np.ndarray, points: np.ndarray) -> np.n
 # --- files -----------------------------------------------------------------------------------------------------------
 
 
-def _stage_medians(steps: list[dict[str, str]]) -> Values:
+def stage_values(folder: Path, steps: list[dict[str, str]]) -> Values:
+    """Median time of each stage per view; plan_ms: median time of one call of the planner."""
     medians: Values = {}
-    for stage in STAGES:
-        times = [float(row[stage]) for row in steps if row.get(stage)]
+    for stage, phases in STAGES.items():
+        times = [float(row[stage]) for row in steps if row["phase"] in phases and row.get(stage)]
         medians[stage] = float(np.median(times)) if times else NAN
-    return medians
+    calls = [float(plan["plan_ms"]) for plan in _json(folder / "plans.json") or []]
+    return medians | {"plan_ms": float(np.median(calls)) if calls else NAN}
 
 
 def _steps(path: Path) -> list[dict[str, str]]:

@@ -35,7 +35,8 @@ def overview(folder: Path) -> Path:
     axes = figure.add_subplot()
     draw_run(axes, folder)
     figure.suptitle(title(json_of(folder / "row.json") or {}), fontsize=11)
-    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    if axes.get_legend_handles_labels()[1]:
+        figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     return write_whole(folder / "overview.png", lambda path: save(figure, path))
 
 

@@ -19,10 +19,12 @@ PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 LEVELS = [
     "errors geometry jit paths provenance mcap_records meanings",
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph",
-    "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency tape",
-    "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover",
-    "patrol survey sentinel kidnap steps progress metrics testing_room testing_estimators testing_planners testing_sources testing",
-    "summary table report registry parts overrides hydra_glue compose help_text convert convert_tum",
+    "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency",
+    "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover tape",
+    "patrol survey sentinel kidnap steps progress metrics testing_room testing_estimators testing_planners testing_sources"
+    " testing",
+    "drawing page summary table report charts film registry parts overrides hydra_glue compose help_text convert"
+    " convert_tum",
     "experiment",
     "launcher sweep __init__",
     "__main__",

@@ -1,0 +1,82 @@
+"""Pictures and pages: made from a folder alone, complete, escaped. (What they look like was looked at.)"""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+from helpers.synthetic_run import CAMERA, FACTS, make_run, make_steps
+
+from rhs.errors import RhsError
+from rhs.film import count_frames, video
+from rhs.recording import Recorder
+from rhs.report import html, main, overview, sweep
+from rhs.rowfile import write_row
+
+SCRIPT = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = make_run(tmp_path_factory.mktemp("report") / "run", count=12)
+    write_row(folder, {"status": "failed", "reason": SCRIPT, "world": "room", "planner": "prm", "seed": 1,
+                       "places_total": 2, "places_visited": 1, "ate_rmse_m": 0.012})
+    recorder = Recorder(folder / "run.mcap", "full", CAMERA, FACTS)
+    for step in make_steps(12):
+        recorder.step(step)
+    for step in make_steps(6, phase="patrol", first=12):
+        recorder.step(step)
+    recorder.close()
+    return folder
+
+
+def test_the_overview_is_drawn_and_equal_again(run):
+    import cv2
+
+    first = overview(run).read_bytes()
+    picture = cv2.imread(str(run / "overview.png"))
+    assert picture.shape[0] > 600 and picture.std() > 20
+    for colour in ((28, 18, 193), (31, 128, 209)):  # places red, the believed survey orange (blue, green, red)
+        assert (np.abs(picture.astype(int) - colour).sum(axis=2) < 12).sum() > 20
+    assert overview(run).read_bytes() == first
+
+
+def test_the_overview_of_almost_nothing(tmp_path):
+    assert overview(tmp_path).stat().st_size > 1000
+
+
+def test_the_video_has_a_frame_per_step(run):
+    assert count_frames(video(run)) == 18
+    assert not [p for p in run.iterdir() if ".tmp-" in p.name]
+
+
+def test_no_recording_no_video(tmp_path):
+    with pytest.raises(RhsError, match="recording=full"):
+        video(tmp_path)
+
+
+def test_one_file_holds_the_whole_report_and_runs_nothing(run):
+    page = html(run).read_text()
+    assert SCRIPT not in page and "&lt;script&gt;" in page
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", page)
+    assert page.count("data:image/png") >= 3 and "0.012" in page
+
+
+def test_a_sweep_is_bars_and_a_table(run, tmp_path):
+    for seed in range(3):
+        for planner in ("prm", SCRIPT):
+            folder = tmp_path / f"{planner[1:4]}{seed}"
+            folder.mkdir()
+            write_row(folder, {"status": "ok" if seed else "failed", "reason": "", "world": "room", "planner": planner,
+                               "seed": seed, "places_total": 1, "places_visited": 1, "ate_rmse_m": 0.1 + 0.01 * seed})
+    page = sweep(tmp_path).read_text()
+    assert SCRIPT not in page and page.count("data:image/png") >= 2
+    assert "4 of 6 runs ended well" in page and "prm" in page
+
+
+def test_the_command(run, tmp_path, capsys):
+    copy = shutil.copytree(run, tmp_path / "copy")
+    assert main([str(copy)]) == 0 and "report.html" in capsys.readouterr().out
+    assert main([str(tmp_path / "nowhere")]) == 2
+    (tmp_path / "empty").mkdir()
+    assert main([str(tmp_path / "empty")]) == 2
