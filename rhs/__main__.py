@@ -115,6 +115,9 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         print(table_of(row))
         print(f"\nfiles: {claim.folder}")
     status = row.get("status")
+    if status == "ok" and row.get("lost"):
+        print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
+        return 3
     if status == "ok":
         return 0
     code = 1 if cause is None or status != "interrupted" else _signal_code(cause)

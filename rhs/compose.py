@@ -20,12 +20,13 @@ from . import registry, settings
 from .contracts import KINDS, FeatureSettings
 from .errors import ConfigError, check_choice, check_range
 from .files import replacing
+from .live import check_live
 from .mission import MissionSettings
 from .parts import Chosen, Parts, build, check_combination
 from .strict_yaml import load_yaml
 
 TASKS = ("patrol", "planning")
-OUTPUTS = ("output", "overwrite", "recording", "video")  # what is kept of a run; no number depends on these
+OUTPUTS = ("output", "overwrite", "recording", "video", "live")  # what is kept of a run; no number depends on these
 
 
 @dataclass
@@ -70,6 +71,8 @@ class RunConfig:
     recording: str = "auto"
     # also make video.webm
     video: bool = False
+    # watch while it runs: viewer (opens Rerun), an address of one, or a file ending in .rrd; empty: do not
+    live: str = ""
     # run folder; empty: results/runs/DATE_TIME_seedN under the current folder
     output: str = ""
     # allow writing into a folder that already holds a finished run
@@ -95,6 +98,7 @@ class RunConfig:
         check_choice("", "task", self.task, TASKS)
         check_range("", "seed", self.seed, low=0, high=2**63 - 1)
         check_choice("", "recording", self.recording, ("auto", "full", "light", "off"))
+        check_live(self.live)
         for box in self.obstacles:
             _check_numbers("obstacles", box, 4)
         for key in ("start", "goal"):

@@ -18,6 +18,7 @@ from .errors import RhsError
 from .files import replacing
 from .floorplan import World, truth_grid
 from .kidnap import Kidnapper
+from .live import Audience, Listener, LiveView
 from .maps import save_map
 from .metrics import evaluate
 from .parts import Parts, generator
@@ -47,7 +48,7 @@ class Notebook:
 
     folder: Path
     table: StepTable
-    recorder: Recorder
+    recorder: Listener
     watch: Watch
     counts: dict[str, int] = field(default_factory=dict)
     stamp_s: float = 0.0
@@ -91,6 +92,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     row.update(evaluate(folder))
     row.update(cost(begin, notebook))
     row["renderer"] = getattr(parts.source, "renderer", "")
+    row["lost"] = getattr(parts.source, "lost", "")  # of a damaged recording
     write_row(folder, row)
     draw(config, folder)
     return row | {"_cause": cause}
@@ -121,8 +123,10 @@ def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: 
     if world is not None:
         save_map(folder / "true_map", truth_grid(world))
     level = "full" if config.recording == "auto" else config.recording
-    recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))
-    return Notebook(folder, StepTable(folder), recorder, watch)
+    listeners: list[Listener] = [Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))]
+    if config.live:
+        listeners.append(LiveView(config.live, parts.source.camera, facts.name))
+    return Notebook(folder, StepTable(folder), Audience(listeners), watch)
 
 
 def lead_round(parts: Parts, config: RunConfig, notebook: Notebook) -> Survey:

@@ -70,8 +70,13 @@ class Report:
 
     @property
     def line(self) -> str:
-        """One line for the user: what was read and what was lost."""
-        text = f"{self.path}: {self.messages} messages in {self.chunks} whole chunks"
+        """One line for the user: which file, what was read and what was lost."""
+        return f"{self.path}: {self.words}"
+
+    @property
+    def words(self) -> str:
+        """What was read and what was lost."""
+        text = f"{self.messages} messages in {self.chunks} whole chunks"
         if self.whole:
             return text
         if not self.finished:

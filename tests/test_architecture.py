@@ -20,7 +20,8 @@ LEVELS = [
     "errors geometry jit paths provenance mcap_records meanings",
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph",
     "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency",
-    "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover tape",
+    "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover tape"
+    " live",
     "patrol survey sentinel kidnap steps progress metrics testing_room testing_estimators testing_planners testing_sources"
     " testing",
     "drawing page summary table report charts film registry parts overrides hydra_glue compose help_text convert"

@@ -33,10 +33,16 @@ class ReplaySource:
         if self.rejected:
             counts = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items()))
             log.warning("replay %s: rejected or unpaired: %s", settings.path, counts)
+        self._lost = recording.lost
         self._views = recording.views
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
         self._truth: np.ndarray | None = None
+
+    @property
+    def lost(self) -> str:
+        """What the recording has lost, in words; empty until that is met, and for a whole recording."""
+        return "; ".join(self._lost)
 
     def lead(self) -> Capture | None:
         """The next recorded view, or None at the end."""

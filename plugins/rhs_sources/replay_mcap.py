@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 from collections import Counter
 from pathlib import Path
 
@@ -11,8 +10,6 @@ from rhs.errors import ConfigError
 from rhs.playback import PARTS, read, read_head
 
 from .replay_tum import Recording
-
-log = logging.getLogger("rhs.replay")
 
 
 def is_run(path: Path) -> bool:
@@ -28,10 +25,11 @@ def open_run(path: Path, settings) -> Recording:
         raise ConfigError(f"{path}: recorded with recording={head.level}, which keeps no images; record with "
                           "recording=full to replay")
     facts = head.facts and dataclasses.replace(head.facts, places=())  # a recording cannot be driven to a place
-    return Recording(head.camera, _views(path, settings), None, Counter(), facts)
+    lost: list[str] = []
+    return Recording(head.camera, _views(path, settings, lost), None, Counter(), facts, lost)
 
 
-def _views(path: Path, settings):
+def _views(path: Path, settings, lost: list[str]):
     reading = read(path)
     number = handed_out = 0
     for view in reading.views():
@@ -44,7 +42,7 @@ def _views(path: Path, settings):
                 return
         number += 1
     if not reading.report.whole:
-        log.warning("%s", reading.report.line)
+        lost.append(reading.report.words)
     if not handed_out:
         raise ConfigError(f"{path}: holds no complete view of phase {settings.phase} "
                           f"({', '.join(PARTS.values())}); {reading.report.line}")

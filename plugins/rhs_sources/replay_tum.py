@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,7 @@ class Recording:
     total: int | None
     rejected: Counter
     facts: WorldFacts | None = None
+    lost: list[str] = field(default_factory=list)  # filled while reading: what a damaged file no longer holds
 
 
 def is_tum(path: Path) -> bool:
