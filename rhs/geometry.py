@@ -174,6 +174,7 @@ class Camera:
 
     width, height in pixels; fx, fy, cx, cy, skew in pixels; body_from_camera 4x4 extrinsics;
     distortion: OpenCV's (k1, k2, p1, p2, k3) or empty. The centre of the top-left pixel is (0, 0).
+    readout_s: seconds from the first row of an image to the last, of a rolling shutter; 0 for a global one.
     """
 
     width: int
@@ -185,6 +186,7 @@ class Camera:
     skew: float = 0.0
     distortion: tuple[float, ...] = ()
     body_from_camera: np.ndarray = field(default_factory=_default_extrinsics)
+    readout_s: float = 0.0
 
     @property
     def matrix(self) -> np.ndarray:

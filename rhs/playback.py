@@ -129,6 +129,7 @@ def _view(plain: dict[str, Any], parts: dict[str, Message]) -> RecordedView:
         command=None if plain["told"] is None else Twist(*plain["told"]),
         travel=None if plain["wheel"] is None else np.array(plain["wheel"]),
         scan=_scan(parts[PARTS["scan"]].data, plain["scan"]) if PARTS["scan"] in parts else None,
+        sensed=True,
     )
     return RecordedView(capture, truth, plain["phase"], plain)
 

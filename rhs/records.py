@@ -86,6 +86,7 @@ class Capture:
     image (H, W, 3) uint8 RGB or None. depth (H, W) float32, metres along the optical axis, NaN unknown, or None.
     command: what the robot was told since the previous view, or None. travel: (3,) true wheel travel since the previous
     view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
+    sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
     """
 
     index: int
@@ -95,6 +96,7 @@ class Capture:
     command: Twist | None = None
     travel: np.ndarray | None = None
     scan: Scan | None = None
+    sensed: bool = False
 
 
 @dataclass(frozen=True, eq=False)

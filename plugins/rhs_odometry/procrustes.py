@@ -48,6 +48,7 @@ class ProcrustesOdometry:
         self._feature_settings = context.features
         self._rng = context.rng
         self._body_from_camera = camera.body_from_camera
+        self._on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
         self._noise = PointNoise(
             np.sqrt(camera.fx * camera.fy),
             settings.pixel_sigma_px,
@@ -107,7 +108,7 @@ class ProcrustesOdometry:
             return Motion(guess, covariance, Tracking.LOST, reason, details=details)
         pose, covariance = self._since_previous(*body_motion(found, self._body_from_camera))
         information = np.linalg.inv(covariance)
-        if self._settings.planar:
+        if self._on_floor:
             pose, covariance = on_floor(pose, information)
         observability = np.sqrt(np.diag(information))
         weak = self._weakness(covariance)

@@ -19,7 +19,7 @@ class Procrustes:
     provides: ClassVar[frozenset[str]] = frozenset()
 
     refine: str = "reprojection"  # none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth
-    planar: bool = True  # the robot stands on a floor: keep the motion in the plane. False for a hand-held camera
+    planar: bool = True  # the camera stands on a robot: keep the motion on the floor; no effect when it is hand-held
     hypotheses: int = 200  # RANSAC: three-point motions tried per view
     gate_sigma: float = 3.0  # RANSAC: a pair further off than this many sigmas is an outlier
     pixel_sigma_px: float = 1.0  # how well a key-point is placed, pixels (1 sigma)

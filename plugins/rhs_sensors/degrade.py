@@ -30,11 +30,11 @@ class Encoders:
         self._rng = rng
         self._scale = 1.0 + settings.wheel_scale_sigma * rng.standard_normal(2)  # of distance, of turn
 
-    def read(self, travel: np.ndarray | None) -> np.ndarray | None:
-        """(3,) dx, dy, dyaw counted for the true (3,) travel; None stays None."""
+    def read(self, travel: np.ndarray | None, *, exact: bool = False) -> np.ndarray | None:
+        """(3,) dx, dy, dyaw counted for the true (3,) travel; None stays None. exact: it has been counted already."""
         if travel is None:
             return None
-        if not self._settings.noise:
+        if exact or not self._settings.noise:
             return frozen(np.array(travel, float))
         settings = self._settings
         noise, chance = self._rng.standard_normal(2), self._rng.random()

@@ -20,12 +20,12 @@ class MonoSensor:
 
     def sense(self, capture: Capture) -> Observation:
         check_sizes(capture, self._camera, depth=False)
-        sigma = self._settings.image_sigma if self._settings.noise else 0.0
+        sigma = self._settings.image_sigma if self._settings.noise and not capture.sensed else 0.0
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
             image=noisy_image(capture.image, sigma, self._image_rng),
             command=capture.command,
-            wheel=self._encoders.read(capture.travel),
+            wheel=self._encoders.read(capture.travel, exact=capture.sensed),
         )

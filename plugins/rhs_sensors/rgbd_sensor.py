@@ -29,8 +29,9 @@ class RgbdSensor:
 
     def sense(self, capture: Capture) -> Observation:
         check_sizes(capture, self._camera, depth=True)
-        depth = self._degraded(capture.depth)
-        image_sigma = self._settings.image_sigma if self._settings.noise else 0.0
+        noise = self._settings.noise and not capture.sensed
+        depth = self._degraded(capture.depth, noise)
+        image_sigma = self._settings.image_sigma if noise else 0.0
         return Observation(
             capture.index,
             capture.stamp_s,
@@ -39,14 +40,14 @@ class RgbdSensor:
             depth=depth,
             scan=self._rows.scan(depth),
             command=capture.command,
-            wheel=self._encoders.read(capture.travel),
+            wheel=self._encoders.read(capture.travel, exact=capture.sensed),
         )
 
-    def _degraded(self, ideal: np.ndarray) -> np.ndarray:
+    def _degraded(self, ideal: np.ndarray, noise: bool) -> np.ndarray:
         """(H, W) float32 depth with noise, in steps of disparity, NaN outside the range."""
         settings = self._settings
         depth = ideal.astype(np.float32, copy=True)
-        if settings.noise:
+        if noise:
             depth[~np.isfinite(depth)] = np.nan
             sigma = settings.depth_constant_m + settings.depth_quadratic_per_m * (depth - np.float32(0.4)) ** 2
             depth += sigma * self._depth_rng.standard_normal(depth.shape, dtype=np.float32)

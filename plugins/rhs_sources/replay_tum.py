@@ -66,7 +66,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     def views():
         for index, pair in enumerate(wanted):
             color, depth = _read(pair, scale, settings)
-            capture = Capture(index, pair[0], image=color, depth=depth)
+            capture = Capture(index, pair[0], image=color, depth=depth, sensed=True)
             pose = truth.at(pair[0]) if truth is not None else None
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
 
