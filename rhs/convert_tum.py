@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import shutil
@@ -161,7 +162,7 @@ def _replay(source: Path, settings: Sequence[str]) -> Any:
             raise ConfigError(f"{setting!r} is not key=value, such as camera=tum_fr1")
         chosen[key.removeprefix("source.")] = yaml.safe_load(value)
     cls = load("source", "replay")
-    known = sorted(cls.__dataclass_fields__)
+    known = sorted(item.name for item in dataclasses.fields(cls))
     for key in chosen:
         if key not in known:
             raise ConfigError(f"source.{key}: source=replay has no such setting; it has {', '.join(known)}")

@@ -69,7 +69,7 @@ class Board:
         self._scale = HEIGHT_PX / max(frame.shape)
         self._canvas = self._blank(None)
         self._phase = "survey"
-        self._last: dict[str, np.ndarray] = {}
+        self._last: dict[str, tuple[int, int]] = {}
         self._places = (json_of(folder / "facts.json") or {}).get("places", ())
 
     def frame(self, view: RecordedView) -> np.ndarray:

@@ -71,14 +71,14 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
         "rpe_trans_m": rmse(per_step[0]), "rpe_rot_rad": rmse(per_step[1]),
         "rpe_trans_per_metre_m": rmse(per_metre[0]), "rpe_rot_per_metre_rad": rmse(per_metre[1]),
         "rpe_trans_per_second_m": rmse(per_second[0]), "rpe_rot_per_second_rad": rmse(per_second[1]),
-        "end_error_m": end_error_m(both),
+        "end_error_m": end_error_m(both), "half_error_m": half_error_m(both),
     }
 
 
 def _no_trajectory(truth: Trajectory | None) -> Values:
     names = ("matched_share", "covered_share", "ate_rmse_m", "ate_mean_m", "ate_median_m", "ate_max_m",
              "ate_unaligned_m", "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad",
-             "rpe_trans_per_second_m", "rpe_rot_per_second_rad", "end_error_m")
+             "rpe_trans_per_second_m", "rpe_rot_per_second_rad", "end_error_m", "half_error_m")
     values: Values = dict.fromkeys(names, NAN)
     if truth is not None:
         values["matched_share"] = 0.0
@@ -89,6 +89,13 @@ def end_error_m(both: Pairing) -> float:
     """Distance between the last paired poses when the first ones are made to agree."""
     errors = absolute_errors_m(both, "origin")
     return float(errors[-1]) if len(errors) else NAN
+
+
+def half_error_m(both: Pairing) -> float:
+    """The same half-way along the true path: on a closed loop a wrong scale cancels at the end, but not there."""
+    errors = absolute_errors_m(both, "origin")
+    travelled = both.truth.travelled_m
+    return float(errors[np.searchsorted(travelled, 0.5 * travelled[-1])]) if len(errors) else NAN
 
 
 def _before_closing(online: Trajectory | None, truth: Trajectory | None) -> Values:

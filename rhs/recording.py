@@ -117,17 +117,18 @@ def camera_to_plain(camera: Camera) -> dict[str, Any]:
 def put_view(tape: Tape, camera: Camera, seen: Observation | Capture, *, plain: dict[str, Any], images: bool) -> None:
     """All that a sensor reported at one instant, without loss; `plain` goes first and says which parts follow."""
     t = ros.nanoseconds(seen.stamp_s)
-    names = PARTS if images else ("scan",)
-    holds = [name for name in names if getattr(seen, name) is not None]
+    image, depth = (seen.image, seen.depth) if images else (None, None)
+    parts = {"image": image, "depth": depth, "scan": seen.scan}
+    holds = [name for name in PARTS if parts[name] is not None]
     tape.put(STEP, ros.text(json.dumps(plain | {"holds": holds})), t)
-    if "image" in holds or "depth" in holds:
+    if image is not None or depth is not None:
         tape.put("/camera/camera_info", ros.camera_info(camera, t, "camera"), t)
-    if "image" in holds:
-        tape.put(PARTS["image"], ros.compressed_image(seen.image, t, "camera"), t)
-    if "depth" in holds:
-        tape.put(PARTS["depth"], ros.depth_image(seen.depth, t, "camera"), t)
-        tape.put("/cloud", ros.depth_cloud(camera, seen.depth, seen.image, t, frame="camera"), t)
-    if "scan" in holds:
+    if image is not None:
+        tape.put(PARTS["image"], ros.compressed_image(image, t, "camera"), t)
+    if depth is not None:
+        tape.put(PARTS["depth"], ros.depth_image(depth, t, "camera"), t)
+        tape.put("/cloud", ros.depth_cloud(camera, depth, image, t, frame="camera"), t)
+    if seen.scan is not None:
         tape.put(PARTS["scan"], ros.scan_cloud(seen.scan, t, "body"), t)
 
 

@@ -187,10 +187,11 @@ def point_cloud(columns: dict[str, np.ndarray], stamp_ns: int, frame: str):
     codes = {"f4": 7, "f8": 8, "u4": 6}
     kinds = [(name, np.asarray(values).dtype.newbyteorder("<")) for name, values in columns.items()]
     table = np.empty(len(next(iter(columns.values()))), dtype=kinds)
-    for name, values in columns.items():
-        table[name] = values
-    fields = [make("sensor_msgs/msg/PointField", name=name, offset=table.dtype.fields[name][1],
-                   datatype=codes[kind.str[1:]], count=1) for name, kind in kinds]
+    fields, offset = [], 0
+    for name, kind in kinds:
+        table[name] = columns[name]
+        fields.append(make("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=codes[kind.str[1:]], count=1))
+        offset += kind.itemsize
     return make("sensor_msgs/msg/PointCloud2", header=header(stamp_ns, frame), height=1, width=len(table),
                 fields=fields, is_bigendian=False, point_step=table.dtype.itemsize, row_step=table.nbytes,
                 data=table.view(np.uint8).ravel(), is_dense=False)

@@ -18,7 +18,7 @@ def test_an_odometry_that_says_ten_per_cent_too_much():
     """100 steps of 0.1 m told as 0.11 m: 1 m too far at the end, 0.01 m wrong in each step, 0.1 m in each metre."""
     values = trajectory_values(line(101, 0.11), line(101, 0.1))
     assert values["distance_m"] == pytest.approx(10.0)
-    assert values["end_error_m"] == pytest.approx(1.0)
+    assert values["end_error_m"] == pytest.approx(1.0) and values["half_error_m"] == pytest.approx(0.5)
     assert values["rpe_trans_m"] == pytest.approx(0.01)
     assert values["rpe_trans_per_metre_m"] == pytest.approx(0.1)
     assert values["rpe_trans_per_second_m"] == pytest.approx(0.1)
