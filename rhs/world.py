@@ -38,6 +38,9 @@ def load_world(name_or_path: str | Path) -> World:
     """A world by the name of a file in worlds/, or by path. Raises ConfigError: one line with file, line and advice."""
     path = find_world(name_or_path)
     file = read_yaml(path)
+    if _is_flat_map(file):
+        raise ConfigError(f"{path}:1: this is a map_server map, for planning; the simulator needs a world with walls, "
+                          "such as world=square")
     base_name = file.text("like", "")
     if base_name:
         base = read_yaml(find_world(base_name, beside=path.parent))
@@ -50,8 +53,12 @@ def load_world(name_or_path: str | Path) -> World:
 
 
 def world_names() -> list[str]:
-    """Names of the worlds that come with the program."""
-    return sorted(path.stem for path in data_dir("worlds").glob("*.yaml"))
+    """Names of the buildings that come with the program (worlds/ may also hold flat maps for planning)."""
+    return sorted(path.stem for path in data_dir("worlds").glob("*.yaml") if not _is_flat_map(read_yaml(path)))
+
+
+def _is_flat_map(file: Section) -> bool:
+    return "image" in file.nodes and "walls" not in file.nodes
 
 
 def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:

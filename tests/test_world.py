@@ -116,6 +116,13 @@ def test_a_missing_file_and_a_misspelt_name_are_refused(tmp_path):
         load_world("square_twins")
 
 
+def test_a_flat_map_is_no_building(tmp_path):
+    path = tmp_path / "flat.yaml"
+    path.write_text("image: flat.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="this is a map_server map, for planning"):
+        load_world(path)
+
+
 def test_like_takes_the_rest_from_another_world_and_only_one_step(tmp_path):
     write(tmp_path, ROOM)
     (tmp_path / "late.yaml").write_text("like: room\nstart: [1, 1, 0]\n", encoding="utf-8")
@@ -148,3 +155,14 @@ def test_the_survey_backwards_begins_where_it_ended():
     back = reversed_world(world)
     np.testing.assert_allclose(back.start, (3.0, 1.0, np.pi))
     np.testing.assert_allclose(back.route_m[-1], world.start[:2])
+
+
+def test_the_readme_lists_every_world_and_its_format_is_read(tmp_path):
+    from rhs.paths import data_dir
+
+    readme = (data_dir("worlds") / "README.md").read_text(encoding="utf-8")
+    assert all(f"| `{name}` |" in readme for name in world_names())
+    text = readme.split("```yaml\n")[1].split("```")[0]
+    text = text.replace("[[2, 1], [19, 1], ...]", "[[2, 1], [3, 1]]")
+    text = text.replace("[[0, 0], [20, 0], ...]", "[[0, 0], [20, 0], [20, 2], [0, 2], [0, 0]]")
+    assert load_world(write(tmp_path, text)).boxes[-1].name == "chest"
