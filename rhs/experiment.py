@@ -6,7 +6,7 @@ import json
 import resource
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from . import survey as surveying
 from .compose import RunConfig, build_parts, identity, to_plain, write_config
 from .errors import RhsError
 from .files import replacing
-from .floorplan import World, truth_grid
+from .floorplan import Box, World, truth_grid
 from .kidnap import Kidnapper
 from .live import Audience, Listener, LiveView
 from .maps import save_map
@@ -34,6 +34,7 @@ from .survey import Survey, ViewCollector
 from .trajectory import Trajectory, write_tum
 from .world import load_world
 
+OBSTACLE_HEIGHT_M = 1.8
 Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
 
 
@@ -69,7 +70,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     exception that caused it is chained to the returned row under the key `_cause` and not written.
     """
     begin = time.perf_counter()
-    world = load_world(config.world) if "driving" in config.source.settings.provides else None
+    world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)
     row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
     notebook, cause = None, None
@@ -107,6 +108,13 @@ def draw(config: RunConfig, folder: Path) -> None:
         report.video(folder)
 
 
+def furnished(world: World, config: RunConfig) -> World:
+    """The world with the obstacles of the command line, which the survey does not see."""
+    boxes = tuple(Box(f"obstacle_{i + 1}", (x, y), (width, depth, OBSTACLE_HEIGHT_M))
+                  for i, (x, y, width, depth) in enumerate(config.obstacles))
+    return replace(world, obstacles=world.obstacles + boxes)
+
+
 def reason_of(error: BaseException, notebook: Notebook | None) -> str:
     """One line: what, where in the run."""
     at = f" at step {sum(notebook.counts.values())}" if notebook is not None else ""
@@ -122,6 +130,8 @@ def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: 
                                        "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m})
     if world is not None:
         save_map(folder / "true_map", truth_grid(world))
+        if world.obstacles:
+            save_map(folder / "true_map_patrol", truth_grid(world, with_obstacles=True))
     level = "full" if config.recording == "auto" else config.recording
     listeners: list[Listener] = [Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))]
     if config.live:

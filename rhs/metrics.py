@@ -27,7 +27,7 @@ VISITED_M = 0.5
 STAGES = {"capture_ms": ("survey", "patrol"), "sense_ms": ("survey", "patrol"), "odometry_ms": ("survey", "patrol"),
           "localise_ms": ("patrol",), "map_ms": ("survey",)}
 PATROL = ("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions", "clearance_min_m",
-          "arrival_error_max_m", "path_length_m", "path_optimal_m")
+          "arrival_error_max_m", "path_length_m", "path_optimal_m", "path_optimal_informed_m")
 
 
 def evaluate(folder: Path) -> Values:
@@ -137,6 +137,7 @@ def patrol_values(folder: Path, steps: list[dict[str, str]]) -> Values:
         "arrival_error_max_m": _of(np.max, errors[np.isfinite(errors)]),
         "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
         "path_optimal_m": path_optimal_m(folder, facts, patrol),
+        "path_optimal_informed_m": path_optimal_informed_m(folder, facts, patrol),
     }
 
 
@@ -158,15 +159,39 @@ def _collisions(patrol: list[dict[str, str]]) -> int:
 def path_optimal_m(folder: Path, facts: dict, patrol: list[dict[str, str]]) -> float:
     """Length of the shortest way from where the patrol truly began through the places in order, on the true plan grown
     by the robot's radius; NaN without a true plan or where a place cannot be reached."""
-    plan = _map(folder / "true_map.yaml")
+    return _shortest_m(_map(folder / "true_map.yaml"), facts, patrol, _places(facts))
+
+
+def path_optimal_informed_m(folder: Path, facts: dict, patrol: list[dict[str, str]]) -> float:
+    """Length of the shortest way that learns of an unknown obstacle where this robot saw it: through the places it reached,
+    and the true poses at which a mission was broken off, in the order they happened, on the true plan with obstacles."""
+    plan = _map(folder / "true_map_patrol.yaml")
+    places, stops = _places(facts), []
+    for step in patrol:
+        events = step["event"].split("+")
+        if {"arrived", "gave_up"} & set(events) and places:
+            place = places.pop(0)
+            stops += [place] if "arrived" in events else []
+        stops += [_true_xy(step)] if "blocked" in events else []
+    return _shortest_m(_map(folder / "true_map.yaml") if plan is None else plan, facts, patrol, stops)
+
+
+def _shortest_m(plan: OccupancyGrid | None, facts: dict, patrol: list[dict[str, str]], stops: list) -> float:
+    """From where the patrol truly began through the stops, on the plan grown by the robot's radius."""
     if plan is None or not patrol or not patrol[0]["true_x_m"]:
         return NAN
     from .judge import shortest_length_m
 
-    start = (float(patrol[0]["true_x_m"]), float(patrol[0]["true_y_m"]))
-    stops = np.array([start, *((place["x_m"], place["y_m"]) for place in facts["places"])])
     blocked = plan.blocked(float(facts["robot_radius_m"]))
-    return float(shortest_length_m(blocked, plan.resolution_m, plan.origin_m, stops))
+    return float(shortest_length_m(blocked, plan.resolution_m, plan.origin_m, np.array([_true_xy(patrol[0]), *stops])))
+
+
+def _places(facts: dict) -> list[tuple[float, float]]:
+    return [(place["x_m"], place["y_m"]) for place in facts["places"]]
+
+
+def _true_xy(step: dict[str, str]) -> tuple[float, float]:
+    return float(step["true_x_m"]), float(step["true_y_m"])
 
 
 # --- map -------------------------------------------------------------------------------------------------------------
