@@ -126,7 +126,7 @@ def _scenario(path: FilePath, number: int) -> Arena:
     if not 0 <= number < len(problems):
         raise ConfigError(f"planning.scenario={number}: {path.name} has the problems 0 to {len(problems) - 1}")
     problem = problems[number]
-    places = [path.parent / problem.map_name, path.parent / FilePath(problem.map_name).name, path.with_suffix("")]
+    places = [path.parent / problem.map_name, path.parent / FilePath(problem.map_name).name]
     found = next((place for place in places if place.is_file()), None)
     if found is None:
         raise ConfigError(f"{path}: its map {problem.map_name} is not beside it; put it into {path.parent}")

@@ -41,6 +41,21 @@ class Places:
 
 
 @dataclass
+class Planning:
+    """The planning task."""
+
+    # the map is grown by this radius, metres; null: what the map or world says
+    robot_radius_m: float | None = None
+    # which problem of a MovingAI .scen file, from 0
+    scenario: int = 0
+
+    def __post_init__(self) -> None:
+        if self.robot_radius_m is not None:
+            check_range("planning", "robot_radius_m", self.robot_radius_m, low=0.0, high=100.0, unit="m")
+        check_range("planning", "scenario", self.scenario, low=0, high=10_000_000)
+
+
+@dataclass
 class Features:
     """The SIFT features every part shares (rhs.vision)."""
 
@@ -83,6 +98,7 @@ class RunConfig:
     start: list[float] = field(default_factory=list)
     # planning task: where to go, [x_m, y_m]; empty: the world's
     goal: list[float] = field(default_factory=list)
+    planning: Planning = field(default_factory=Planning)
     places: Places = field(default_factory=Places)
     features: Features = field(default_factory=Features)
     mission: MissionSettings = field(default_factory=MissionSettings)

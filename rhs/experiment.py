@@ -69,6 +69,10 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     Raises ConfigError, before anything ran, for what can be refused. A failure later is a row with a reason; the
     exception that caused it is chained to the returned row under the key `_cause` and not written.
     """
+    if config.task == "planning":
+        from .planning_task import run_planning_config
+
+        return run_planning_config(config, folder)
     begin = time.perf_counter()
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)

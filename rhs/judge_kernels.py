@@ -5,13 +5,15 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from .jit import compiled, typed
+
 TOUCH = 1e-7  # cells: overlaps below this are touches, not crossings
 _GRID = nb.types.Array(nb.uint8, 2, "C")
 _POINTS = nb.types.Array(nb.float64, 2, "C")
 _BYTES = nb.types.Array(nb.uint8, 1, "C")
 
 
-@nb.njit(nb.boolean(_GRID, nb.float64, nb.float64), cache=True)
+@typed(nb.boolean(_GRID, nb.float64, nb.float64))
 def point_free(grid, x, y):
     """Some cell whose closure holds the point is free."""
     rows, columns = grid.shape
@@ -24,14 +26,14 @@ def point_free(grid, x, y):
     return False
 
 
-@nb.njit(nb.boolean(_GRID, nb.int64, nb.int64), cache=True)
+@typed(nb.boolean(_GRID, nb.int64, nb.int64))
 def pinched(grid, i, j):
     """The lattice point (i, j) is where two blocked cells meet corner to corner, free cells on the other diagonal."""
     sw, se, nw, ne = grid[j - 1, i - 1], grid[j - 1, i], grid[j, i - 1], grid[j, i]
     return (sw and ne and not se and not nw) or (se and nw and not sw and not ne)
 
 
-@nb.njit(nb.boolean(_GRID, nb.float64, nb.float64, nb.float64, nb.float64), cache=True)
+@typed(nb.boolean(_GRID, nb.float64, nb.float64, nb.float64, nb.float64))
 def _along_line_free(grid, fixed, low, high, vertical):
     """A segment lying on a grid line: free unless both sides of it are blocked somewhere, or it is pinched inside."""
     line = int(fixed)
@@ -46,7 +48,7 @@ def _along_line_free(grid, fixed, low, high, vertical):
     return True
 
 
-@nb.njit(cache=True)
+@compiled
 def _touches(grid, i, j, segment, reach):
     """A piece over column i that reaches into blocked cell (i, j) stays within TOUCH of one of its upright sides, and
     the cell beyond that side is free. reach: y at both ends of the piece."""
@@ -61,7 +63,7 @@ def _touches(grid, i, j, segment, reach):
     return min(a, b) >= i + 1.0 - TOUCH and grid[j, i + 1] == 0
 
 
-@nb.njit(nb.boolean(_GRID, nb.float64, nb.float64, nb.float64, nb.float64), cache=True)
+@typed(nb.boolean(_GRID, nb.float64, nb.float64, nb.float64, nb.float64))
 def segment_open(grid, x0, y0, x1, y1):
     """The segment misses the inside of every blocked cell and is not squeezed through a pinch. Ends are on the grid."""
     if x0 > x1:
@@ -86,7 +88,7 @@ def segment_open(grid, x0, y0, x1, y1):
     return True
 
 
-@nb.njit(nb.boolean(_GRID, _POINTS), cache=True)
+@typed(nb.boolean(_GRID, _POINTS))
 def polyline_free(grid, points):
     """Every point on the grid, every segment open, and no bend in a pinch."""
     rows, columns = grid.shape
@@ -103,7 +105,7 @@ def polyline_free(grid, points):
     return True
 
 
-@nb.njit(nb.types.Tuple((_POINTS, _POINTS))(_GRID), cache=True)
+@typed(nb.types.Tuple((_POINTS, _POINTS))(_GRID))
 def convex_corners(grid):
     """(N, 2) lattice points with exactly one blocked cell round them, and (N, 2) signs of the way to that cell."""
     rows, columns = grid.shape
@@ -121,13 +123,13 @@ def convex_corners(grid):
     return corners[:count].copy(), signs[:count].copy()
 
 
-@nb.njit(nb.boolean(nb.float64, nb.float64, nb.float64, nb.float64), cache=True)
+@typed(nb.boolean(nb.float64, nb.float64, nb.float64, nb.float64))
 def _tangent(dx, dy, sx, sy):
     """A taut path can bend at a corner only on lines that graze its cell: not into it, nor straight away from it."""
     return (dx * sx) * (dy * sy) <= TOUCH
 
 
-@nb.njit(_POINTS(_GRID, _POINTS, _POINTS, _POINTS), cache=True)
+@typed(_POINTS(_GRID, _POINTS, _POINTS, _POINTS))
 def visibility_search(grid, corners, signs, ends):
     """A* over corners with edges found when needed; (N, 2) points of the shortest path, empty if there is none.
 
@@ -139,7 +141,7 @@ def visibility_search(grid, corners, signs, ends):
     nodes[: n - 2] = corners
     nodes[n - 2], nodes[n - 1] = ends[0], ends[1]
     cost, estimate = np.full(n, np.inf), np.full(n, np.inf)
-    parent, closed = np.full(n, -1), np.zeros(n, nb.uint8)
+    parent, closed = np.full(n, -1), np.zeros(n, np.uint8)
     cost[n - 2] = estimate[n - 2] = 0.0
     while True:
         u = int(np.argmin(estimate))

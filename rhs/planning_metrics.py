@@ -25,7 +25,7 @@ def path_values(path: Path, problem: PlanningProblem, *, optimum: Optimum,
     judged = _length(points[begin:])
     values: Values = {
         "plan_success": int(path.found),
-        "plan_valid": int(_valid(points[begin:], problem) and _valid(raw[begin:], problem) and _joins(points, problem)),
+        "plan_valid": _validity(points, raw, begin, problem),
         "plan_reason": str(path.reason),
         "plan_steps": steps_8(points, problem.resolution_m),
         "plan_steps_raw": steps_8(raw, problem.resolution_m),
@@ -37,10 +37,10 @@ def path_values(path: Path, problem: PlanningProblem, *, optimum: Optimum,
         "plan_clearance_min_m": clearance_min_m(points[begin:], problem),
         "plan_clearance_raw_min_m": clearance_min_m(raw[begin:], problem),
         "plan_smoothness": smoothness(points),
-        "plan_vertices": len(points) if path.found else NAN,
+        "plan_bends": max(len(points) - 2, 0) if path.found else NAN,
         "homotopy": class_of(points, classes),
     }
-    return values | {f"plan_{key}": float(value) for key, value in path.details.items() if key != "vertices"}
+    return values | {f"plan_{key}": float(value) for key, value in path.details.items()}
 
 
 def steps_8(points_m: np.ndarray, resolution_m: float) -> float:
@@ -103,12 +103,13 @@ def _edge_cells(blocked: np.ndarray) -> np.ndarray:
     return np.argwhere(blocked & ~inner)
 
 
-def _valid(points: np.ndarray, problem: PlanningProblem) -> bool:
-    return path_valid(points, problem.blocked, problem.resolution_m, problem.origin_m)
-
-
-def _joins(points: np.ndarray, problem: PlanningProblem) -> bool:
-    return np.array_equal(points[0], problem.start_m) and np.array_equal(points[-1], problem.goal_m)
+def _validity(points: np.ndarray, raw: np.ndarray, begin: int, problem: PlanningProblem) -> float:
+    """1 if the path and the raw path are free and the path joins start and goal exactly; NaN for no path."""
+    if len(points) == 0:
+        return NAN
+    joins = np.array_equal(points[0], problem.start_m) and np.array_equal(points[-1], problem.goal_m)
+    frame = problem.blocked, problem.resolution_m, problem.origin_m
+    return float(joins and path_valid(points[begin:], *frame) and path_valid(raw[begin:], *frame))
 
 
 def _length(points: np.ndarray) -> float:

@@ -21,11 +21,11 @@ LEVELS = [
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph",
     "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency",
     "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover tape"
-    " live",
+    " live movingai arena plan_files",
     "patrol survey sentinel kidnap steps progress metrics testing_room testing_estimators testing_planners testing_sources"
     " testing",
     "drawing page summary table report charts film registry parts overrides hydra_glue compose help_text convert"
-    " convert_tum",
+    " convert_tum planning_metrics planning_pictures planning_task",
     "experiment",
     "launcher sweep __init__",
     "__main__",

@@ -76,7 +76,7 @@ def _eikonal(times, i, j, slowness):
 def arrival_times(grid, speed, goal_x, goal_y, until_i, until_j):
     """(H, W) arrival times of the wave from the goal, inf where it has not come before it passed cell (until_i, until_j)."""
     rows, columns = grid.shape
-    times, settled = np.full((rows, columns), np.inf), np.zeros((rows, columns), nb.uint8)
+    times, settled = np.full((rows, columns), np.inf), np.zeros((rows, columns), np.uint8)
     keys, items = np.empty(1024), np.empty(1024, np.int64)
     size, gi, gj = 0, int(goal_x), int(goal_y)
     for j in range(max(gj - _SOURCE_CELLS, 0), min(gj + _SOURCE_CELLS + 1, rows)):

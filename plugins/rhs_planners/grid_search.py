@@ -66,7 +66,7 @@ def astar(grid, ends, budget):
     rows, columns = grid.shape
     si, sj, gi, gj = int(ends[0, 0]), int(ends[0, 1]), int(ends[1, 0]), int(ends[1, 1])
     cost, parent = np.full(rows * columns, np.inf), np.full(rows * columns, -1)
-    closed = np.zeros(rows * columns, nb.uint8)
+    closed = np.zeros(rows * columns, np.uint8)
     keys, items = np.empty(256), np.empty(256, np.int64)
     start, goal = sj * columns + si, gj * columns + gi
     cost[start], parent[start] = 0.0, start
@@ -110,7 +110,7 @@ def theta_star(grid, ends, budget):
     """Theta* with the straight distance, between the points ends (2, 2)."""
     rows, columns = grid.shape
     cost, parent = np.full(rows * columns, np.inf), np.full(rows * columns, -1)
-    closed = np.zeros(rows * columns, nb.uint8)
+    closed = np.zeros(rows * columns, np.uint8)
     keys, items = np.empty(256), np.empty(256, np.int64)
     start = int(ends[0, 1]) * columns + int(ends[0, 0])
     goal = int(ends[1, 1]) * columns + int(ends[1, 0])
