@@ -15,6 +15,7 @@ from .patrol import Decision
 from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, PlanReason, Scan, Twist
 
 LOST_VIEWS = 400
+STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
 
@@ -101,12 +102,21 @@ class Sentinel:
         if self.path is None and not self._plan(pose, events):
             return self._after_failed_plan(events)
         assert self.path is not None
-        command = steer(self.path.points_m, belief.map_from_body, self.pace)
-        if command.forward_mps > 0 and scan is not None and clear_ahead_m(scan, self.radius_m) < 0.1:
-            self.path = None
-            events.append("stopped")
-            return turn(self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
-        return command
+        return self._with_room(steer(self.path.points_m, belief.map_from_body, self.pace), scan, events)
+
+    def _with_room(self, command: Twist, scan: Scan | None, events: list[str]) -> Twist:
+        """The command, cut to what the scan shows to be free ahead; a robot without room waits, then looks elsewhere."""
+        if command.forward_mps <= 0 or scan is None:
+            return command
+        room_m = clear_ahead_m(scan, self.radius_m) - STOP_SHORT_M
+        if room_m >= command.forward_mps * command.duration_s:
+            return command
+        if room_m > 0.05:
+            return Twist(command.forward_mps, command.turn_radps, room_m / command.forward_mps)
+        events.append("stopped")
+        self.path = None
+        side = 1.0 if self.still % 4 < 2 else -1.0
+        return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def _plan(self, pose: np.ndarray, events: list[str]) -> bool:
         self.attempts += 1

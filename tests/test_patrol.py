@@ -120,3 +120,13 @@ def test_a_bad_motion_is_stopped_at_the_boundary(motion, message):
     sentinel = Sentinel(oracle, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3, settings=MissionSettings())
     with pytest.raises(ContractError, match=message):
         list(steps(world, Through(world.camera), Broken(motion), sentinel))
+
+
+def test_an_obstacle_on_the_place_itself_is_not_touched_and_the_patrol_goes_on_the_other_way():
+    hidden = np.zeros((80, 80), bool)
+    hidden[1:20, 38:42] = True
+    sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), PLACES, hidden=hidden))
+    last = {m.place: m for m in sentinel.book.missions}
+    assert last["a"].status == "gave_up" and "goal_blocked" in last["a"].reason
+    assert [last[name].status for name in ("b", "c", "home")] == ["arrived"] * 3
+    assert not any(step.collided for step in out)
