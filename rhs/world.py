@@ -92,7 +92,7 @@ def _world(path: Path, file: Section) -> World:
         walls=tuple(wall for wall, _ in walls_and_pilasters),
         boxes=tuple(b for _, boxes in walls_and_pilasters for b in boxes) + _boxes(file, "boxes"),
         obstacles=_boxes(file, "obstacles"),
-        places=tuple((name, *places.numbers(name, count=2)) for name in places.keys()),
+        places=tuple((name, *_point(places, name)) for name in places.keys()),
         route_m=file.points("route_m"),
         paintings=_paintings(file.section("paintings")),
         floor=_surface(file.section("floor"), FLOOR),
@@ -134,7 +134,7 @@ def _pilasters(wall: Wall, section: Section) -> list[Box]:
     width = section.number("width_m", 0.4, low=0.02, high=10.0)
     depth = section.number("depth_m", 0.2, low=0.01, high=5.0)
     section.finish()
-    boxes = []
+    boxes: list[Box] = []
     for a, b in wall.segments_m:
         length, yaw = float(np.hypot(*(b - a))), float(np.arctan2(*(b - a)[::-1]))
         count = int(length / spacing)
@@ -148,7 +148,7 @@ def _pilasters(wall: Wall, section: Section) -> list[Box]:
 def _boxes(file: Section, key: str) -> tuple[Box, ...]:
     boxes = []
     for section in file.sections(key):
-        x, y = section.numbers("centre_m", count=2)
+        x, y = _point(section, "centre_m")
         size = section.numbers("size_m", count=3, low=0.01, high=100.0)
         boxes.append(Box(
             name=section.text("name"), centre_m=(x, y), size_m=(size[0], size[1], size[2]),
@@ -157,6 +157,11 @@ def _boxes(file: Section, key: str) -> tuple[Box, ...]:
             surface=_surface(section.section("surface"), FURNITURE)))
         section.finish()
     return tuple(boxes)
+
+
+def _point(section: Section, key: str) -> tuple[float, float]:
+    x, y = section.numbers(key, count=2)
+    return x, y
 
 
 def _surface(section: Section, default: Surface) -> Surface:

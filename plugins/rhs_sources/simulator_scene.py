@@ -117,10 +117,9 @@ class Scene:
         gl_from_optical = se3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
         view = gl_from_optical @ inverse(world_from_body @ camera.body_from_camera)
         view[2, 3] += nudge
-        which, hush = pybullet.ER_TINY_RENDERER, nullcontext
-        if self.renderer == "egl":
-            which, hush = pybullet.ER_BULLET_HARDWARE_OPENGL, quiet
-        with hush():
+        opengl = self.renderer == "egl"
+        which = pybullet.ER_BULLET_HARDWARE_OPENGL if opengl else pybullet.ER_TINY_RENDERER
+        with quiet() if opengl else nullcontext():
             _, _, rgba, buffer, _ = pybullet.getCameraImage(
                 camera.width, camera.height, view.T.ravel().tolist(), self.projection.T.ravel().tolist(),
                 renderer=which, flags=pybullet.ER_NO_SEGMENTATION_MASK, physicsClientId=self.client, **SHADELESS)
