@@ -19,7 +19,8 @@ PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 LEVELS = [
     "errors geometry jit paths provenance mcap_records meanings",
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph",
-    "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency",
+    "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency"
+    " structure",
     "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
     "patrol survey sentinel kidnap steps progress metrics testing_room testing_estimators testing_planners testing_sources"

@@ -1,0 +1,80 @@
+"""From the filter's planes to the walls of a map: where each wall begins and ends, and the scan they would give.
+
+Features say where a wall is to the centimetre, but where it ends only to a metre or two. So ends are drawn by reason: a
+wall cannot stand where the robot drove through, and it ends at the next wall across it (notes, section 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from rhs.records import Wall
+
+from .corridor_state import BIN_M, Plane
+
+LEAST_HITS = 20  # walls with fewer tracks are not drawn
+AHEAD_M, BEHIND_M = 5.0, 1.2  # a wall is drawn out, or pulled back, to a wall across it this near to its seen end
+CLEAR_M = 0.3  # a wall ends at least this far before the point where the path crosses its line
+
+
+def walls_of(planes: Sequence[Plane], path_xy: np.ndarray) -> tuple[Wall, ...]:
+    """Segments of the upright planes with enough hits; path_xy (N, 2): where the robot has been."""
+    upright = [p for p in planes if not p.is_floor and p.hits >= LEAST_HITS]
+    above = [p.offset_m for p in planes if p.is_floor and p.offset_m > 1.0]
+    ceiling = min(above, default=np.inf)
+    walls = []
+    for p in upright:
+        for low, high in _pieces(p, upright, path_xy):
+            walls.append(Wall(_point(p, low), _point(p, high), 0.0, ceiling))
+    return tuple(walls)
+
+
+def _point(p: Plane, along_m: float) -> np.ndarray:
+    xy = np.zeros(2)
+    xy[p.axis], xy[1 - p.axis] = p.at(along_m), along_m
+    return xy
+
+
+def _pieces(p: Plane, others: Sequence[Plane], path_xy: np.ndarray) -> list[tuple[float, float]]:
+    """Extents along the wall, metres: one piece between each two points where the path crosses it, if seen there."""
+    cuts = [-np.inf, *sorted(_crossings(p, path_xy)), np.inf]
+    marks = _marks(p, others)
+    pieces = []
+    for lower, upper in pairwise(cuts):
+        stretches = {k: n for k, n in p.support.items() if lower < (k + 0.5) * BIN_M < upper}
+        firm = [k for k, n in stretches.items() if n >= 3]
+        if sum(stretches.values()) < LEAST_HITS or not firm:
+            continue
+        low, high = max(p.low_m, BIN_M * min(firm)), min(p.high_m, BIN_M * (max(firm) + 1))
+        high = _snap(high, upper - CLEAR_M, marks)
+        low = -_snap(-low, -lower - CLEAR_M, [-m for m in marks])
+        if high - low > 0.2:
+            pieces.append((low, high))
+    return pieces
+
+
+def _marks(p: Plane, others: Sequence[Plane]) -> list[float]:
+    """Coordinates along the wall at which walls across it, or their near continuations, meet its line."""
+    middle = 0.5 * (p.low_m + p.high_m)
+    across = [(o.at(p.at(middle)), o) for o in others if o.axis != p.axis]
+    return [at for at, o in across if o.low_m - AHEAD_M < p.at(at) < o.high_m + AHEAD_M]
+
+
+def _crossings(p: Plane, path_xy: np.ndarray) -> list[float]:
+    """Coordinates along the wall at which the path crosses its line."""
+    side = path_xy[:, p.axis] - (p.offset_m - p.angle_rad * (path_xy[:, 1 - p.axis] - p.pivot_m))
+    at = np.flatnonzero(side[:-1] * side[1:] < 0.0)
+    return (0.5 * (path_xy[at, 1 - p.axis] + path_xy[at + 1, 1 - p.axis])).tolist()
+
+
+def _snap(end: float, limit: float, marks: Sequence[float]) -> float:
+    """Upper end of a wall seen up to `end` that must not pass `limit`: the first wall across it ahead, else behind."""
+    ahead = [m for m in marks if end - 0.3 <= m <= min(end + AHEAD_M, limit + CLEAR_M)]
+    if ahead:
+        return min(ahead)
+    reach = min(end, limit)
+    behind = [m for m in marks if reach - BEHIND_M <= m <= min(end, limit + CLEAR_M)]
+    return max(behind, default=reach)
