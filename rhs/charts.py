@@ -88,7 +88,7 @@ def bars(table: pandas.DataFrame, column: str, group: Sequence[str]) -> Figure |
         if not len(values):
             continue
         axes.barh(place, values.mean(), color=COLOURS["corrected"], alpha=0.55, height=0.6)
-        axes.plot(values, np.full(len(values), place), ".", color="#222222", markersize=4, alpha=0.6)
+        axes.plot(values, np.full(len(values), place), ".", color="#222222", markersize=4, alpha=0.6, zorder=3)
         low, high = bootstrap(values)
         if np.isfinite(low):
             axes.plot([low, high], [place, place], color=COLOURS["place"], linewidth=2)

@@ -80,7 +80,8 @@ class Report:
         if self.whole:
             return text
         if not self.finished:
-            text += f"; the file is cut at byte {self.cut_at if self.cut_at is not None else self.size} of {self.size}"
+            text += (f"; the file stops at byte {self.size} without an index, as a killed writer leaves it" if
+                     self.cut_at is None else f"; the file is cut: what begins at byte {self.cut_at} of {self.size} is lost")
         if self.promised is not None and self.promised != self.messages:
             text += f"; its index promises {self.promised}: {self.promised - self.messages} lost"
         if self.damage:

@@ -47,14 +47,14 @@ def test_recovery_opens_everywhere_and_holds_what_it_says(run, tmp_path, capsys)
     assert main([str(short), str(whole)]) == 3
     out, err = capsys.readouterr()
     count = int(out.split(":")[1].split()[0])
-    assert "cut at byte" in err and len(err.splitlines()) == 1
+    assert "the file " in err and len(err.splitlines()) == 1
     with whole.open("rb") as file:
         assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == count > 100
     with AnyReader([whole]) as bag:
         assert bag.message_count == count
     assert payloads(whole) == payloads(run)[:count]
     assert read_head(whole).facts == FACTS
-    assert "cut at byte" in _notes(whole)["rhs.recovered"]["what"]
+    assert "the file " in _notes(whole)["rhs.recovered"]["what"]
     assert hashlib.sha256(short.read_bytes()).hexdigest() == before
 
 
