@@ -15,6 +15,7 @@ import numpy as np
 from .accuracy import Pairing, absolute_errors_m, apart, consecutive, pair, relative_errors, rmse
 from .errors import RhsError
 from .grid import OccupancyGrid
+from .map_metrics import map_agreement
 from .trajectory import Trajectory, aligned, read_tum
 
 NAN = float("nan")
@@ -27,7 +28,7 @@ VISITED_M = 0.5
 STAGES = {"capture_ms": ("survey", "patrol"), "sense_ms": ("survey", "patrol"), "odometry_ms": ("survey", "patrol"),
           "localise_ms": ("patrol",), "map_ms": ("survey",)}
 PATROL = ("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions", "clearance_min_m",
-          "arrival_error_max_m", "path_length_m", "path_optimal_m", "path_optimal_informed_m")
+          "arrival_error_max_m", "patrol_rmse_m", "path_length_m", "path_optimal_m", "path_optimal_informed_m")
 
 
 def evaluate(folder: Path) -> Values:
@@ -65,8 +66,8 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
     return {
         "matched_share": both.matched_share, "covered_share": both.covered_share,
         "distance_m": float(truth.travelled_m[-1]) if len(truth) else NAN,
-        "ate_alignment": alignment, "ate_rmse_m": rmse(errors), "ate_mean_m": _of(np.mean, errors),
-        "ate_median_m": _of(np.median, errors), "ate_max_m": _of(np.max, errors),
+        "ate_alignment": alignment, "ate_tolerance_s": tolerance_s, "ate_rmse_m": rmse(errors),
+        "ate_mean_m": _of(np.mean, errors), "ate_median_m": _of(np.median, errors), "ate_max_m": _of(np.max, errors),
         "ate_unaligned_m": rmse(absolute_errors_m(both, "origin")),
         "rpe_trans_m": rmse(per_step[0]), "rpe_rot_rad": rmse(per_step[1]),
         "rpe_trans_per_metre_m": rmse(per_metre[0]), "rpe_rot_per_metre_rad": rmse(per_metre[1]),
@@ -82,7 +83,8 @@ def _no_trajectory(truth: Trajectory | None) -> Values:
     values: Values = dict.fromkeys(names, NAN)
     if truth is not None:
         values["matched_share"] = 0.0
-    return values | {"ate_alignment": "none", "distance_m": float(truth.travelled_m[-1]) if truth else NAN}
+    return values | {"ate_alignment": "", "ate_tolerance_s": NAN,
+                     "distance_m": float(truth.travelled_m[-1]) if truth else NAN}
 
 
 def end_error_m(both: Pairing) -> float:
@@ -126,7 +128,7 @@ def patrol_values(folder: Path, steps: list[dict[str, str]]) -> Values:
         return dict.fromkeys(PATROL, NAN)
     patrol = [row for row in steps if row["phase"] == "patrol"]
     missions = _json(folder / "missions.json") or []
-    driven = _trajectory(folder / "truth_patrol.tum")
+    driven, believed = _trajectory(folder / "truth_patrol.tum"), _trajectory(folder / "patrol.tum")
     clearances = np.array([float(row["clearance_m"] or "nan") for row in patrol])
     errors = arrival_errors_m(missions, patrol)
     return {
@@ -135,10 +137,17 @@ def patrol_values(folder: Path, steps: list[dict[str, str]]) -> Values:
         "collisions": _collisions(patrol) if np.isfinite(clearances).any() else NAN,
         "clearance_min_m": _of(np.min, clearances[np.isfinite(clearances)]),
         "arrival_error_max_m": _of(np.max, errors[np.isfinite(errors)]),
+        "patrol_rmse_m": _unaligned_rmse_m(believed, driven),
         "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
         "path_optimal_m": path_optimal_m(folder, facts, patrol),
         "path_optimal_informed_m": path_optimal_informed_m(folder, facts, patrol),
     }
+
+
+def _unaligned_rmse_m(believed: Trajectory | None, driven: Trajectory | None) -> float:
+    if believed is None or driven is None:
+        return NAN
+    return rmse(absolute_errors_m(pair(believed, driven, TOLERANCE_S), "none"))
 
 
 def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> np.ndarray:
@@ -194,45 +203,12 @@ def _true_xy(step: dict[str, str]) -> tuple[float, float]:
     return float(step["true_x_m"]), float(step["true_y_m"])
 
 
-# --- map -------------------------------------------------------------------------------------------------------------
-
-
 def map_values(folder: Path) -> Values:
     """How far the map agrees with the true plan, and how much of the true free space was seen."""
     mine, true = _map(folder / "map.yaml"), _map(folder / "true_map.yaml")
     if mine is None or true is None:
         return {"map_agreement": NAN, "map_observed_share": NAN}
-    return map_agreement(mine, true)
-
-
-def map_agreement(mine: OccupancyGrid, true: OccupancyGrid) -> Values:
-    """map_agreement: of the cells called occupied or free, the share with a true cell of that kind within one cell
-    (eight neighbours). map_observed_share: of the truly free cells, the share that was called anything.
-
-    The grids may differ in extent and resolution: each cell of `mine` is compared at its centre.
-    """
-    occupied, free = mine.occupied(), mine.free()
-    called = np.argwhere(occupied | free)
-    if not len(called):
-        return {"map_agreement": NAN, "map_observed_share": 0.0}
-    reach = mine.resolution_m * np.array([[dx, dy] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
-    near = mine.centres(called)[:, None, :] + reach[None]
-    is_occupied = _look_up(true, true.occupied(), near).any(axis=1)
-    is_free = _look_up(true, true.free(), near).any(axis=1)
-    agrees = np.where(occupied[called[:, 0], called[:, 1]], is_occupied, is_free)
-    floor = true.centres(np.argwhere(true.free()))
-    seen = _look_up(mine, ~np.isnan(mine.probability), floor[:, None, :])[:, 0]
-    return {"map_agreement": float(agrees.mean()), "map_observed_share": float(seen.mean()) if len(seen) else NAN}
-
-
-def _look_up(grid: OccupancyGrid, flags: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Flags of (N, K, 2) points; False outside the grid."""
-    flat = points.reshape(-1, 2)
-    inside = grid.inside(flat)
-    out = np.zeros(len(flat), bool)
-    cells = grid.cells(flat[inside])
-    out[inside] = flags[cells[:, 0], cells[:, 1]]
-    return out.reshape(points.shape[:2])
+    return {**map_agreement(mine, true)}
 
 
 # --- files -----------------------------------------------------------------------------------------------------------

@@ -17,12 +17,12 @@ KEYS = ("world", "source", "sensor", "odometry", "loop_closer", "mapper", "plann
 TEXT = ("status", "reason", *KEYS[:-1], "ate_alignment")
 INTEGERS = ("seed", "places_total", "places_visited", "missions", "replans", "collisions", "survey_steps",
             "patrol_steps")
-PATROL = ("clearance_min_m", "path_length_m", "path_optimal_m", "arrival_error_max_m")
+PATROL = ("clearance_min_m", "path_length_m", "path_optimal_m", "arrival_error_max_m", "patrol_rmse_m")
 SURVEY = (
     "distance_m", "ate_rmse_m", "ate_before_closing_m", "ate_unaligned_m", "ate_mean_m", "ate_median_m", "ate_max_m",
     "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad", "rpe_trans_per_second_m",
-    "rpe_rot_per_second_rad", "end_error_m", "end_error_before_closing_m", "half_error_m", "drift_pct", "matched_share",
-    "covered_share", "tracked_share", "degenerate_share", "lost_share",
+    "rpe_rot_per_second_rad", "end_error_m", "end_error_before_closing_m", "half_error_m", "drift_pct",
+    "ate_tolerance_s", "matched_share", "covered_share", "tracked_share", "degenerate_share", "lost_share",
 )
 MAP = ("map_agreement", "map_observed_share")
 FLOATS = (*PATROL, *SURVEY, *MAP)

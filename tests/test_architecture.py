@@ -23,9 +23,9 @@ LEVELS = [
     " structure",
     "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
-    "patrol survey sentinel kidnap steps progress metrics testing_room testing_estimators testing_planners testing_sources"
-    " testing",
-    "drawing page summary table report charts film registry parts overrides hydra_glue compose help_text convert"
+    "patrol survey sentinel kidnap steps progress metrics map_metrics testing_room testing_estimators"
+    " testing_planners testing_sources testing",
+    "evaluate drawing page summary table report charts film registry parts overrides hydra_glue compose help_text convert"
     " convert_tum planning_metrics planning_pictures planning_task",
     "experiment",
     "launcher sweep __init__",

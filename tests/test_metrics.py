@@ -10,7 +10,8 @@ import pytest
 from helpers.synthetic_run import make_run, room, true_pose
 
 from rhs.grid import OccupancyGrid
-from rhs.metrics import evaluate, map_agreement
+from rhs.map_metrics import map_agreement
+from rhs.metrics import evaluate
 from rhs.rowfile import FLOATS, INTEGERS, canonical_hash
 
 
