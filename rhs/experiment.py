@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -23,7 +22,7 @@ from .maps import save_map
 from .metrics import evaluate
 from .parts import Parts, generator
 from .patrol import Led, steps
-from .provenance import commit, versions
+from .provenance import commit, peak_memory_mb, versions
 from .recording import Recorder
 from .records import Belief, Step
 from .records import Path as Plan
@@ -217,7 +216,7 @@ def cost(begin: float, notebook: Notebook | None) -> dict[str, float]:
     wall_s = time.perf_counter() - begin
     robot_s = notebook.stamp_s if notebook is not None else np.nan
     return {"wall_ms": 1e3 * wall_s, "real_time_factor": robot_s / wall_s,
-            "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+            "peak_memory_mb": peak_memory_mb(),
             "views": sum(notebook.counts.values()) if notebook is not None else 0}
 
 

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import platform
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pybullet", "ompl", "hydra-core")
-
-
-def config_hash(resolved: dict[str, Any]) -> str:
-    """Twelve hexadecimal digits of the resolved config: equal hash, equal experiment."""
-    text = json.dumps(resolved, sort_keys=True, separators=(",", ":"), default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def versions() -> str:
@@ -43,3 +34,14 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return "absent"
+
+
+def peak_memory_mb() -> float:
+    """Most memory this process has held so far, MB. /proc where there is one: getrusage also counts the parent's."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM:")) / 1024.0
+    except (OSError, StopIteration):
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
