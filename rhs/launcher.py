@@ -27,7 +27,9 @@ from .folders import job_folder
 from .rowfile import read_row, write_row
 
 GRACE_S = 10.0  # a job told to stop has so long to write down what it has
-PRELOAD = ["rhs.experiment", "rhs.vision", "rhs.jit", "rosbags.typesys", "matplotlib.backends.backend_agg"]
+# Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
+PRELOAD = ["rhs.experiment", "rhs.vision", "cv2", "numba", "scipy.ndimage", "scipy.spatial.transform", "rosbags.typesys",
+           "mcap.writer", "matplotlib.backends.backend_agg", "matplotlib.figure", "rhs.judge_kernels"]
 
 
 @dataclass(frozen=True)
