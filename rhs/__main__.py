@@ -39,8 +39,8 @@ def main(words: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = sys.argv[1:] if words is None else words
     debug = "--debug" in words
+    before = signal.signal(signal.SIGTERM, _terminate)
     try:
-        signal.signal(signal.SIGTERM, _terminate)
         return _run(_arguments().parse_intermixed_args(words))
     except RhsError as error:
         return _complain(error, error.exit_code, debug)
@@ -51,6 +51,8 @@ def main(words: list[str] | None = None) -> int:
         return 1
     except Exception as error:
         return _complain(error, 1, debug)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def entry() -> None:

@@ -6,6 +6,7 @@ ends. A finished run is a folder with row.json, a finished sweep one with sweep.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import re
@@ -19,10 +20,10 @@ ROOT = Path("results")
 
 
 class Claim:
-    """A folder that is ours as long as this object is open."""
+    """A folder that is ours as long as this object is open. made: the folders that did not exist before, deepest first."""
 
-    def __init__(self, folder: Path, lock: int, *, new: bool) -> None:
-        self.folder, self._lock, self._new = folder, lock, new
+    def __init__(self, folder: Path, lock: int, made: list[Path]) -> None:
+        self.folder, self._lock, self._made = folder, lock, made
 
     def close(self) -> None:
         if self._lock >= 0:
@@ -33,15 +34,17 @@ class Claim:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, ConfigError) and self._new:
+        if isinstance(error, ConfigError):
             self._take_back()
         self.close()
 
     def _take_back(self) -> None:
-        """A run that was refused leaves no folder behind, unless something was written into it."""
-        if [path.name for path in self.folder.iterdir()] == [".lock"]:
+        """A run that was refused leaves no folder behind, unless somebody wrote into it."""
+        if self._made and [path.name for path in self.folder.iterdir()] == [".lock"]:
             (self.folder / ".lock").unlink()
-            self.folder.rmdir()
+        with contextlib.suppress(OSError):
+            for folder in self._made:
+                folder.rmdir()
 
 
 def claim_run(output: str, *, seed: int, overwrite: bool = False) -> Claim:
@@ -52,9 +55,9 @@ def claim_run(output: str, *, seed: int, overwrite: bool = False) -> Claim:
     if not output:
         return _claim_new(ROOT / "runs", f"{_now()}_seed{seed}")
     folder = _absolute(output)
-    if (folder / "row.json").exists() and not overwrite:
+    if _holds(folder, "row.json") and not overwrite:
         raise ConfigError(f"output={output} already holds a finished run; take another folder or type overwrite=true")
-    if (folder / "sweep.json").exists():
+    if _holds(folder, "sweep.json"):
         raise ConfigError(f"output={output} holds a sweep; take another folder")
     return _claim(folder)
 
@@ -64,9 +67,9 @@ def claim_sweep(output: str, *, resume: bool = False) -> Claim:
     if not output:
         return _claim_new(ROOT / "sweeps", _now())
     folder = _absolute(output)
-    if (folder / "sweep.json").exists() and not resume:
+    if _holds(folder, "sweep.json") and not resume:
         raise ConfigError(f"output={output} already holds a sweep; go on with it by --resume or take another folder")
-    if (folder / "row.json").exists():
+    if _holds(folder, "row.json"):
         raise ConfigError(f"output={output} holds a single run; take another folder")
     return _claim(folder)
 
@@ -88,28 +91,41 @@ def _now() -> str:
     return time.strftime("%Y-%m-%d_%H-%M-%S")
 
 
+def _holds(folder: Path, name: str) -> bool:
+    try:
+        return (folder / name).exists()
+    except OSError as error:  # a name too long for the file system
+        raise _unwritable(folder, error) from error
+
+
 def _claim_new(parent: Path, name: str) -> Claim:
     """A folder that did not exist a moment ago; two runs in one second get two names."""
-    parent = parent.absolute()
+    made = _make(parent.absolute())
     for attempt in range(1, 1000):
-        folder = parent / (name if attempt == 1 else f"{name}_{attempt}")
+        folder = parent.absolute() / (name if attempt == 1 else f"{name}_{attempt}")
         try:
-            parent.mkdir(parents=True, exist_ok=True)
             folder.mkdir()
         except FileExistsError:
-            if not parent.is_dir():
-                raise ConfigError(f"{parent} is a file, not a folder; type output=FOLDER") from None
             continue
         except OSError as error:
             raise _unwritable(folder, error) from error
-        return _claim(folder, new=True)
+        return _claim(folder, [folder, *made])
     raise ConfigError(f"{parent} already holds a thousand folders named {name}; type output=FOLDER")
 
 
-def _claim(folder: Path, *, new: bool = False) -> Claim:
-    new = new or not folder.exists()
+def _make(folder: Path) -> list[Path]:
+    """The folder and its parents made; those that did not exist before, deepest first."""
     try:
+        made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    return made
+
+
+def _claim(folder: Path, made: list[Path] | None = None) -> Claim:
+    made = _make(folder) if made is None else made
+    try:
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"x")
         lock = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
@@ -120,7 +136,7 @@ def _claim(folder: Path, *, new: bool = False) -> Claim:
     except OSError:
         os.close(lock)
         raise ConfigError(f"{folder} is in use by another run; wait for it or take another folder") from None
-    return Claim(folder, lock, new=new)
+    return Claim(folder, lock, made)
 
 
 def _unwritable(folder: Path, error: OSError) -> ConfigError:
