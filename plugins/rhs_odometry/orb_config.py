@@ -1,0 +1,33 @@
+"""Settings of the odometry `orb`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.errors import check_range
+
+from .procrustes_config import Procrustes
+
+
+@dataclass
+class Orb(Procrustes):
+    """Frame-to-frame RGB-D odometry with fast features: ORB instead of SIFT, otherwise as `procrustes`."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    features: int = 500  # key-points per view; twice as many cost a third more time
+    ratio: float = 0.85  # ratio test; binary descriptors are coarse, so it is looser than SIFT's
+    hypotheses: int = 100  # RANSAC: half of procrustes's, for speed
+    pixel_sigma_px: float = 1.5  # ORB places its key-points on a coarse pyramid
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("odometry.orb", "features", self.features, low=20, high=20_000)
+        check_range("odometry.orb", "ratio", self.ratio, low=0.1, high=1.0)
+
+    def build(self, context: Any) -> Any:
+        from .orb import OrbOdometry
+
+        return OrbOdometry(self, context)

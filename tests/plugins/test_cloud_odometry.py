@@ -1,0 +1,123 @@
+"""Odometry gicp and kiss_icp on depth clouds: right motions where the shape holds them, honest where it does not."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from long_corridor import CAMERA as CORRIDOR_CAMERA
+from long_corridor import depth_from, walk
+from painted_room import observe, paintings
+
+from rhs.errors import ConfigError
+from rhs.geometry import camera_from_fov, inverse, log_se3, se2
+from rhs.records import FeatureSettings, Observation, Tracking
+from rhs_odometry.clouds import CloudMaker, observability
+from rhs_odometry.gicp_config import Gicp
+from rhs_odometry.kiss_icp_config import KissIcp
+
+ROOM_CAMERA = camera_from_fov(160, 120, 70.0, height_m=1.0)
+TEXTURES = paintings()
+CORNER = se2(1.5, 0.5, 0.6)  # looks into a corner of the room: two walls, and the floor
+BOTH = pytest.mark.parametrize("plugin", [Gicp, KissIcp])
+
+
+def build(plugin, camera=CORRIDOR_CAMERA, **settings):
+    context = SimpleNamespace(rng=np.random.default_rng(0), camera=camera, features=FeatureSettings())
+    return plugin(**settings).build(context)
+
+
+def in_room(odometry, *poses):
+    return [odometry.update(observe(ROOM_CAMERA, pose, TEXTURES, k)) for k, pose in enumerate(poses)]
+
+
+@BOTH
+@pytest.mark.parametrize("move", [se2(0.1, 0.0, 0.0), se2(0.05, 0.02, 0.08)])
+def test_the_motion_in_a_corner_of_a_room_is_found(plugin, move):
+    """GICP to 1.5 cm. KISS-ICP matches points, not surfaces: on a cloud this thin it is centimetres off."""
+    motion = in_room(build(plugin, ROOM_CAMERA), CORNER, CORNER @ move)[-1]
+    error = log_se3(inverse(move) @ motion.previous_from_body)
+    assert motion.status is Tracking.OK
+    assert np.abs(error[:3]).max() < (0.015 if plugin is Gicp else 0.08) and np.abs(error[3:]).max() < 0.03
+
+
+@BOTH
+def test_a_flat_corridor_is_always_flagged_and_its_direction_left_open(plugin):
+    motions = [build_update(m) for m in _walked(plugin, relief=False)]
+    assert all(status is Tracking.DEGENERATE for status, _, _ in motions)
+    assert min(sigma for _, sigma, _ in motions) > 0.3  # along the corridor
+    assert max(across for _, _, across in motions) < 0.05
+
+
+@BOTH
+def test_a_corridor_with_pilasters_is_not_flagged(plugin):
+    motions = [build_update(m) for m in _walked(plugin, relief=True)]
+    assert np.mean([status is not Tracking.OK for status, _, _ in motions]) <= 0.05
+
+
+def _walked(plugin, relief):
+    odometry = build(plugin)
+    return [odometry.update(view) for view in walk(25, relief=relief)][1:]
+
+
+def build_update(motion):
+    sigma = np.sqrt(np.diag(motion.covariance))
+    return motion.status, sigma[0], sigma[1]
+
+
+@BOTH
+@pytest.mark.parametrize("depth", [np.nan, 0.0, -1.0, np.inf, 50.0])
+def test_a_view_without_usable_depth_is_lost(plugin, depth):
+    odometry = build(plugin, ROOM_CAMERA)
+    in_room(odometry, CORNER)
+    image = np.zeros((120, 160, 3), np.uint8)
+    motion = odometry.update(Observation(1, 0.1, ROOM_CAMERA, image, np.full((120, 160), depth, np.float32)))
+    assert motion.status is Tracking.LOST and "only 0 depth points" in motion.reason
+    assert np.sqrt(motion.covariance[0, 0]) >= 0.1
+
+
+@BOTH
+def test_one_point_is_no_cloud_and_a_recording_may_begin_in_the_dark(plugin):
+    odometry = build(plugin, ROOM_CAMERA)
+    image, one = np.zeros((120, 160, 3), np.uint8), np.full((120, 160), np.nan, np.float32)
+    one[60:64, 80:84] = 2.0
+    first = odometry.update(Observation(0, 0.0, ROOM_CAMERA, image, one))
+    assert first.status is Tracking.LOST
+    seen = [odometry.update(observe(ROOM_CAMERA, CORNER @ se2(0.05 * k, 0, 0), TEXTURES, k + 1)) for k in range(2)]
+    assert [m.status for m in seen] == [Tracking.OK, Tracking.OK]
+    assert seen[1].previous_from_body[0, 3] == pytest.approx(0.05, abs=0.015)
+
+
+@BOTH
+def test_a_wall_that_fills_the_view_is_degenerate(plugin):
+    odometry = build(plugin, ROOM_CAMERA)
+    image, wall = np.zeros((120, 160, 3), np.uint8), np.full((120, 160), 1.5, np.float32)
+    motions = [odometry.update(Observation(k, 0.1 * k, ROOM_CAMERA, image, wall)) for k in range(3)]
+    assert all(m.status is Tracking.DEGENERATE for m in motions[1:])
+
+
+def test_wheels_carry_kiss_icp_along_a_flat_corridor_and_without_them_it_stays_behind():
+    """KISS-ICP alone reports a fraction of the length of a smooth corridor; a guess mends some, trusting it there all."""
+    lengths = {}
+    for guess, slipping in (("last", "report"), ("motion", "report"), ("motion", "guess")):
+        odometry = build(KissIcp, guess=guess, slipping=slipping)
+        motions = [odometry.update(view) for view in walk(25, relief=False, wheel=True)]
+        lengths[guess, slipping] = sum(m.previous_from_body[0, 3] for m in motions) / (24 * 0.2)
+    assert lengths["last", "report"] < 0.3 < 0.5 < lengths["motion", "report"] < 0.9
+    assert abs(lengths["motion", "guess"] - 1.0) < 0.02
+
+
+def test_the_weakest_direction_of_a_flat_corridor_is_its_axis():
+    maker = CloudMaker(CORRIDOR_CAMERA, stride=4, min_range_m=0.3, max_range_m=8.0)
+    flat = observability(maker.cloud(depth_from(1.0, relief=False)), maker)
+    assert abs(flat.weakest[0]) > 0.99 and flat.support == 0.0
+    bumpy = observability(maker.cloud(depth_from(1.0, relief=True)), maker)
+    assert bumpy.support > 0.01
+    across = np.sqrt(np.linalg.eigvalsh(flat.information[:3, :3]))
+    assert across[0] < 0.02 * across[1]  # the eigenvalue along the axis is next to nothing
+
+
+def test_iterations_stay_bounded():
+    with pytest.raises(ConfigError, match="iterations=500"):
+        KissIcp(iterations=500)
