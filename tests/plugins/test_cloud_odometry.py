@@ -36,10 +36,11 @@ def in_room(odometry, *poses):
 @pytest.mark.parametrize("move", [se2(0.1, 0.0, 0.0), se2(0.05, 0.02, 0.08)])
 def test_the_motion_in_a_corner_of_a_room_is_found(plugin, move):
     """GICP to 1.5 cm. KISS-ICP matches points, not surfaces: on a cloud this thin it is centimetres off."""
-    motion = in_room(build(plugin, ROOM_CAMERA), CORNER, CORNER @ move)[-1]
+    motion = in_room(build(plugin, ROOM_CAMERA, stride_px=2), CORNER, CORNER @ move)[-1]
     error = log_se3(inverse(move) @ motion.previous_from_body)
     assert motion.status is Tracking.OK
-    assert np.abs(error[:3]).max() < (0.015 if plugin is Gicp else 0.08) and np.abs(error[3:]).max() < 0.03
+    metres, radians = (0.015, 0.01) if plugin is Gicp else (0.08, 0.05)
+    assert np.abs(error[:3]).max() < metres and np.abs(error[3:]).max() < radians
 
 
 @BOTH
