@@ -134,7 +134,8 @@ def test_a_huge_length_is_not_believed(tmp_path, opcode, length):
 
 
 def test_bombs_stay_within_bounded_memory(tmp_path):
-    code = ("import sys; from rhs.playback import read; from rhs.provenance import peak_memory_mb; r = read(sys.argv[1]); n = len(list(r))\n"
+    code = ("import sys; from rhs.playback import read; from rhs.provenance import peak_memory_mb\n"
+            "r = read(sys.argv[1]); n = len(list(r))\n"
             "print(n, r.report.line)\n"
             "print(peak_memory_mb())\n")
     for number, data in enumerate(bomb()):
