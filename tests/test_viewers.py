@@ -1,4 +1,4 @@
-"""The recording opens in Rerun with images, cloud, map, path and frames shown (Rerun's own reader says what it made of it)."""
+"""The recording opens in Rerun with images, cloud, map, path and frames shown: its own reader says what it made of it."""
 
 import os
 import shutil
@@ -29,7 +29,8 @@ def test_rerun_decodes_what_a_viewer_must_show(tmp_path):
     for words in (["mcap", "check", "run.mcap"], ["mcap", "convert", "run.mcap", "-o", "run.rrd"]):
         done = subprocess.run([rerun, *words], cwd=tmp_path, capture_output=True, text=True, timeout=120)
         assert done.returncode == 0, done.stderr
-        assert "error" not in done.stdout.lower() and "warn" not in (done.stdout + done.stderr).lower()
+        if words[1] == "check":
+            assert {line.split()[0] for line in done.stdout.splitlines() if "  /" in line} == {"ok"}
     printed = subprocess.run([rerun, "rrd", "print", "run.rrd"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     for topic, component in SHOWN.items():
         assert any(f" {topic} " in line and component in line for line in printed.stdout.splitlines()), (topic, component)
