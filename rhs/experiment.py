@@ -76,7 +76,8 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)
     row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
-    notebook, cause = None, None
+    notebook: Notebook | None = None
+    cause: BaseException | None = None
     try:
         notebook = open_notebook(config, parts, world, folder, watch)
         survey = lead_round(parts, config, notebook)

@@ -83,7 +83,8 @@ def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable
     """Run the jobs in folders under `sweep`; `tell(job, status)` after each. Ctrl-C once: what runs is asked to finish
     its files; twice: it is killed. Either way the exception is raised again when all processes are gone, with the
     outcome so far as its `outcome`."""
-    outcome, waiting, running = Outcome(), list(jobs)[::-1], []
+    outcome, waiting = Outcome(), list(jobs)[::-1]
+    running: list[_Running] = []
     server = multiprocessing.get_context("forkserver")
     server.set_forkserver_preload(PRELOAD)
     lifeline, our_end = server.Pipe(duplex=False)  # it breaks when this process dies, and the jobs end with it

@@ -141,7 +141,7 @@ def _read_image(path: FilePath) -> np.ndarray:
     if image is None:
         raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
     image = image[:, :, None] if image.ndim == 2 else image
-    return image / float(np.iinfo(image.dtype).max)
+    return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
 
 
 def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:

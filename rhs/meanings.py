@@ -42,7 +42,7 @@ def _own_comments(cls: type) -> dict[str, str]:
 
 
 def _comment_of(node: ast.AnnAssign, notes: dict[int, str], lines: list[str]) -> str:
-    above = []
+    above: list[str] = []
     number = node.lineno - 1
     while number in notes and lines[number - 1].lstrip().startswith("#"):
         above.insert(0, notes[number])

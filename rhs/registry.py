@@ -107,8 +107,9 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         raise PluginError(f"{who} is not a dataclass; name the settings dataclass in the entry point")
     if not callable(getattr(cls, "build", None)):
         raise PluginError(f"{who} has no build(context)")
-    if getattr(cls, "api", API_VERSION) > API_VERSION:
-        raise PluginError(f"{who} was written for plugin API {cls.api}; this rhs has {API_VERSION}: upgrade rhs")
+    api = getattr(cls, "api", API_VERSION)
+    if api > API_VERSION:
+        raise PluginError(f"{who} was written for plugin API {api}; this rhs has {API_VERSION}: upgrade rhs")
     for word in ("needs", "provides"):
         value = getattr(cls, word, None)
         if not isinstance(value, (frozenset, set)) or not all(isinstance(v, str) for v in value):

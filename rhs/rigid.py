@@ -120,7 +120,7 @@ def refine_reprojection(
     `start` is returned unchanged if the pairs do not fix a motion.
     """
     pose, inliers, huber = start.a_from_b, start.inliers, 2.0
-    information = None
+    information = np.eye(6)
     for _ in range(iterations):
         residual, jacobian, weight = _reprojection(pose, p, q, noise)
         squared = np.einsum("ni,nij,nj->n", residual, weight, residual)

@@ -12,7 +12,7 @@ from .kidnap import Kidnapper
 from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch
 from .patrol import Decision
-from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, PlanReason, Scan, Twist
+from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, Scan, Twist
 
 LOST_VIEWS = 400
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -92,7 +92,8 @@ class Sentinel:
         if self.look_again:
             return turn(self.look_again.pop() * self.pace.turn_step_rad, self.pace)
         if self._stuck(pose):
-            return self._finish("gave_up", "no progress: commands moved the robot less than 5 cm each", events)
+            self._finish("gave_up", "no progress: commands moved the robot less than 5 cm each", events)
+            return None
         if self.path is not None and self._path_blocked(pose, scan, events):
             self.path = None
         if self.path is not None and closest_gap(self.path, pose) > 0.6:
@@ -136,14 +137,13 @@ class Sentinel:
 
     def _after_failed_plan(self, events: list[str]) -> Twist | None:
         """Forget what was seen and look again once; then give the place up, with the planner's reason."""
-        if self.last_reason is PlanReason.OK or (not self.watch.cells.any() and self.looked_again):
-            pass
-        elif self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
+        if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
             self.watch.forget()
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
-        return self._finish("gave_up", f"no path: {self.last_reason}", events)
+        self._finish("gave_up", f"no path: {self.last_reason}", events)
+        return None
 
     def _path_blocked(self, pose: np.ndarray, scan: Scan | None, events: list[str]) -> bool:
         """True when something unknown stands on the path ahead; a new obstacle ends the mission, a known one grows."""

@@ -48,7 +48,8 @@ def plan(words: Sequence[str], conf: tuple[Path, ...] = ()) -> Plan:
         raise ConfigError("this sweep has no jobs: one of its ranges is empty")
     if len(combinations) > MOST_JOBS:
         raise ConfigError(f"this sweep has {len(combinations)} jobs; at most {MOST_JOBS} are run at once")
-    composer, jobs, output = Composer(conf), {}, ""
+    composer, output = Composer(conf), ""
+    jobs: dict[str, Job] = {}
     for combination in combinations:
         config = composer.config(combination)
         output = config.output

@@ -22,7 +22,7 @@ def paintings(seed: int = 0) -> np.ndarray:
     coarse = np.kron(rng.uniform(0, 255, (6, 64, 64)), np.ones((1, 8, 8)))
     for axis in (1, 2):
         fine = (np.roll(fine, 1, axis) + fine + np.roll(fine, -1, axis)) / 3
-        coarse = sum(np.roll(coarse, n, axis) for n in range(-2, 3)) / 5
+        coarse = np.mean([np.roll(coarse, n, axis) for n in range(-2, 3)], axis=0)
     return 0.4 * fine + 0.6 * coarse
 
 
