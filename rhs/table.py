@@ -156,6 +156,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--canonical", type=Path, help="the same without times and memory: equal runs give equal bytes")
     parser.add_argument("--group", default="", help="columns to group by, comma-separated; default: those that vary")
     parser.add_argument("--columns", default="", help="columns to summarise, comma-separated")
+    parser.add_argument("--compare", default="", metavar="COLUMN",
+                        help="paired differences between the values of this column (planner, odometry, ...)")
     parser.add_argument("--rows", action="store_true", help="print every run instead of a summary")
     chosen = parser.parse_args(arguments)
     try:
@@ -166,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _print_table(chosen: argparse.Namespace) -> int:
-    from .summary import as_text, listing, summarise
+    from .summary import SHOWN, as_text, listing, summarise
 
     unreadable: list[str] = []
     table = rows(chosen.folders, unreadable=unreadable)
@@ -177,7 +179,12 @@ def _print_table(chosen: argparse.Namespace) -> int:
             with replacing(path) as file:
                 file.write(to_csv(table, canonical=canonical))
     group, columns = _words(chosen.group), _words(chosen.columns)
-    view = listing(table, columns) if chosen.rows else summarise(table, group=group, columns=columns)
+    if chosen.compare:
+        from .compare import compare
+
+        view = compare(table, chosen.compare, columns or [name for name in SHOWN if table[name].notna().any()])
+    else:
+        view = listing(table, columns) if chosen.rows else summarise(table, group=group, columns=columns)
     sys.stdout.write(as_text(view) + "\n")
     for message in unreadable:
         sys.stderr.write(f"not counted: {message}\n")
