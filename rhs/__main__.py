@@ -64,7 +64,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser = Arguments(prog="python -m rhs", usage=USAGE, add_help=False, allow_abbrev=False)
     parser.add_argument("-h", "--help", action="store_true")
     parser.add_argument("--version", action="store_true")
-    parser.add_argument("--cfg", nargs="?", const="job", choices=("job",))
+    parser.add_argument("--cfg", action="store_true")
     parser.add_argument("-m", "--multirun", action="store_true")
     parser.add_argument("--jobs", type=int, default=0)
     parser.add_argument("--timeout", type=float, default=0.0)
@@ -81,6 +81,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.resume and "=" in arguments.resume and not Path(arguments.resume).is_dir():
         arguments.overrides.append(arguments.resume)  # `--resume key=value`: the folder is in output=
         arguments.resume = ""
+    if arguments.cfg and "job" in arguments.overrides:
+        arguments.overrides.remove("job")  # Hydra's habit: --cfg job
     if arguments.version:
         from importlib.metadata import version
 
