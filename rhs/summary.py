@@ -54,7 +54,8 @@ def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Se
     import pandas as pd
 
     check_columns(table, [*group, *columns])
-    by = list(group) or [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
+    settings = [name for name in table.columns if "." in name]
+    by = list(group) or [name for name in (*KEYS[:-1], *settings) if table[name].nunique(dropna=False) > 1]
     wanted = list(columns) or [name for name in SHOWN if name in table.columns and table[name].notna().any()]
     wanted = [name for name in wanted if pd.api.types.is_numeric_dtype(table[name])]
     parts = [((), table)] if not by else list(table.groupby(by, dropna=False, sort=True))

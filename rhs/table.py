@@ -21,6 +21,7 @@ from .files import is_unfinished, replacing
 from .rowfile import FLOATS, INTEGERS, KEYS, MACHINE, TEXT, column_rank, machine_dependent, read_row
 from .rowfile import canonical_hash as canonical_hash
 from .rowfile import write_row as write_row
+from .varied import varied_settings
 
 if TYPE_CHECKING:
     import pandas
@@ -44,7 +45,7 @@ def find_rows(folders: Iterable[Path | str]) -> Iterator[Path]:
 def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) -> pandas.DataFrame:
     """One row per run, sorted by what was run; the index `run` holds its folder.
 
-    A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
+    Settings that differ between the runs are columns too (`planner.samples`). A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
     """
     found: dict[str, dict[str, object]] = {}
     for path in find_rows(folders):
@@ -54,7 +55,8 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
             if unreadable is None:
                 raise
             unreadable.append(str(error))
-    return frame(found)
+    varied = varied_settings(list(found)) if len(found) > 1 else {}
+    return frame({folder: {**row, **varied.get(folder, {})} for folder, row in found.items()})
 
 
 def frame(found: dict[str, dict[str, object]]) -> pandas.DataFrame:
