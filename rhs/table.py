@@ -45,7 +45,8 @@ def find_rows(folders: Iterable[Path | str]) -> Iterator[Path]:
 def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) -> pandas.DataFrame:
     """One row per run, sorted by what was run; the index `run` holds its folder.
 
-    Settings that differ between the runs are columns too (`planner.samples`). A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
+    Settings that differ between the runs are columns too (`planner.samples`).
+    A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
     """
     found: dict[str, dict[str, object]] = {}
     for path in find_rows(folders):
