@@ -208,13 +208,18 @@ def _run_sweep(plan, folder: Path, limits) -> int:
 
 def _print_table(folder: Path) -> None:
     from .files import replacing
+    from .planning_table import planning_rows, planning_table, publish
     from .summary import as_text, summarise
     from .table import rows, to_csv
 
     table = rows([folder])
     with replacing(folder / "table.csv") as file:
         file.write(to_csv(table))
-    print(as_text(summarise(table)))
+    if len(planning_rows(table)):
+        publish(table, folder)
+        print(as_text(planning_table(table)))
+    else:
+        print(as_text(summarise(table)))
 
 
 def _limits(arguments: argparse.Namespace):

@@ -132,4 +132,5 @@ def evaluate_plan(folder: FilePath) -> dict[str, Any]:
     classes = tuple((name, np.array(gate)) for name, gate in content["classes"].items())
     values = path_values(path, problem, optimum=optimum, classes=classes)
     octile = float("nan") if content["octile_m"] is None else content["octile_m"]
-    return values | {"octile_claimed_m": octile}
+    rows, columns = problem.blocked.shape
+    return values | {"octile_claimed_m": octile, "map_resolution_m": problem.resolution_m, "map_cells": rows * columns}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas
 
 SHOWN = ("places_visited", "collisions", "ate_rmse_m", "rpe_trans_m", "end_error_m", "tracked_share", "map_agreement",
-         "path_length_m", "odometry_ms", "real_time_factor")
+         "path_length_m", "plan_length_m", "plan_above_optimum_pct", "odometry_ms", "real_time_factor")
 DRAWS = 2000
 
 
@@ -43,10 +43,11 @@ def bootstrap(values: np.ndarray, draws: int = DRAWS) -> tuple[float, float]:
 
 
 def complete(table: pandas.DataFrame) -> np.ndarray:
-    """(N,) bool: the run ended well and visited every place it had."""
+    """(N,) bool: the run ended well, visited every place it had, and found the path it was asked for."""
     visited = table["places_visited"].astype("float64").fillna(0).to_numpy()
     wanted = table["places_total"].astype("float64").fillna(0).to_numpy()
-    return (table["status"].fillna("").to_numpy() == "ok") & (visited >= wanted)
+    planned = table["plan_success"].astype("float64").fillna(1).to_numpy() if "plan_success" in table else 1.0
+    return (table["status"].fillna("").to_numpy() == "ok") & (visited >= wanted) & (planned == 1.0)
 
 
 def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Sequence[str] = ()) -> pandas.DataFrame:

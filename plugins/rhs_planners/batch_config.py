@@ -24,7 +24,7 @@ class BitStar(PlannerSettings):
     def build(self, context):
         from .tree import TreePlanner, bit_star
 
-        return TreePlanner(self, context.rng, bit_star, draws=False)
+        return TreePlanner(self, context.rng, bit_star, logged=True)
 
 
 @dataclass

@@ -12,6 +12,7 @@ import time
 
 import numba as nb
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from rhs.jit import typed
 from rhs.records import Path, PlanningProblem
@@ -57,8 +58,6 @@ class FastMarchingPlanner:
         """(H, W) speed of the wave in cells per unit time, 1 away from walls."""
         if self._settings.comfort_m <= 0.0:
             return np.ones(task.grid.shape)
-        from scipy.ndimage import distance_transform_edt
-
         away = distance_transform_edt(task.grid == 0) * task.problem.resolution_m
         return np.clip(away / self._settings.comfort_m, _SLOWEST, 1.0)
 

@@ -12,7 +12,7 @@ from rhs.jit import compiled, typed
 from rhs.records import Path, PlanningProblem
 
 from .line import GRID, NEW_POINTS, POINTS, segment_free
-from .problem import Ground, begin, finish, straight
+from .problem import Ground, already_there, begin, finish
 
 _RNG = nb.typeof(np.random.default_rng(0))
 _INTS = nb.types.Array(nb.int64, 1, "C")
@@ -28,9 +28,9 @@ class NativeRrtConnect:
         task = begin(problem, self._ground, self._settings.start_radius_m)
         if isinstance(task, Path):
             return task
-        line = straight(task)
-        if line is not None:
-            return finish(task, line, rounds=0, extras={"iterations": 0.0})
+        there = already_there(task)
+        if there is not None:
+            return finish(task, there, rounds=0, extras={"iterations": 0.0})
         step = self._settings.range_m / problem.resolution_m or 0.2 * float(np.hypot(*problem.blocked.shape))
         trees, parents, sizes, tips, used = grow(
             task.grid, np.stack([task.start, task.goal]), step, self._settings.iterations, self._rng)

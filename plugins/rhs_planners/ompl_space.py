@@ -19,7 +19,7 @@ from ompl import util as ou
 from .line import segment_free_at
 
 
-class _GridMotion(ob.MotionValidator):
+class GridMotion(ob.MotionValidator):
     """Exact validity of a straight motion over a uint8 grid (H, W), which must stay alive and in place."""
 
     def __init__(self, space_information, grid: np.ndarray):
@@ -29,6 +29,21 @@ class _GridMotion(ob.MotionValidator):
 
     def checkMotion(self, a, b):
         return segment_free_at(self._address, self._rows, self._columns, a[0], a[1], b[0], b[1])
+
+
+class LoggedGridMotion(GridMotion):
+    """GridMotion that remembers the free edges it was asked about, for pictures of planners whose tree cannot be read."""
+
+    def __init__(self, space_information, grid: np.ndarray):
+        super().__init__(space_information, grid)
+        self.free_edges: list[tuple[float, float, float, float]] = []
+
+    def checkMotion(self, a, b):
+        ends = a[0], a[1], b[0], b[1]
+        free = segment_free_at(self._address, self._rows, self._columns, *ends)
+        if free:
+            self.free_edges.append(ends)
+        return free
 
 
 class Counter:
@@ -52,8 +67,11 @@ def fresh_seed(rng: np.random.Generator) -> None:
     ou.RNG.setSeed(int(rng.integers(1, 2**31)))
 
 
-def space_over(grid: np.ndarray):
-    """SpaceInformation over a padded uint8 grid; reads the grid where it lies, so changes to it are seen at once."""
+def space_over(grid: np.ndarray, motion: type[GridMotion] = GridMotion):
+    """SpaceInformation over a padded uint8 grid, and its validator of motions (made from the class `motion`).
+
+    Both read the grid where it lies, so changes to it are seen at once.
+    """
     rows, columns = grid.shape
     plane = ob.RealVectorStateSpace(2)
     bounds = ob.RealVectorBounds(2)
@@ -64,9 +82,10 @@ def space_over(grid: np.ndarray):
     information = ob.SpaceInformation(plane)
     cells = memoryview(grid.reshape(-1))  # reading one byte of a memoryview is the cheapest check from Python
     information.setStateValidityChecker(lambda state: cells[int(state[1]) * columns + int(state[0])] == 0)
-    information.setMotionValidator(_GridMotion(information, grid))
+    validator = motion(information, grid)
+    information.setMotionValidator(validator)
     information.setup()
-    return information
+    return information, validator
 
 
 def definition(information, start: np.ndarray, goal: np.ndarray):

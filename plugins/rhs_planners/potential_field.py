@@ -11,6 +11,7 @@ import time
 
 import numba as nb
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from rhs.jit import typed
 from rhs.records import Path, PlanningProblem
@@ -49,8 +50,6 @@ class PotentialFieldPlanner:
 
     def _repel(self, task: Task) -> np.ndarray:
         """(H, W) metres of potential from blocked cells, at cell centres; zero beyond the reach."""
-        from scipy.ndimage import distance_transform_edt
-
         inner = task.grid[1:-1, 1:-1]
         out = np.zeros(task.grid.shape)
         if inner.any():

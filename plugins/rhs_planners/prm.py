@@ -16,7 +16,7 @@ from ompl import geometric as og
 from rhs.records import Path, PlanningProblem
 
 from .ompl_space import Counter, definition, edges_of, fresh_seed, space_over
-from .problem import Ground, Task, begin, finish, straight
+from .problem import Ground, Task, already_there, begin, finish
 from .roadmap import Roadmap
 
 _OTHER_MAP = 0.25  # more changed cells than this share are another map, not an obstacle: the roadmap is learnt anew
@@ -41,7 +41,7 @@ class RoadmapPlanner:
         learning = time.process_time()
         self._make_ready(task, counts)
         learn_s = time.process_time() - learning
-        raw = straight(task)
+        raw = already_there(task)
         raw = self._query(task) if raw is None else raw
         while raw is None and counts["growths"] < self._settings.growth_rounds and self._worth_growing(task):
             learning = time.process_time()
@@ -63,7 +63,7 @@ class RoadmapPlanner:
         """A roadmap for the grid of the task: the one at hand, repaired, or a new one."""
         if self._roadmap is None or self._roadmap.changed_share(task.grid) > _OTHER_MAP:
             fresh_seed(self._rng)
-            information = space_over(task.grid)
+            information, _ = space_over(task.grid)
             planner = getattr(og, self._kind)(information)
             ends = definition(information, task.start, task.goal)  # setup() needs one; growing does not look at it
             planner.setProblemDefinition(ends)

@@ -10,47 +10,64 @@ from ompl import geometric as og
 
 from rhs.records import Path, PlanningProblem
 
-from .ompl_space import Counter, definition, edges_of, fresh_seed, solution, space_over
-from .problem import Ground, begin, finish, straight
+from .ompl_space import (
+    Counter,
+    GridMotion,
+    LoggedGridMotion,
+    definition,
+    edges_of,
+    fresh_seed,
+    solution,
+    space_over,
+)
+from .problem import Ground, already_there, begin, finish
 
 
 class TreePlanner:
     """make(information, settings, resolution_m) gives the OMPL planner; settings.iterations bounds its steps.
 
-    draws: its tree may be read out for pictures (BIT*'s may not: OMPL then keeps its vertices for ever).
+    logged: draw the edges it tested instead of its tree (BIT*'s cannot be read: OMPL then keeps its vertices for ever).
     """
 
-    def __init__(self, settings, rng: np.random.Generator, make: Callable, *, draws: bool = True):
-        self._settings, self._rng, self._make, self._draws = settings, rng, make, draws
-        self._ground, self._information, self._version = Ground(), None, -1
+    def __init__(self, settings, rng: np.random.Generator, make: Callable, *, logged: bool = False):
+        self._settings, self._rng, self._make = settings, rng, make
+        self._motion = LoggedGridMotion if logged else GridMotion
+        self._ground, self._space, self._version = Ground(), None, -1
 
     def plan(self, problem: PlanningProblem) -> Path:
+        """Space over the grid, unless it is at hand; seed; make; solve within the counted budget; check."""
         task = begin(problem, self._ground, self._settings.start_radius_m)
         if isinstance(task, Path):
             return task
+        there = already_there(task)
+        if there is not None:
+            return finish(task, there, rounds=0, extras={"iterations": 0.0})
         setting_up = time.process_time()
         if self._version != self._ground.version:
-            self._information, self._version = space_over(task.grid), self._ground.version
+            self._space, self._version = space_over(task.grid, self._motion), self._ground.version
         learn_ms = 1e3 * (time.process_time() - setting_up)
-        line = straight(task)
-        if line is not None:
-            return finish(task, line, rounds=0, learn_ms=learn_ms, extras={"iterations": 0.0})
+        information, motion = self._space
         fresh_seed(self._rng)
-        planner = self._make(self._information, self._settings, problem.resolution_m)
-        ends = definition(self._information, task.start, task.goal)
+        planner = self._make(information, self._settings, problem.resolution_m)
+        ends = definition(information, task.start, task.goal)
         planner.setProblemDefinition(ends)
         planner.setup()
         counter = Counter(self._settings.iterations)
         planner.solve(counter.condition())
         raw = solution(ends, task.start, task.goal)
-
-        def sketch() -> np.ndarray:
-            points, edges = edges_of(self._information, planner)
-            return points[edges]
-
         extras = {"iterations": float(min(counter.calls, self._settings.iterations))}
         return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=learn_ms, extras=extras,
-                      sketch=sketch if self._draws else None)
+                      sketch=lambda: _edges(information, planner, motion))
+
+
+def _edges(information, planner, motion: GridMotion) -> np.ndarray:
+    """(E, 2, 2) cells: the planner's tree, or the free edges it asked about since the last picture."""
+    if isinstance(motion, LoggedGridMotion):
+        lines = np.array(motion.free_edges).reshape(-1, 2, 2)
+        motion.free_edges.clear()
+        return lines
+    points, edges = edges_of(information, planner)
+    return points[edges]
 
 
 def rrt(information, settings, resolution_m: float):
