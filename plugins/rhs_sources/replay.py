@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -12,7 +13,10 @@ import numpy as np
 from rhs.errors import ConfigError
 from rhs.records import Capture, Twist, WorldFacts
 
+from .replay_bag import is_bag, open_bag
+from .replay_carmen import is_carmen, open_carmen
 from .replay_mcap import is_run, open_run
+from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import Recording, is_tum, open_tum
 
 log = logging.getLogger("rhs.replay")
@@ -29,10 +33,8 @@ class ReplaySource:
         self.camera = recording.camera
         self.views_expected = recording.total  # None when only reading tells
         self.facts = recording.facts or _facts(settings)
-        self.rejected = recording.rejected  # what the rules for stamps threw away: reason -> count
-        if self.rejected:
-            counts = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items()))
-            log.warning("replay %s: rejected or unpaired: %s", settings.path, counts)
+        self.rejected = recording.rejected  # what the rules for stamps threw away: reason -> count; grows in a bag
+        self._path = settings.path
         self._lost = recording.lost
         self._views = recording.views
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
@@ -49,6 +51,10 @@ class ReplaySource:
         view = self._ahead.result()
         if view is None:
             self._truth = None
+            if self.rejected:
+                counts = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items()))
+                log.warning("replay %s: rejected or unpaired: %s", self._path, counts)
+                self.rejected = Counter()
             return None
         self._ahead = self._reader.submit(next, self._views, None)
         capture, self._truth = view
@@ -82,11 +88,10 @@ def open_recording(settings) -> Recording:
     if not path.exists():
         raise ConfigError(f"source.path={settings.path}: no such file or folder")
     kind = settings.format if settings.format != "auto" else _format_of(path)
-    if kind == "run":
-        return open_run(path, settings)
-    if kind == "tum":
-        return open_tum(path, settings)
-    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM folder (rgb.txt, depth.txt) or run.mcap")
+    if kind not in FORMATS:
+        raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM or 7-Scenes folder, run.mcap, a ROS "
+                          "bag or a CARMEN log")
+    return FORMATS[kind][1](path, settings)
 
 
 def _facts(settings) -> WorldFacts:
@@ -96,11 +101,17 @@ def _facts(settings) -> WorldFacts:
 
 
 def _format_of(path: Path) -> str:
-    if path.is_dir() and is_tum(path):
-        return "tum"
-    if is_run(path):
-        return "run"
-    return "unknown"
+    return next((name for name, (fits, _) in FORMATS.items() if fits(path)), "unknown")
+
+
+# Asked in this order when nobody says: a run of rhs before any other MCAP file.
+FORMATS = {
+    "tum": (is_tum, open_tum),
+    "seven_scenes": (is_seven_scenes, open_seven_scenes),
+    "run": (is_run, open_run),
+    "carmen": (is_carmen, open_carmen),
+    "bag": (is_bag, open_bag),
+}
 
 
 def _found(path: Path) -> str:

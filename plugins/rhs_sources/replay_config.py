@@ -41,7 +41,7 @@ class Replay:
     count: int = 0
     # Part of a run recorded by rhs to hand out: survey, patrol or all.
     phase: str = "survey"
-    # Topics of a bag; empty takes the only topic of a fitting type.
+    # Topics of a bag; empty takes the only topic of a fitting type, none goes without.
     color_topic: str = ""  # colour or grey images
     depth_topic: str = ""  # depth images
     info_topic: str = ""  # CameraInfo
@@ -55,6 +55,8 @@ class Replay:
     extent_m: float = 10.0
     # Beams of a CARMEN laser cover this many degrees, centred ahead.
     laser_fov_deg: float = 180.0
+    # A laser reading of a CARMEN log at or beyond this means that nothing was hit, metres.
+    max_laser_m: float = 30.0
 
     def __post_init__(self) -> None:
         owner = "source.replay"
@@ -68,6 +70,7 @@ class Replay:
         check_range(owner, "start", self.start, low=0, high=1e9)
         check_range(owner, "stride", self.stride, low=1, high=1e6)
         check_range(owner, "count", self.count, low=0, high=1e9)
+        check_range(owner, "max_laser_m", self.max_laser_m, low=0.1, high=1e3, unit="m")
         check_range(owner, "extent_m", self.extent_m, low=1.0, high=1e3, unit="m")
         check_range(owner, "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
         if not isinstance(self.camera, str):

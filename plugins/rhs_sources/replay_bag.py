@@ -1,0 +1,238 @@
+"""ROS 2 bags (mcap, sqlite3) and ROS 1 bags, read by `rosbags`: images, depth, clouds, scans, wheels and true poses."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from rhs.errors import ConfigError
+from rhs.geometry import Camera, inverse, planar
+from rhs.records import Capture
+
+from . import replay_bag_messages as ros
+from .replay_bag_truth import read_truth
+from .replay_cameras import chosen_camera
+from .replay_carmen import NO_CAMERA
+from .replay_images import check_depth, check_pair
+from .replay_tum import Recording
+
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
+
+
+@dataclass(frozen=True)
+class Topics:
+    """The topics of a bag that are used; empty when there is none."""
+
+    color: str = ""
+    depth: str = ""
+    cloud: str = ""
+    info: str = ""
+    scan: str = ""
+    wheel: str = ""
+
+    def used(self) -> set[str]:
+        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel) if t}
+
+
+def is_bag(path: Path) -> bool:
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or len(list(path.glob("*.mcap"))) == 1
+    return path.suffix in (".bag", ".mcap", ".db3")
+
+
+def open_bag(path: Path, settings) -> Recording:
+    """The views of a bag: paired colour and depth, or scans when there are no images."""
+    reader = _opened(path)
+    try:
+        found = {topic: info.msgtype for topic, info in reader.topics.items()}
+        topics = choose_topics(found, settings, str(path))
+        camera = _camera(reader, topics, settings, path) if topics.color else NO_CAMERA
+        truth = read_truth(reader, found, settings, camera)
+    except BaseException:
+        reader.close()
+        raise
+    counts: Counter = Counter()
+    stop = settings.start + settings.count * settings.stride if settings.count else None
+    views = islice(_views(reader, topics, settings, camera, counts), settings.start, stop, settings.stride)
+
+    def captures():
+        wheel_before = None
+        try:
+            for index, (capture, wheel) in enumerate(views):
+                travel = None if wheel is None or wheel_before is None else planar(inverse(wheel_before) @ wheel)
+                wheel_before = wheel
+                yield _with(capture, index, travel), truth.of_body(capture.stamp_s)
+        finally:
+            reader.close()
+
+    total = reader.topics[topics.color or topics.scan].msgcount
+    expected = max(0, -(-(total - settings.start) // settings.stride))
+    return Recording(camera, captures(), min(expected, settings.count) if settings.count else expected, counts)
+
+
+def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
+    """Which of the topics (name -> type) are colour, depth, ...; the user's word first, else the only fitting one."""
+    images = [t for t, kind in found.items() if kind in IMAGES]
+    deep = [t for t in images if "depth" in t.lower() or "disparity" in t.lower()]
+    plain = [t for t in images if t not in deep and "/ir" not in t.lower() and "infra" not in t.lower()]
+
+    def pick(name: str, fitting: list[str]) -> str:
+        wanted = getattr(settings, f"{name}_topic")
+        if wanted == "none":
+            return ""
+        if wanted and wanted not in found:
+            raise ConfigError(f"{where}: no topic {wanted}; found {_listed(found)}")
+        return wanted or _best(name, fitting, where)
+
+    def of(*kinds: str) -> list[str]:
+        return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
+
+    color, depth = pick("color", plain), pick("depth", deep)
+    clouds = of("PointCloud2") if color and not depth and settings.depth_topic != "none" else []
+    cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
+    depth = "" if cloud == depth else depth
+    scan = pick("scan", of("LaserScan"))
+    if not color and not scan:
+        raise ConfigError(f"{where}: no colour image topic and no LaserScan; found {_listed(found)}")
+    if color and not depth and not cloud and settings.depth_topic != "none":
+        raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
+    infos = of("CameraInfo")
+    beside = [t for t in infos if color and t.rsplit("/", 1)[0] == color.removesuffix("/compressed").rsplit("/", 1)[0]]
+    return Topics(color, depth, cloud, pick("info", beside or infos[:1]), scan, pick("wheel", of("Odometry")))
+
+
+def _best(name: str, fitting: list[str], where: str) -> str:
+    """The only fitting topic; of several the one registered to colour, or the raw one of a raw-compressed pair."""
+    if len(fitting) > 1:
+        better = [t for t in fitting if "registered" in t or "aligned" in t] if name == "depth" else []
+        raw = [t for t in (better or fitting) if not t.endswith(("/compressed", "/compressedDepth"))]
+        fitting = raw or better or fitting
+    if len(fitting) > 1:
+        raise ConfigError(f"{where}: several {name} topics ({', '.join(fitting)}); type source.{name}_topic=NAME")
+    return fitting[0] if fitting else ""
+
+
+def _listed(found: dict[str, str]) -> str:
+    return ", ".join(f"{t} ({kind.rsplit('/', 1)[-1]})" for t, kind in sorted(found.items())) or "no topic at all"
+
+
+def _opened(path: Path):
+    """An open AnyReader, or ConfigError in the user's words."""
+    from rosbags.highlevel import AnyReader
+
+    file = path
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        file = next(iter(path.glob("*.mcap")))
+    if file.suffix == ".db3":
+        raise ConfigError(f"{path}: a .db3 file alone cannot be read; give the folder that holds its metadata.yaml")
+    try:
+        from rosbags.typesys import Stores, get_typestore
+
+        reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        reader.open()
+        return reader
+    except Exception as error:  # the library raises many kinds for damaged files
+        short = " ".join(str(error).split())[:120]
+        hint = "; if it was cut: python -m rhs.convert IN OUT" if file.suffix == ".mcap" else ""
+        raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
+
+
+def _camera(reader, topics: Topics, settings, path: Path) -> Camera:
+    """The camera: of the user, else of the first CameraInfo; its size checked against the first image."""
+    recorded = None
+    if topics.info:
+        recorded = ros.camera_of(_first(reader, topics.info))
+    first = ros.color_of(_first(reader, topics.color), topics.color)
+    camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
+    if topics.depth:
+        message = _first(reader, topics.depth)
+        depth = ros.depth_of(message, topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
+        check_pair(first, depth, f"{topics.color} and {topics.depth}")
+        check_depth(depth, scale=settings.depth_scale or 1000.0, where=topics.depth)
+    return camera
+
+
+def _first(reader, topic: str):
+    """The first message of a topic; ConfigError when it holds none."""
+    found = next(_messages(reader, {topic}), None)
+    if found is None:
+        raise ConfigError(f"topic {topic} holds no message; expected at least one; type source.*_topic=NAME for another")
+    return found[2]
+
+
+def _messages(reader, topics: set[str]) -> Iterator:
+    """(topic, stamp, message) in the order of the bag."""
+    chosen = [c for c in reader.connections if c.topic in topics]
+    for connection, _, raw in reader.messages(connections=chosen):
+        message = reader.deserialize(raw, connection.msgtype)
+        yield connection.topic, ros.stamp_of(message), message
+
+
+def _views(reader, topics: Topics, settings, camera: Camera, counts: Counter) -> Iterator:
+    """(Capture without number, wheel pose or None) as soon as all of a view is there."""
+    last: dict[str, float] = {}
+    waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
+    scan, wheel = None, None
+    for topic, stamp, message in _messages(reader, topics.used()):
+        if not stamp > last.get(topic, -np.inf):
+            counts["duplicate" if stamp == last.get(topic) else "backward"] += 1
+            continue
+        if topic in last and stamp - last[topic] > settings.max_jump_s:
+            counts["jump"] += 1
+        last[topic] = stamp
+        if topic == topics.wheel:
+            wheel = ros.pose_of(message, topic)
+        elif topic == topics.scan:
+            scan = ros.scan_of(message, topic)
+            if not topics.color:
+                yield Capture(0, stamp, scan=scan, sensed=True), wheel
+        else:
+            waiting[topic].append((stamp, message))
+            for pair in _paired(waiting, topics, settings, counts):
+                yield _seen(pair, topics, settings, camera, scan), wheel
+
+
+def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter) -> Iterator:
+    """Colour and depth messages that belong together, oldest first; those that never will are counted."""
+    colors = waiting[topics.color]
+    deep = topics.depth or topics.cloud
+    while not deep and colors:
+        yield colors.popleft(), None
+    depths = waiting[deep]
+    while colors and depths:
+        gap = colors[0][0] - depths[0][0]
+        closer_color = len(colors) > 1 and abs(colors[1][0] - depths[0][0]) < abs(gap)
+        closer_depth = len(depths) > 1 and abs(depths[1][0] - colors[0][0]) < abs(gap)
+        if abs(gap) <= settings.max_difference_s + 1e-9 and not closer_color and not closer_depth:
+            yield colors.popleft(), depths.popleft()
+        else:
+            (colors if gap < 0 else depths).popleft()
+            counts["unpaired"] += 1
+    for queue in (colors, depths):
+        while len(queue) > WAITING:
+            queue.popleft()
+            counts["unpaired"] += 1
+
+
+def _seen(pair, topics: Topics, settings, camera: Camera, scan) -> Capture:
+    (stamp, color), deep = pair
+    image = ros.color_of(color, topics.color)
+    depth = None
+    if deep is not None and topics.depth:
+        depth = ros.depth_of(deep[1], topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
+    elif deep is not None:
+        depth = ros.cloud_depth(deep[1], topics.cloud, camera, max_depth_m=settings.max_depth_m)
+    if depth is not None:
+        check_pair(image, depth, f"{topics.color} and {topics.depth or topics.cloud}")
+    return Capture(0, stamp, image=image, depth=depth, scan=scan, sensed=True)
+
+
+def _with(capture: Capture, index: int, travel) -> Capture:
+    return replace(capture, index=index, travel=travel)
+

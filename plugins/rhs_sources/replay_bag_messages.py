@@ -1,0 +1,152 @@
+"""ROS messages turned into arrays: images, depth in any of its encodings, camera info, scans, clouds, poses."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from rhs.errors import ConfigError
+from rhs.geometry import Camera, rotation_of_quaternion, se3
+from rhs.records import Scan
+
+from .replay_images import MAX_PIXELS, metres
+
+COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
+         "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
+DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
+
+
+def stamp_of(message) -> float:
+    """Seconds of a message's header."""
+    stamp = message.header.stamp
+    return stamp.sec + stamp.nanosec * 1e-9
+
+
+def color_of(message, topic: str) -> np.ndarray:
+    """(H, W, 3) uint8 RGB of an Image or CompressedImage."""
+    if hasattr(message, "format"):
+        return _decoded(message.data, topic, color=True)
+    if message.encoding not in COLOR:
+        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {', '.join(COLOR)}")
+    channels, order = COLOR[message.encoding]
+    image = _rows(message, np.dtype("u1"), channels, topic)
+    return np.ascontiguousarray(image if order is None else image[:, :, list(order)])
+
+
+def depth_of(message, topic: str, *, scale: float, max_depth_m: float) -> np.ndarray:
+    """(H, W) float32 metres, NaN unknown, of an Image or CompressedImage. 16-bit: `scale` steps a metre (0: 1000)."""
+    if hasattr(message, "format"):
+        return _compressed_depth(message, topic, scale=scale, max_depth_m=max_depth_m)
+    if message.encoding not in DEPTH:
+        bits = "8-bit " if "8" in message.encoding else ""
+        raise ConfigError(f"{topic}: depth is {bits}{message.encoding}; expected one of {', '.join(DEPTH)}")
+    raw = _rows(message, np.dtype(DEPTH[message.encoding]), 1, topic)[:, :, 0]
+    return _in_metres(raw, topic, scale=scale, max_depth_m=max_depth_m)
+
+
+def camera_of(message) -> Camera | None:
+    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero)."""
+    k = np.asarray(message.K if hasattr(message, "K") else message.k, float).reshape(3, 3)
+    d = tuple(float(v) for v in (message.D if hasattr(message, "D") else message.d))
+    if not np.all(np.isfinite(k)) or k[0, 0] <= 0 or k[1, 1] <= 0:
+        return None
+    if message.distortion_model not in ("plumb_bob", "rational_polynomial", "") and any(d):
+        raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob")
+    distortion = d[:5] if any(d) else ()
+    return Camera(message.width, message.height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1], distortion)
+
+
+def scan_of(message, topic: str) -> Scan:
+    """A LaserScan; beyond range_max is free, below range_min or NaN unknown."""
+    ranges = np.asarray(message.ranges, float)
+    bearings = message.angle_min + message.angle_increment * np.arange(len(ranges))
+    if not np.all(np.isfinite(bearings)) or not message.range_max > 0:
+        raise ConfigError(f"{topic}: the scan's angles or range_max are not finite numbers above zero")
+    known = np.where(ranges >= message.range_min, ranges, np.nan)
+    return Scan(bearings, np.where(known > message.range_max, np.inf, known), float(message.range_max))
+
+
+def pose_of(message, topic: str) -> np.ndarray:
+    """4x4 pose of an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
+    if hasattr(message, "transform"):
+        place, turn = message.transform.translation, message.transform.rotation
+    else:
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        place, turn = pose.position, pose.orientation
+    position = np.array([place.x, place.y, place.z])
+    if not np.all(np.isfinite(position)):
+        raise ConfigError(f"{topic}: a position holds NaN or infinity; expected finite metres")
+    try:
+        return se3(rotation_of_quaternion(np.array([turn.x, turn.y, turn.z, turn.w])), position)
+    except ValueError as error:
+        raise ConfigError(f"{topic}: {error}") from None
+
+
+def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float) -> np.ndarray:
+    """(H, W) float32 metres of a PointCloud2 in the camera's optical frame: organised as it is, else the nearest point
+    that falls on each pixel."""
+    fields = {f.name: f for f in message.fields}
+    if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
+        raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
+    kind = np.dtype({"names": list("xyz"), "formats": [FLOATS[fields[n].datatype] for n in "xyz"],
+                     "offsets": [fields[n].offset for n in "xyz"], "itemsize": message.point_step})
+    count = len(message.data) // max(message.point_step, 1)
+    table = np.frombuffer(bytes(message.data), kind, count)
+    points = np.stack([table[n] for n in "xyz"], axis=1).astype(float)
+    with np.errstate(invalid="ignore"):
+        good = np.isfinite(points).all(axis=1) & (points[:, 2] > 0) & (points[:, 2] <= max_depth_m)
+    if (message.height, message.width) == (camera.height, camera.width) and count == camera.height * camera.width:
+        return np.where(good, points[:, 2], np.nan).reshape(camera.height, camera.width).astype(np.float32)
+    points = points[good]
+    pixels = np.rint(camera.project(points))
+    inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
+    depth = np.full((camera.height, camera.width), np.inf, np.float32)
+    u, v = pixels[inside].astype(int).T
+    np.minimum.at(depth, (v, u), points[inside, 2].astype(np.float32))
+    return np.where(np.isfinite(depth), depth, np.float32(np.nan))
+
+
+def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:
+    """(H, W, channels) pixels of a raw Image, its row padding and byte order taken care of."""
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    least = width * channels * kind.itemsize
+    if not 0 < height * width <= MAX_PIXELS or step < least or len(message.data) < step * (height - 1) + least:
+        held = len(message.data)
+        raise ConfigError(f"{topic}: an image says {width}x{height}, {step} bytes a row, but holds {held} bytes")
+    data = np.asarray(message.data, np.uint8)
+    if len(data) < step * height:
+        data = np.concatenate([data, np.zeros(step * height - len(data), np.uint8)])
+    raw = np.ascontiguousarray(data[: step * height].reshape(height, step)[:, :least])
+    kind = kind.newbyteorder(">" if message.is_bigendian else "<")
+    return raw.view(kind).astype(kind.newbyteorder("=")).reshape(height, width, channels)
+
+
+def _decoded(data, topic: str, *, color: bool) -> np.ndarray:
+    import cv2
+
+    image = cv2.imdecode(np.asarray(data, np.uint8), cv2.IMREAD_COLOR_RGB if color else cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ConfigError(f"{topic}: {len(data)} compressed bytes are no image; expected JPEG or PNG")
+    return image
+
+
+def _compressed_depth(message, topic: str, *, scale: float, max_depth_m: float) -> np.ndarray:
+    """image_transport's compressedDepth: 12 bytes before a 16-bit PNG; 32FC1 is kept as quantised inverse depth."""
+    data = np.asarray(message.data, np.uint8)
+    if "compressedDepth" not in message.format:
+        return _in_metres(_decoded(data, topic, color=False), topic, scale=scale, max_depth_m=max_depth_m)
+    if "rvl" in message.format.lower() or len(data) < 12:
+        raise ConfigError(f"{topic}: depth is compressed as {message.format!r}; expected compressedDepth png")
+    _, a, b = struct.unpack("<iff", data[:12].tobytes())
+    raw = _decoded(data[12:], topic, color=False)
+    if message.format.startswith("32FC1") and raw.dtype == np.uint16:
+        with np.errstate(divide="ignore"):
+            raw = np.where(raw > 0, a / (raw.astype(np.float32) - b), np.nan).astype(np.float32)
+    return _in_metres(raw, topic, scale=scale, max_depth_m=max_depth_m)
+
+
+def _in_metres(raw: np.ndarray, topic: str, *, scale: float, max_depth_m: float) -> np.ndarray:
+    default = 1000.0 if raw.dtype == np.uint16 else 1.0
+    return metres(raw, scale=scale or default, max_depth_m=max_depth_m, where=topic)

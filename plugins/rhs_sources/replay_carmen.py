@@ -1,0 +1,109 @@
+"""CARMEN logs: FLASER scans with the odometry of the moment they were taken, in metres and radians.
+
+Format: the header of every log. Lines of other kinds (ODOM, PARAM, ...) are not needed: FLASER carries its odometry.
+The log of a robot with `.relations` beside it has true relations between stamps (Kuemmerle et al., 2009), not poses.
+"""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+from pathlib import Path
+
+import numpy as np
+
+from rhs.errors import ConfigError
+from rhs.geometry import Camera, inverse, planar, se2
+from rhs.records import Capture, Scan, WorldFacts
+
+from .replay_stamps import ascending, number_of
+from .replay_tum import Recording
+
+SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
+NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
+MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
+MAX_BEAMS = 10_000
+
+
+def is_carmen(path: Path) -> bool:
+    return path.is_file() and path.name.lower().endswith(SUFFIXES)
+
+
+def open_carmen(path: Path, settings) -> Recording:
+    """The scans of a CARMEN log with wheel travel between them; the first pose of the odometry is the map's origin."""
+    stamps, poses, scans = _read(path, settings)
+    if not stamps:
+        raise ConfigError(f"{path}: no FLASER line; expected a CARMEN log with laser scans")
+    kept, rejected = ascending(stamps, settings.max_jump_s)
+    kept = kept[settings.start :: settings.stride][: settings.count or None]
+    if not kept:
+        raise ConfigError(f"{path}: source.start={settings.start} but the log has {len(stamps)} scans")
+
+    def views():
+        for index, i in enumerate(kept):
+            travel = None if index == 0 else planar(inverse(poses[kept[index - 1]]) @ poses[i])
+            yield Capture(index, stamps[i], travel=travel, scan=scans[i], sensed=True), None
+
+    return Recording(NO_CAMERA, views(), len(kept), rejected, _facts(path, [poses[i] for i in kept], scans[0].max_range_m))
+
+
+def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFacts:
+    """A world as large as the odometry strays from its start, plus half as much for its drift, plus what the laser sees."""
+    away = np.array([(inverse(poses[0]) @ pose)[:2, 3] for pose in poses])
+    reach = 1.5 * float(np.abs(away).max()) + min(max_range_m, 15.0)
+    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), (-reach, -reach, reach, reach), 0.25)
+
+
+def _read(path: Path, settings) -> tuple[list[float], list[np.ndarray], list[Scan]]:
+    stamps, poses, scans = [], [], []
+    bearings: dict[int, np.ndarray] = {}
+    with _opened(path) as file:
+        number = 0
+        while line := file.readline(MAX_LINE):
+            number += 1
+            if not line.startswith(b"FLASER"):
+                continue
+            where = f"{path.name}:{number}"
+            ranges, pose, stamp = _flaser(line.decode("ascii", "replace").split(), where)
+            beams = len(ranges)
+            if beams not in bearings:
+                bearings[beams] = _bearings(beams, settings.laser_fov_deg)
+            stamps.append(stamp)
+            poses.append(se2(*pose))
+            scans.append(_scan(bearings[beams], ranges, settings.max_laser_m))
+    return stamps, poses, scans
+
+
+def _flaser(words: list[str], where: str) -> tuple[np.ndarray, list[float], float]:
+    """Ranges, odometry pose (x, y, theta) and stamp of `FLASER n r1 .. rn x y th ox oy oth stamp host logged`."""
+    count = int(number_of(words[1], where)) if len(words) > 1 else 0
+    if not 1 <= count <= MAX_BEAMS or len(words) < 2 + count + 7:
+        raise ConfigError(f"{where}: found {len(words)} words for {count} beams;"
+                          " expected FLASER n ranges x y theta odom_x odom_y odom_theta stamp")
+    values = [number_of(word, where) for word in words[2 : 2 + count + 7]]
+    pose = values[count + 3 : count + 6]
+    if not np.all(np.isfinite(pose)):
+        raise ConfigError(f"{where}: the odometry holds NaN or infinity; expected finite x y theta")
+    return np.array(values[:count]), pose, values[count + 6]
+
+
+def _bearings(beams: int, fov_deg: float) -> np.ndarray:
+    """(N,) radians from right to left, centred ahead. 180 beams of 180 degrees are one degree apart (half a degree off
+    either end), 181 reach both ends."""
+    fov = np.radians(fov_deg)
+    step = fov / beams if beams % 2 == 0 else fov / (beams - 1)
+    out = (np.arange(beams) - (beams - 1) / 2.0) * step
+    out.setflags(write=False)
+    return out
+
+
+def _scan(bearings: np.ndarray, ranges: np.ndarray, max_laser_m: float) -> Scan:
+    """Ranges at or beyond the maximum are free space without an end (inf); not positive ones are unknown."""
+    out = np.where(ranges >= max_laser_m, np.inf, np.where(ranges > 0.0, ranges, np.nan))
+    out.setflags(write=False)
+    return Scan(bearings, out, max_laser_m)
+
+
+def _opened(path: Path):
+    opener = {".bz2": bz2.open, ".gz": gzip.open}.get(path.suffix, open)
+    return opener(path, "rb")

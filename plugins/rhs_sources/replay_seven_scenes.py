@@ -1,0 +1,58 @@
+"""7-Scenes style folders: NAME.color.png, NAME.depth.png (16 bit, 1000 = 1 m), NAME.pose.txt (4x4 world_from_camera).
+
+Shotton et al., "Scene coordinate regression forests", CVPR 2013. 0 and 65535 are unknown depth; a pose that holds NaN
+was never found and is unknown. The recordings have no stamps: 30 views a second.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from rhs.errors import ConfigError
+
+from .replay_cameras import check_pose
+from .replay_stamps import Truth, number_of, rows
+from .replay_tum import Recording, open_pairs
+
+RATE_HZ = 30.0
+
+
+def is_seven_scenes(path: Path) -> bool:
+    return any(path.glob("*.color.*"))
+
+
+def open_seven_scenes(path: Path, settings) -> Recording:
+    """The views of a 7-Scenes folder in the order of their names. Raises ConfigError when a depth image is missing."""
+    pairs, stamps, poses, unknown = [], [], [], 0
+    for number, color in enumerate(sorted(path.glob("*.color.*"))):
+        name = color.name.split(".color.")[0]
+        depth = path / f"{name}.depth.png"
+        if not depth.is_file():
+            raise ConfigError(f"{path}: {color.name} is there but {depth.name} is not; replay needs both")
+        stamp = number / RATE_HZ
+        pairs.append((stamp, color, depth))
+        pose = _pose(path / f"{name}.pose.txt")
+        if pose is None:
+            unknown += 1
+        else:
+            stamps.append(stamp)
+            poses.append(pose)
+    if not pairs:
+        raise ConfigError(f"{path}: no view like frame-000000.color.png; expected a 7-Scenes folder (seq-01)")
+    truth = Truth(np.array(stamps), np.array(poses).reshape(-1, 4, 4), 0.0) if poses else None
+    lost = Counter(truth_unknown=unknown) if truth is not None else Counter()
+    return open_pairs(pairs, settings, truth=truth, default_scale=1000.0, rejected=+lost)
+
+
+def _pose(path: Path) -> np.ndarray | None:
+    """The 4x4 matrix of a pose file; None when there is none or it holds NaN. Refused when it is no rigid motion."""
+    if not path.is_file():
+        return None
+    values = [number_of(word, f"{path.name}:{line}") for line, words in rows(path) for word in words]
+    if len(values) != 16:
+        raise ConfigError(f"{path.name}: found {len(values)} numbers; expected a 4x4 matrix")
+    pose = np.array(values).reshape(4, 4)
+    return check_pose(pose, path.name) if np.all(np.isfinite(pose)) else None

@@ -1,0 +1,190 @@
+"""Replaying ROS bags of all three kinds: encodings, pairing, wheels, scans, clouds, truth, and refusals in one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
+
+from rhs.errors import ConfigError
+from rhs_sources.replay_bag import choose_topics
+from rhs_sources.replay_config import Replay
+
+ALL_KINDS = pytest.mark.parametrize("kind", KINDS)
+COLOR, DEPTH, INFO = "/camera/rgb/image_color", "/camera/depth/image", "/camera/rgb/camera_info"
+MILLIMETRES = np.full((HEIGHT, WIDTH), 2500, np.uint16)
+
+
+def write(folder, kind="ros2_mcap", count=4, depth=MILLIMETRES, encoding="16UC1", extra=None):
+    """A bag of colour, depth 5 ms later, and camera info; `extra(bag, k, stamp)` puts in more. Its path."""
+    with BagFile(folder, kind) as bag:
+        for k in range(count):
+            stamp = 100.0 + 0.1 * k
+            bag.camera_info(INFO, stamp)
+            bag.image(COLOR, stamp, picture(k), "rgb8")
+            if depth is not None:
+                bag.image(DEPTH, stamp + 0.005, depth, encoding)
+            if extra:
+                extra(bag, k, stamp)
+    return bag.path
+
+
+def views(path, **settings):
+    source = Replay(path=str(path), **settings).build(None)
+    out = []
+    while (capture := source.lead()) is not None:
+        out.append((capture, source.truth()))
+    source.close()
+    return source, out
+
+
+@ALL_KINDS
+def test_colour_and_depth_are_paired_and_the_camera_is_the_recorded_one(tmp_path, kind):
+    source, seen = views(write(tmp_path, kind))
+    assert (source.camera.width, source.camera.fx, source.camera.cy) == (WIDTH, 50.0, 23.5)
+    assert source.views_expected == 4
+    assert [round(c.stamp_s, 3) for c, _ in seen] == [100.0, 100.1, 100.2, 100.3]
+    assert [c.image[3, 3].tolist() for c, _ in seen] == [[50 + k, 0, 7] for k in range(4)]
+    assert all(np.all(c.depth == 2.5) and c.sensed for c, _ in seen)
+    assert all(truth is None for _, truth in seen)
+
+
+def test_start_stride_and_count_choose_views(tmp_path):
+    source, seen = views(write(tmp_path, count=9), start=1, stride=3, count=2)
+    assert source.views_expected == 2
+    assert [c.image[0, 0, 0] for c, _ in seen] == [51, 54] and [c.index for c, _ in seen] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("depth", "encoding", "metres"),
+    [(MILLIMETRES, "mono16", 2.5), (np.full((HEIGHT, WIDTH), 1.25, np.float32), "32FC1", 1.25)],
+)
+def test_depth_encodings_become_metres(tmp_path, depth, encoding, metres):
+    _, seen = views(write(tmp_path, depth=depth, encoding=encoding))
+    assert np.all(seen[0][0].depth == metres)
+
+
+@ALL_KINDS
+def test_compressed_images_and_compressed_depth_are_read(tmp_path, kind):
+    with BagFile(tmp_path, kind) as bag:
+        bag.camera_info(INFO, 1.0)
+        bag.compressed(f"{COLOR}/compressed", 1.0, picture()[:, :, ::-1], "rgb8; png compressed bgr8")
+        bag.compressed(f"{DEPTH}/compressedDepth", 1.0, MILLIMETRES, "16UC1; compressedDepth png")
+    _, seen = views(bag.path)
+    assert seen[0][0].image[0, 0].tolist() == [50, 0, 7] and np.all(seen[0][0].depth == 2.5)
+
+
+def test_wheels_and_scans_go_along_with_the_views(tmp_path):
+    def extra(bag, k, stamp):
+        bag.odometry("/odom", stamp + 0.001, 0.2 * k, 0.0, 0.0)
+        bag.scan("/scan", stamp + 0.001, [1.0, 20.0, 0.05])
+
+    _, seen = views(write(tmp_path, extra=extra))
+    assert seen[0][0].travel is None
+    np.testing.assert_allclose(seen[2][0].travel, [0.2, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_array_equal(seen[0][0].scan.ranges_m, [1.0, np.inf, np.nan])
+
+
+def test_a_bag_of_scans_alone_is_a_laser_recording(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(3):
+            bag.odometry("/odom", 1.0 + k, 0.0, 0.0, 0.1 * k)
+            bag.scan("/scan", 1.01 + k, [1.0, 2.0, 3.0])
+    _, seen = views(bag.path)
+    assert len(seen) == 3 and seen[0][0].image is None
+    np.testing.assert_allclose(seen[1][0].travel, [0.0, 0.0, 0.1], atol=1e-9)
+
+
+def test_a_cloud_stands_in_for_depth_nearest_point_first(tmp_path):
+    points = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 3.0], [np.nan, 0, 1], [0, 0, -1]])
+
+    _, seen = views(write(tmp_path, depth=None, extra=lambda bag, k, stamp: bag.cloud("/points", stamp, points)))
+    depth = seen[0][0].depth
+    assert np.isfinite(depth).sum() == 1 and depth[24, 32] == 2.0  # (31.5, 23.5) rounds to even
+
+
+def test_truth_is_taken_only_where_it_is_named(tmp_path):
+    path = write(tmp_path, extra=lambda bag, k, stamp: bag.odometry("/vicon", stamp, 1.0 + k, 0.0, 0.0))
+    _, seen = views(path, truth_topic="/vicon", wheel_topic="none")
+    np.testing.assert_allclose([truth[0, 3] for _, truth in seen], [1.0, 2.0, 3.0, 4.0])
+    with pytest.raises(ConfigError, match="no topic /mocap; found"):
+        views(path, truth_topic="/mocap")
+
+
+def test_truth_from_tf_follows_the_chain_to_the_camera(tmp_path):
+    def extra(bag, k, stamp):
+        bag.transform("/tf", stamp, "world", "rig", 1.0 * k)
+        if k == 0:
+            bag.transform("/tf_static", stamp, "rig", "camera", 0.5)
+
+    path = write(tmp_path, extra=extra)
+    _, seen = views(path, truth_frame="world")
+    np.testing.assert_allclose([truth[0, 3] for _, truth in seen], [0.5, 1.5, 2.5, 3.5], atol=1e-6)
+    with pytest.raises(ConfigError, match="no tf chain from map to the camera; found camera, rig, world"):
+        views(path, truth_frame="map")
+
+
+def test_repeated_and_backward_stamps_are_dropped_and_counted(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.camera_info(INFO, 1.0)
+        for k, stamp in enumerate((1.0, 1.1, 1.1, 1.05, 1.2, 1.3)):
+            bag.clock_s = 5.0 + k
+            bag.image(COLOR, stamp, picture(k), "rgb8")
+            if stamp != 1.2:
+                bag.image(DEPTH, stamp, MILLIMETRES, "16UC1")
+    source = Replay(path=str(bag.path)).build(None)
+    seen = []
+    while (capture := source.lead()) is not None:
+        seen.append(round(capture.stamp_s, 2))
+        counts = dict(source.rejected)
+    assert seen == [1.0, 1.1, 1.3]
+    assert counts == {"duplicate": 2, "backward": 2, "unpaired": 1}
+
+
+@pytest.mark.parametrize(
+    ("change", "settings", "words"),
+    [
+        ({"depth": None}, {}, r"no depth topic; found /camera/rgb/camera_info \(CameraInfo\), /camera/rgb/image_color"),
+        ({"depth": np.full((HEIGHT, WIDTH), 9, np.uint8), "encoding": "8UC1"}, {}, "depth is 8-bit 8UC1"),
+        ({"depth": np.full((24, 32), 900, np.uint16)}, {}, "colour is 64x48 but depth is 32x24"),
+        ({}, {"color_topic": "/left"}, "no topic /left; found"),
+        ({}, {"depth_scale": 1e6}, "typical depth is 0.0025 m"),
+        ({}, {"camera": "tum_fr2"}, "64x48 but source.camera=tum_fr2"),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_the_first_view(tmp_path, change, settings, words):
+    with pytest.raises(ConfigError, match=words) as caught:
+        views(write(tmp_path, **change), **settings)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_intrinsics_anywhere_is_said(tmp_path):
+    with BagFile(tmp_path, "ros1") as bag:
+        bag.image(COLOR, 1.0, picture(), "rgb8")
+        bag.image(DEPTH, 1.0, MILLIMETRES, "16UC1")
+    with pytest.raises(ConfigError, match="holds no camera intrinsics"):
+        views(bag.path)
+    assert len(views(bag.path, camera=[50, 50, 31.5, 23.5])[1]) == 1
+
+
+def test_damaged_and_lone_files_are_refused_in_one_line(tmp_path):
+    path = write(tmp_path, "ros1")
+    path.write_bytes(path.read_bytes()[:300])
+    (tmp_path / "x.bag").write_bytes(b"")
+    (tmp_path / "y.db3").write_bytes(b"SQLite format 3")
+    for broken in (path, tmp_path / "x.bag", tmp_path / "y.db3"):
+        with pytest.raises(ConfigError) as caught:
+            views(broken)
+        assert "\n" not in str(caught.value) and str(broken) in str(caught.value)
+
+
+def test_the_registered_depth_and_the_raw_colour_are_preferred():
+    image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+    found = {"/a/color/image_raw": image, "/a/color/image_raw/compressed": "sensor_msgs/msg/CompressedImage",
+             "/a/depth/image_rect_raw": image, "/a/aligned_depth_to_color/image_raw": image, "/a/infra1/image": image,
+             "/a/color/camera_info": info, "/a/depth/camera_info": info}
+    topics = choose_topics(found, Replay(), "bag")
+    assert topics.color == "/a/color/image_raw" and topics.depth == "/a/aligned_depth_to_color/image_raw"
+    assert topics.info == "/a/color/camera_info"
+    with pytest.raises(ConfigError, match="several color topics"):
+        choose_topics({"/l/image": image, "/r/image": image}, Replay(), "bag")
