@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,7 @@ class Notebook:
     recorder: Listener
     watch: Watch
     counts: dict[str, int] = field(default_factory=dict)
+    began_s: float | None = None
     stamp_s: float = 0.0
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
@@ -59,6 +61,7 @@ class Notebook:
             self.recorder.step(step)
             self.counts[phase] = self.counts.get(phase, 0) + 1
             self.stamp_s = step.stamp_s
+            self.began_s = step.stamp_s if self.began_s is None else self.began_s
             yield step
 
 
@@ -76,6 +79,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)
     row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
+    row["world"] = parts.source.facts.name if world is None else row["world"]
     notebook: Notebook | None = None
     cause: BaseException | None = None
     try:
@@ -83,17 +87,10 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
         survey = lead_round(parts, config, notebook)
         if "driving" in config.source.settings.provides:
             patrol(parts, config, survey, notebook)
-    except KeyboardInterrupt as error:
-        row.update(status="interrupted", reason="interrupted by the user")
+    except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
         cause = error
-    except (Exception, SystemExit) as error:  # a plugin may raise anything, even exit; its run is a row with a reason
-        row.update(status="failed", reason=reason_of(error, notebook))
-        cause = error
-    finally:
-        parts.source.close()
-        if notebook is not None:
-            notebook.table.close()
-            notebook.recorder.close(row["status"], row["reason"])
+        row.update(outcome_of(error, notebook))
+    cause = put_away(parts, notebook, row) or cause
     row.update(evaluate(folder))
     row.update(cost(begin, notebook))
     row["renderer"] = getattr(parts.source, "renderer", "")
@@ -101,6 +98,30 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     write_row(folder, row)
     draw(config, folder)
     return row | {"_cause": cause}
+
+
+def outcome_of(error: BaseException, notebook: Notebook | None) -> dict[str, str]:
+    """Status and reason of a run that ended early: what, and where in the run, in one line."""
+    at = f" at step {sum(notebook.counts.values())}" if notebook is not None else ""
+    if not isinstance(error, Exception | SystemExit):
+        return {"status": "interrupted", "reason": f"interrupted{at}"}
+    return {"status": "failed", "reason": " ".join(f"{type(error).__name__}{at}: {error}".split())}
+
+
+def put_away(parts: Parts, notebook: Notebook | None, row: dict[str, Any]) -> Exception | None:
+    """Close the source and every file, each whatever became of the others; the first refusal fails the run."""
+    closers: list[Callable[[], None]] = [parts.source.close]
+    if notebook is not None:
+        closers += [notebook.table.close, partial(notebook.recorder.close, row["status"], row["reason"])]
+    first: Exception | None = None
+    for close in closers:
+        try:
+            close()
+        except Exception as error:
+            first = first or error
+    if first is not None and row["status"] == "ok":
+        row.update(outcome_of(first, notebook))
+    return first
 
 
 def draw(config: RunConfig, folder: Path) -> None:
@@ -117,12 +138,6 @@ def furnished(world: World, config: RunConfig) -> World:
     boxes = tuple(Box(f"obstacle_{i + 1}", (x, y), (width, depth, OBSTACLE_HEIGHT_M))
                   for i, (x, y, width, depth) in enumerate(config.obstacles))
     return replace(world, obstacles=world.obstacles + boxes)
-
-
-def reason_of(error: BaseException, notebook: Notebook | None) -> str:
-    """One line: what, where in the run."""
-    at = f" at step {sum(notebook.counts.values())}" if notebook is not None else ""
-    return " ".join(f"{type(error).__name__}{at}: {error}".split())
 
 
 def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: Path, watch: Watch) -> Notebook:
@@ -215,7 +230,8 @@ def plan_row(mission: int, plan: Plan) -> dict[str, Any]:
 def cost(begin: float, notebook: Notebook | None) -> dict[str, float]:
     """Wall time, memory, and how much faster than the robot the program was."""
     wall_s = time.perf_counter() - begin
-    robot_s = notebook.stamp_s if notebook is not None else np.nan
+    began = notebook is not None and notebook.began_s is not None
+    robot_s = notebook.stamp_s - notebook.began_s if began else np.nan  # type: ignore[union-attr,operator]
     return {"wall_ms": 1e3 * wall_s, "real_time_factor": robot_s / wall_s,
             "peak_memory_mb": peak_memory_mb(),
             "views": sum(notebook.counts.values()) if notebook is not None else 0}
