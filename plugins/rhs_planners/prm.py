@@ -1,7 +1,7 @@
 """Probabilistic roadmaps that are learnt once per map and repaired when cells change.
 
-OMPL grows the roadmap (growRoadmap with a counter: its own solve() never stops growing and stops by a clock); vertices
-and edges are taken out, and queries search them with A*. When a query finds no way although there is one, OMPL grows
+OMPL grows the roadmap (growRoadmap with a counter: its own solve() never stops growing and stops by a clock); its edges
+are the motions that it asked about and found free; queries search them with A*. When a query finds no way although there is one, OMPL grows
 the same roadmap on, a counted number of times. When cells change (an obstacle for one mission), the edges near them
 are tested again: cut edges are set aside and return with the cells.
 """
@@ -15,7 +15,7 @@ from ompl import geometric as og
 
 from rhs.records import Path, PlanningProblem
 
-from .ompl_space import Counter, definition, edges_of, fresh_seed, space_over
+from .ompl_space import Counter, LoggedGridMotion, definition, fresh_seed, space_over
 from .problem import Ground, Task, already_there, begin, finish
 from .roadmap import Roadmap
 
@@ -30,7 +30,8 @@ class RoadmapPlanner:
         self._settings, self._rng, self._kind = settings, rng, kind
         self._ground = Ground()
         self._roadmap: Roadmap | None = None
-        self._grower = None
+        self._grower: tuple = ()
+        self._stale = False  # cells have changed since the first edges were found
 
     def plan(self, problem: PlanningProblem) -> Path:
         """Learn or repair, query, and grow on while start and goal are in one piece but not joined."""
@@ -63,22 +64,23 @@ class RoadmapPlanner:
         """A roadmap for the grid of the task: the one at hand, repaired, or a new one."""
         if self._roadmap is None or self._roadmap.changed_share(task.grid) > _OTHER_MAP:
             fresh_seed(self._rng)
-            information, _ = space_over(task.grid)
+            information, motion = space_over(task.grid, LoggedGridMotion)
             planner = getattr(og, self._kind)(information)
             ends = definition(information, task.start, task.goal)  # setup() needs one; growing does not look at it
             planner.setProblemDefinition(ends)
             planner.setup()
-            self._grower = (information, planner, ends)
+            self._grower, self._stale = (planner, motion, information, ends), False
             self._grow(task, self._settings.milestones)
             counts["learnt"] = 1.0
             return
         cut, restored = self._roadmap.mend(task.grid)
         counts["edges_cut"], counts["edges_restored"] = float(cut), float(restored)
+        self._stale = self._stale or cut + restored > 0
 
     def _grow(self, task: Task, vertices: int) -> None:
-        """Let OMPL add vertices, then read the whole roadmap anew."""
-        information, planner, _ = self._grower
+        """Let OMPL add vertices, then make the roadmap anew from all edges."""
+        planner, motion, *_ = self._grower
         wanted = planner.milestoneCount() + vertices
         counter = Counter(_TRIES_PER_VERTEX * vertices, lambda: planner.milestoneCount() >= wanted)
         planner.growRoadmapPtc(counter.condition())
-        self._roadmap = Roadmap(task.grid, *edges_of(information, planner))
+        self._roadmap = Roadmap(task.grid, np.array(motion.free_edges).reshape(-1, 4), stale=self._stale)

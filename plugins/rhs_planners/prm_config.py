@@ -11,7 +11,7 @@ from .shared_config import PlannerSettings
 
 @dataclass
 class _Roadmap(PlannerSettings):
-    milestones: int = 1000  # vertices learnt once per map; 1000 cover 100 x 100 cells with corridors
+    milestones: int = 500  # vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed
     growth: int = 250  # vertices added when start and goal are not joined yet
     growth_rounds: int = 20  # how often a query may add them before its budget is spent
     links: int = 12  # vertices in sight that start and goal are joined to
