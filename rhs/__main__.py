@@ -21,6 +21,7 @@ from pathlib import Path  # noqa: E402
 
 from .errors import ConfigError, RhsError  # noqa: E402
 
+LONGEST = 190  # characters of a complaint
 USAGE = "python -m rhs [options] key=value ..."
 
 
@@ -265,8 +266,8 @@ def _complain(error: BaseException | None, code: int, debug: bool, text: str = "
     if not text:
         text = " ".join(str(error).split())
         text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
-    if len(text) > 400:
-        text = f"{text[:397]}..."
+    if len(text) > LONGEST and not debug:
+        text = f"{text[: LONGEST - 23]}... (--debug: all of it)"
     print(f"rhs: {text}", file=sys.stderr)
     return code
 

@@ -117,6 +117,8 @@ class RunConfig:
         check_live(self.live)
         for box in self.obstacles:
             _check_numbers("obstacles", box, 4)
+            check_range("obstacles", "width_m", box[2], low=0.01, high=1000.0, unit="m")
+            check_range("obstacles", "depth_m", box[3], low=0.01, high=1000.0, unit="m")
         for key in ("start", "goal"):
             if getattr(self, key):
                 _check_numbers(key, getattr(self, key), 2)

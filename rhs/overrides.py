@@ -140,4 +140,4 @@ def check_options(words: Sequence[Word], options: Callable[[str], list[str]]) ->
         known = options(word.key)
         if word.value not in known:
             raise ConfigError(f"{word.text}: there is no such {word.key}{nearest(str(word.value), known)}"
-                              f" (available: {', '.join(known) or 'none'})")
+                              f" (there is {', '.join(known) or 'none'})")

@@ -54,11 +54,15 @@ def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
 
 
 def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
-    culprit = "source" if kind == "sensor" or word in PAST | THROUGH and word not in chosen["source"].settings.provides \
-        else "sensor"
-    instead = [f"{kind}={n}" for n in _usable(kind) if _fits(kind, n, chosen)]
-    instead += [f"{culprit}={n}" for n in _usable(culprit) if n != chosen[culprit].name
-                and word in registry.load(culprit, n).provides]  # type: ignore[attr-defined]
+    """Who needs what, who does not have it, and what to type instead."""
+    lacking = word in PAST | THROUGH and word not in chosen["source"].settings.provides
+    culprit = "source" if kind == "sensor" or lacking else "sensor"
+    instead = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
+    between = KINDS[2 : KINDS.index(kind)] if culprit == "sensor" else ()
+    for other in (culprit, *between):
+        instead += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
+                    and word in registry.load(other, name).provides  # type: ignore[attr-defined]
+                    and _fits(other, name, chosen)]
     hint = f"; type {' or '.join(instead[:4])}" if instead else "; no other registered part helps"
     return f"{kind}={chosen[kind].name} needs {word}, which {culprit}={chosen[culprit].name} does not provide{hint}"
 

@@ -11,6 +11,7 @@ from .contracts import FeatureSettings, LoopCloser, Mapper, Odometry
 from .errors import ContractError
 from .grid import OccupancyGrid
 from .records import Closure, Features, Observation, Step, View
+from .sealing import seal, with_sealed_copies
 
 
 @dataclass(frozen=True)
@@ -34,14 +35,14 @@ class ViewCollector:
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
         for step in steps:
             stored = len(self.views) % self.every == 0 and step.observation.image is not None
-            features = self.features(step.observation, self.settings) if stored else None
+            features = seal(self.features(step.observation, self.settings)) if stored else None
             belief = step.belief
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
                                    belief.map_from_body, belief.covariance, step.scan, features))
             self.last = step.observation
             yield step
         if self.views and self.views[-1].features is None and self.last is not None and self.last.image is not None:
-            self.views[-1] = replace(self.views[-1], features=self.features(self.last, self.settings))
+            self.views[-1] = replace(self.views[-1], features=seal(self.features(self.last, self.settings)))
 
 
 def revise(views: list[View], odometry: Odometry) -> tuple[View, ...]:
@@ -53,7 +54,7 @@ def revise(views: list[View], odometry: Odometry) -> tuple[View, ...]:
         raise ContractError(f"odometry {type(odometry).__name__}.revise() returned {len(revision.poses)} poses and "
                             f"{len(revision.scans)} scans for {len(views)} views")
     first = views[0].map_from_body
-    revised = [replace(view, map_from_body=first @ np.linalg.inv(revision.poses[0]) @ pose, scan=scan)
+    revised = [replace(view, map_from_body=seal(first @ np.linalg.inv(revision.poses[0]) @ pose), scan=seal(scan))
                for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
     return tuple(revised)
 
@@ -64,6 +65,7 @@ def close(views: tuple[View, ...], loop_closer: LoopCloser) -> tuple[tuple[View,
     if closure.poses.shape != (len(views), 4, 4) or not np.all(np.isfinite(closure.poses)):
         raise ContractError(f"loop closer {type(loop_closer).__name__} returned poses of shape {closure.poses.shape}, "
                             f"expected finite ({len(views)}, 4, 4)")
+    closure = with_sealed_copies(closure, "poses")
     return tuple(replace(v, map_from_body=p) for v, p in zip(views, closure.poses, strict=True)), closure
 
 
@@ -73,7 +75,7 @@ def draw(views: tuple[View, ...], mapper: Mapper) -> OccupancyGrid:
     for view in views:
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
-    return mapper.grid()
+    return with_sealed_copies(mapper.grid(), "probability")
 
 
 def known_free(grid: OccupancyGrid, views: tuple[View, ...], radius_m: float) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -225,6 +226,10 @@ def _check_names_and_size(world: World, file: Section) -> None:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ConfigError(f"{file.where(key)}: two {key} are named '{twice[0]}'; give each its own name")
+    for name, _, _ in world.places:
+        if not re.fullmatch(r"\w[\w .-]{0,60}", str(name)):  # pictures are named after their places
+            raise ConfigError(f"{file.where('places')}: the place {str(name)[:60]!r} needs a plain name: letters, digits, "
+                              "spaces, dots and dashes")
     x_min, y_min, x_max, y_max = world.bounds_m
     if (x_max - x_min) * (y_max - y_min) > MAX_AREA_M2:
         raise ConfigError(f"{file.where('walls')}: the walls span {x_max - x_min:g} x {y_max - y_min:g} m; "

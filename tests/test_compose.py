@@ -60,7 +60,7 @@ def test_a_value_arrives_as_it_was_typed(word, value):
     ("sed=3", "unknown key sed; did you mean seed?"),
     ("planner.samles=3", "unknown key planner.samles; did you mean planner.samples?"),
     ("plannner=fake", "unknown key plannner; did you mean planner?"),
-    ("planner=fak", "planner=fak: there is no such planner; did you mean fake? (available:"),
+    ("planner=fak", "planner=fak: there is no such planner; did you mean fake? (there is"),
     ("planner.samples=-5", "planner.fake.samples=-5 is outside the allowed range [1, 1000000]"),
     ("planner.samples=0", "[1, 1000000]"),
     ("planner.samples=906970164", "[1, 1000000]"),
@@ -82,6 +82,8 @@ def test_a_value_arrives_as_it_was_typed(word, value):
     ("places=3", "places=3: places is a group of settings; write places.NAME=VALUE"),
     ("places.every=0", "places.every=0 is outside"),
     ("obstacles=[[1,2,3]]", "expected 4 finite numbers"),
+    ("obstacles=[[1,2,nan,1]]", "expected 4 finite numbers"),
+    ("obstacles=[[1,2,-1,1]]", "obstacles.width_m=-1.0 is outside"),
     ("planner.samples.deep=3", "planner.samples is a single value"),
     ("world=???", "world has no value; give it one on the command line: world=VALUE"),
     ("world=${world}", "interpolation"),
@@ -165,6 +167,9 @@ def test_a_sensor_that_lacks_what_a_part_needs_is_refused_with_what_to_type():
     assert text.startswith("odometry=fake needs depth, which sensor=fake_mono does not provide; type ")
     assert "odometry=fake_eye" in text
     assert "sensor=fake" in text
+    text = refusal("sensor=fake_mono", "odometry=fake_blind")
+    assert text.startswith("mapper=fake needs scan, which sensor=fake_mono does not provide; type ")
+    assert "odometry=fake_eye" in text
     assert compose("sensor=fake_mono", "odometry=fake_eye").sensor.name == "fake_mono"
 
 
@@ -178,6 +183,15 @@ def test_an_experiment_chooses_parts_over_the_stack_and_words_choose_over_both(t
     assert (config.sensor.name, config.odometry.name, config.planner.settings.samples) == ("fake_mono", "fake_eye", 7)
     config = compose_config([*parts_by_word, "experiment=e", "sensor=fake", "planner.samples=8"], folders=(tmp_path,))
     assert (config.sensor.name, config.odometry.name, config.planner.settings.samples) == ("fake", "fake_eye", 8)
+
+
+def test_a_plugin_for_a_newer_program_is_refused_with_both_versions():
+    text = refusal("planner=newer")
+    assert "was written for plugin API 99; this rhs has 1" in text
+
+
+def test_a_plugin_whose_library_is_missing_is_refused_with_the_command_to_install_it():
+    assert refusal("planner=wanting").endswith("type: pip install some-planning-library")
 
 
 def test_a_config_written_and_read_back_is_the_same():

@@ -78,6 +78,13 @@ class FakeEye(FakeOdometry):
 
 
 @dataclass
+class FakeBlind(FakeOdometry):
+    """Needs nothing and offers nothing."""
+
+    needs: ClassVar[frozenset[str]] = NOTHING
+
+
+@dataclass
 class Faulty(FakeOdometry):
     """Goes wrong in the way one asks for."""
 
@@ -228,6 +235,20 @@ class FakePlanner:
 
 
 @dataclass
+class Newer(FakePlanner):
+    """Written for a program that is still to come."""
+
+    api: ClassVar[int] = 99
+
+
+@dataclass
+class Wanting(FakePlanner):
+    """Needs a library that is not installed."""
+
+    requires: ClassVar[tuple[str, ...]] = ("some_planning_library",)
+
+
+@dataclass
 class FakeLocaliser:
     """Believes the odometry."""
 
@@ -238,6 +259,16 @@ class FakeLocaliser:
         from .room import Believer
 
         return Believer()
+
+
+@dataclass
+class Vandal(FakeLocaliser):
+    """Writes into everything it is given."""
+
+    def build(self, context: Any) -> Any:
+        from .room import Scribbler
+
+        return Scribbler()
 
 
 not_a_class = 7

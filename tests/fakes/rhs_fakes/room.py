@@ -111,3 +111,20 @@ class Believer:
     def update(self, observation: Observation, motion: Motion) -> Any:
         self.belief = moved(self.belief, motion)
         return self.belief
+
+
+class Scribbler(Believer):
+    """Changes the map, the views and the observations it is shown, as far as it is allowed to."""
+
+    def learn(self, views: Any, grid: OccupancyGrid) -> None:
+        self._scribble(grid.probability, *(view.map_from_body for view in views))
+
+    def update(self, observation: Observation, motion: Motion) -> Any:
+        self._scribble(observation.wheel, observation.scan.ranges_m if observation.scan else None)
+        return super().update(observation, motion)
+
+    @staticmethod
+    def _scribble(*arrays: np.ndarray | None) -> None:
+        for array in arrays:
+            if array is not None and array.flags.writeable:
+                array[:] = 0.7

@@ -1,0 +1,33 @@
+"""Records whose arrays nobody can write to: what one part does to its copy must not reach another."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, TypeVar
+
+import numpy as np
+
+Value = TypeVar("Value")
+
+
+def seal(value: Value) -> Value:
+    """The same value; every array in it, in its records and sequences, can no longer be written to."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            seal(item)
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        for item in dataclasses.fields(value):
+            seal(getattr(value, item.name))
+    return value
+
+
+def sealed_copy(array: np.ndarray) -> np.ndarray:
+    """A copy that cannot be written to; the original stays its owner's."""
+    return seal(np.array(array))
+
+
+def with_sealed_copies(record: Any, *names: str) -> Any:
+    """A record whose arrays of these names are sealed copies."""
+    return dataclasses.replace(record, **{name: sealed_copy(getattr(record, name)) for name in names})
