@@ -14,8 +14,9 @@ from rhs.records import Path, PlanningProblem
 from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, already_there, begin, finish
 
-_RNG = nb.typeof(np.random.default_rng(0))
+_DRAWS = 128  # samples drawn at a time
 _INTS = nb.types.Array(nb.int64, 1, "C")
+_PARENTS = nb.types.Array(nb.int64, 2, "C")
 
 
 class NativeRrtConnect:
@@ -32,8 +33,13 @@ class NativeRrtConnect:
         if there is not None:
             return finish(task, there, rounds=0, extras={"iterations": 0.0})
         step = self._settings.range_m / problem.resolution_m or 0.2 * float(np.hypot(*problem.blocked.shape))
-        trees, parents, sizes, tips, used = grow(
-            task.grid, np.stack([task.start, task.goal]), step, self._settings.iterations, self._rng)
+        trees, parents = np.empty((256, 4)), np.full((2, 256), -1)
+        trees[0, :2], trees[0, 2:] = task.start, task.goal
+        sizes, tips, used = np.ones(2, np.int64), np.full(2, -1), 0
+        while used < self._settings.iterations and tips[0] < 0:
+            draws = self._rng.random((min(_DRAWS, self._settings.iterations - used), 2))
+            trees, parents, taken = grow(task.grid, trees, parents, sizes, tips, draws, step, used)
+            used += taken
         raw = None
         if tips[0] >= 0:
             there = _branch(trees[:, :2].copy(), parents[0], tips[0])
@@ -79,23 +85,21 @@ def _extend(grid, trees, parents, sizes, which, x, y, step):
     return new
 
 
-_RESULT = nb.types.Tuple((NEW_POINTS, nb.types.Array(nb.int64, 2, "C"), _INTS, _INTS, nb.int64))
+_RESULT = nb.types.Tuple((NEW_POINTS, _PARENTS, nb.int64))
 
 
-@typed(_RESULT(GRID, POINTS, nb.float64, nb.int64, _RNG))
-def grow(grid, roots, step, iterations, rng):
-    """Two trees from roots (2, 2), turn about, until they meet or the samples are spent.
+@typed(_RESULT(GRID, NEW_POINTS, _PARENTS, _INTS, _INTS, POINTS, nb.float64, nb.int64))
+def grow(grid, trees, parents, sizes, tips, draws, step, before):
+    """Two trees, turn about, until they meet or the samples `draws` (N, 2) in [0, 1) are spent.
 
-    Returns vertices (M, 4) (x, y of either tree side by side), parents (2, M), sizes (2,), the vertex of either tree
-    where they meet (2,) or -1, and the samples used.
+    trees (M, 4): x, y of either tree side by side; parents (2, M); sizes (2,) and tips (2,), the vertices where they
+    meet or -1, are changed in place. before: samples used earlier, which says whose turn it is.
+    Returns trees and parents, which may have moved to longer arrays, and the samples used.
     """
     rows, columns = grid.shape
-    trees, parents = np.empty((256, 4)), np.full((2, 256), -1)
-    sizes, tips = np.ones(2, np.int64), np.full(2, -1)
-    trees[0, :2], trees[0, 2:] = roots[0], roots[1]
-    for turn in range(iterations):
-        near = turn % 2
-        x, y = 1.0 + rng.random() * (columns - 2.0), 1.0 + rng.random() * (rows - 2.0)
+    for k in range(len(draws)):
+        near = (before + k) % 2
+        x, y = 1.0 + draws[k, 0] * (columns - 2.0), 1.0 + draws[k, 1] * (rows - 2.0)
         trees, parents = _room(trees, parents, sizes)
         new = _extend(grid, trees, parents, sizes, near, x, y, step)
         if new < 0:
@@ -109,8 +113,8 @@ def grow(grid, roots, step, iterations, rng):
                 break
             if trees[other, 2 * far] == x and trees[other, 2 * far + 1] == y:
                 tips[near], tips[far] = new, other
-                return trees, parents, sizes, tips, turn + 1
-    return trees, parents, sizes, tips, iterations
+                return trees, parents, k + 1
+    return trees, parents, len(draws)
 
 
 def _branch(points: np.ndarray, parents: np.ndarray, tip: int) -> np.ndarray:

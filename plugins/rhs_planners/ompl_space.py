@@ -10,6 +10,7 @@ OMPL (Sucan, Moll, Kavraki, "The Open Motion Planning Library", 2012) is used fr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -104,11 +105,11 @@ def solution(problem, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
     """(N, 2) cells of an exact solution; None for none, for an approximate one, or one that does not join the ends."""
     if not problem.hasExactSolution():
         return None
-    points = np.array([[state[0], state[1]] for state in problem.getSolutionPath().getStates()])
-    if len(points) < 2 or max(np.hypot(*(points[0] - start)), np.hypot(*(points[-1] - goal))) > 1e-5:
+    points = [(state[0], state[1]) for state in problem.getSolutionPath().getStates()]
+    if len(points) < 2 or max(math.dist(points[0], start), math.dist(points[-1], goal)) > 1e-5:
         return None
     points[0], points[-1] = start, goal
-    return points
+    return np.array(points)
 
 
 def edges_of(information, planner) -> tuple[np.ndarray, np.ndarray]:

@@ -40,8 +40,8 @@ class PotentialFieldPlanner:
         learn_ms = 1e3 * (time.process_time() - learning)
         step_m = problem.resolution_m
         field = _with_attraction(self._repulsion, step_m, task.goal[0], task.goal[1])
-        walk = descend(task.grid, field, np.stack([task.start, task.goal]), self._settings.trail_m,
-                       self._settings.trail_radius_m / step_m, self._settings.steps)
+        walk = descend(task.grid, field, np.stack([task.start, task.goal]), self._settings.trail * step_m,
+                       round(self._settings.trail_radius_m / step_m, 9), self._settings.steps)
         extras = {"walk_steps": float(len(walk) - 1)}
         arrived = bool(np.array_equal(walk[-1], np.floor(task.goal) + 0.5))
         raw = _join(task, without_loops(walk)) if arrived else None

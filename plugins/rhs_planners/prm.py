@@ -1,9 +1,9 @@
 """Probabilistic roadmaps that are learnt once per map and repaired when cells change.
 
 OMPL grows the roadmap (growRoadmap with a counter: its own solve() never stops growing and stops by a clock); its edges
-are the motions that it asked about and found free; queries search them with A*. When a query finds no way although there is one, OMPL grows
-the same roadmap on, a counted number of times. When cells change (an obstacle for one mission), the edges near them
-are tested again: cut edges are set aside and return with the cells.
+are the motions that it asked about and found free; queries search them with A*. When a query finds no way although there
+is one, OMPL grows the same roadmap on, a counted number of times. When cells change (an obstacle for one mission), the
+edges near them are tested again: cut edges are set aside and return with the cells.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ needs a case for the edge of the map. Times are CPU milliseconds of this process
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,15 +30,20 @@ class Ground:
         self.grid = np.ones((0, 0), np.uint8)
         self.version = 0
         self._free = None
+        self._last: np.ndarray | None = None  # the array the grid was taken from, if nobody can have changed it
 
     def stand_on(self, blocked: np.ndarray) -> None:
         """Take the grid (H, W) bool of a problem; cheap when it has not changed."""
+        if blocked is self._last:
+            return
         if blocked.ndim != 2 or 0 in blocked.shape or blocked.dtype != np.bool_:
             raise ContractError(
                 f"planning problem: blocked has shape {blocked.shape} and type {blocked.dtype}; expected (H, W) bool"
             )
         shape = (blocked.shape[0] + 2, blocked.shape[1] + 2)
         inner = np.ascontiguousarray(blocked).view(np.uint8)
+        constant = not blocked.flags.writeable and (blocked.base is None or not blocked.base.flags.writeable)
+        self._last = blocked if constant else None
         if self.grid.shape == shape and np.array_equal(self.grid[1:-1, 1:-1], inner):
             return
         if self.grid.shape != shape:
@@ -72,7 +78,12 @@ class Task:
 
     def metres(self, cells: np.ndarray) -> np.ndarray:
         """(..., 2) metres in the map frame of (..., 2) padded cells."""
-        return (cells - 1.0) * self.problem.resolution_m + np.asarray(self.problem.origin_m)
+        step, (x, y) = self.problem.resolution_m, self.problem.origin_m
+        out = np.empty(cells.shape)
+        np.multiply(cells, step, out=out)
+        out[..., 0] += x - step
+        out[..., 1] += y - step
+        return out
 
 
 def begin(problem: PlanningProblem, ground: Ground, start_radius_m: float) -> Task | Path:
@@ -86,20 +97,21 @@ def begin(problem: PlanningProblem, ground: Ground, start_radius_m: float) -> Ta
     start, goal = _cells(problem, problem.start_m), _cells(problem, problem.goal_m)
     if not (_inside(ground.grid, start) and _inside(ground.grid, goal)):
         return failure(PlanReason.OUTSIDE, began)
-    settled = start
+    settled, moved = start, 0.0
     if ground.grid[int(start[1]), int(start[0])]:
         settled = _nearest_free(ground.grid, start, start_radius_m / problem.resolution_m)
         if settled is None:
             return failure(PlanReason.START_BLOCKED, began)
+        moved = float(np.hypot(*(settled - start))) * problem.resolution_m
     if ground.grid[int(goal[1]), int(goal[0])]:
         return failure(PlanReason.GOAL_BLOCKED, began)
-    moved = float(np.hypot(*(settled - start))) * problem.resolution_m
     return Task(problem, ground, settled, goal, moved, began)
 
 
 def already_there(task: Task) -> np.ndarray | None:
     """(2, 2) cells when start and goal are one point, which sampling planners need not be troubled with; else None."""
-    return np.stack([task.start, task.goal]) if np.hypot(*(task.start - task.goal)) < 1e-6 else None
+    apart = math.hypot(task.start[0] - task.goal[0], task.start[1] - task.goal[1])
+    return np.stack([task.start, task.goal]) if apart < 1e-6 else None
 
 
 def finish(task: Task, raw: np.ndarray | None, *, rounds: int, learn_ms: float = 0.0, extras: dict | None = None,
@@ -140,9 +152,12 @@ def _exact(task: Task, cells: np.ndarray) -> np.ndarray:
 
 def _cells(problem: PlanningProblem, point_m) -> np.ndarray:
     """(2,) padded cells of a point; within 1e-9 of a border it counts as on it, as OccupancyGrid.cells does."""
-    cells = (np.asarray(point_m, float) - np.asarray(problem.origin_m)) / problem.resolution_m + 1.0
-    near = np.rint(cells)
-    return np.where(np.abs(cells - near) < 1e-9, near, cells)
+    return np.array([_on_border((float(value) - low) / problem.resolution_m + 1.0)
+                     for value, low in zip(point_m, problem.origin_m, strict=True)])
+
+
+def _on_border(cell: float) -> float:
+    return float(round(cell)) if math.isfinite(cell) and abs(cell - round(cell)) < 1e-9 else cell
 
 
 def _inside(grid: np.ndarray, point: np.ndarray) -> bool:

@@ -127,7 +127,7 @@ def test_malformed_grids_are_refused():
 
 @pytest.mark.parametrize(("name", "key", "value"), [
     ("prm", "milestones", 0), ("rrt", "goal_bias", 1.5), ("rrt", "range_m", float("nan")), ("fmt", "samples", -5),
-    ("rrt_connect", "backend", "fast"), ("potential_field", "trail_m", float("inf")), ("bit_star", "batch", 0),
+    ("rrt_connect", "backend", "fast"), ("potential_field", "trail", float("inf")), ("bit_star", "batch", 0),
 ])
 def test_settings_out_of_range_are_refused_by_name(name, key, value):
     with pytest.raises(ConfigError, match=f"planner.{name}.{key}"):
