@@ -59,7 +59,7 @@ class Planning:
 class Features:
     """The SIFT features every part shares (rhs.vision)."""
 
-    # key-points kept per view, strongest first
+    # key-points kept per 320x240 pixels of a view, strongest first (1200 at 640x480)
     count: int = 300
     # SIFT contrast threshold: lower finds more, weaker points
     contrast: float = 0.02

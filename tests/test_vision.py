@@ -97,6 +97,31 @@ def test_depth_is_exact_between_pixels_of_a_slanted_plane():
     assert np.isnan(vision.depth_at(depth, pixels)[2])  # too much of its window lies outside the image
 
 
+def test_occlusion_edges_are_found_and_slanted_walls_are_none():
+    """A box 2 m away before a wall at 4 m: pixels away from its edge count their distance to it."""
+    depth = np.full((40, 60), 4.0, np.float32)
+    depth[:, 30:] = 2.0
+    distance = vision.occlusion_distance(depth)
+    assert abs(distance[20, 10] - 19.0) < 0.5  # both sides of the edge belong to it: columns 29 and 30
+    assert distance[20, 30] == 0.0
+    wall = (1.0 / (0.125 + 0.003 * np.arange(60)) * np.ones((40, 1))).astype(np.float32)  # from 8 m to 3.3 m
+    assert np.isinf(vision.occlusion_distance(wall)).all()
+    assert np.isinf(vision.occlusion_distance(np.full((40, 60), np.nan, np.float32))).all()
+
+
+def test_few_key_points_over_edges_lose_their_depth_many_keep_it():
+    """A board in front of the right of the painted wall: those near its edge go. A fence of 13 boards: all stay."""
+    observation = view()
+    for boards, lost in (([(220, 320)], True), ([(left, left + 12) for left in range(10, 310, 24)], False)):
+        depth = observation.depth.copy()
+        for left, right in boards:
+            depth[:, left:right] *= 0.5
+        features = vision.features(Observation(0, 0.0, CAMERA, observation.image, depth), SETTINGS)
+        readable = np.isfinite(vision.depth_at(depth, features.pixels.astype(float)))
+        assert readable.sum() > 100
+        assert np.isnan(features.points[readable, 2]).any() == lost
+
+
 def test_depth_at_an_edge_is_unknown():
     depth = np.full((40, 40), 2.0, np.float32)
     depth[:, 20:] = 4.0

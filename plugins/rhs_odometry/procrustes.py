@@ -88,9 +88,13 @@ class ProcrustesOdometry:
     def _features(self, observation: Observation) -> Features:
         return vision.features(observation, self._feature_settings)
 
+    @property
+    def _ratio(self) -> float:
+        return self._feature_settings.ratio
+
     def _pairs(self, previous: Features, current: Features) -> tuple[np.ndarray, np.ndarray, int]:
         """Matched points with known depth in the current (p) and the previous (q) camera frame, and all matches."""
-        rows = vision.match(current, previous, self._feature_settings.ratio)
+        rows = vision.match(current, previous, self._ratio)
         p, q = current.points[rows[:, 0]].astype(float), previous.points[rows[:, 1]].astype(float)
         known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
         return p[known], q[known], len(rows)

@@ -50,7 +50,9 @@ def test_motion_of_the_body_is_found(refine, move):
 def test_motion_out_of_the_plane_is_found_when_not_planar():
     move = exp_se3(np.array([0.1, 0.0, 0.05, 0.03, -0.05, 0.1]))
     motion = follow(build(planar=False), START, START @ move)
-    assert np.abs(log_se3(inverse(move) @ motion.previous_from_body)).max() < 0.005
+    error = log_se3(inverse(move) @ motion.previous_from_body)
+    assert np.abs(error[:3]).max() < 0.01
+    assert np.abs(error[3:]).max() < 0.002
 
 
 def test_identical_views_give_the_identity():
