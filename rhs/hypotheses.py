@@ -107,6 +107,11 @@ def update(state: Guesses, claims: Sequence[Claim], areas: float, trust: Trust) 
     return _normalised(_merged(kept, trust), state.elsewhere * miss, trust)
 
 
+def confirms(state: Guesses, claims: Sequence[Claim], trust: Trust) -> bool:
+    """Whether any claim agrees with the best guess."""
+    return state.best is not None and bool(_corrected(state.best, claims, trust)[0])
+
+
 def _corrected(guess: Guess, claims: Sequence[Claim], trust: Trust) -> tuple[list[int], Guess]:
     """Which claims the guess agrees with, and the guess corrected by the nearest of them."""
     limit = gate(3, trust.gate_probability)

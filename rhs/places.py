@@ -1,96 +1,69 @@
 """The place database: stored views with their key-points and poses, asked "where was this seen?" (thesis section 5.2).
 
-An answer is a pose in the map with covariance, or `abstained` with a reason. Descriptors are kept as bytes (512 times
-the RootSIFT value), so that ten thousand views of 300 key-points take 0.4 GB.
+An answer is a pose in the map with covariance, or `abstained` with a reason.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .errors import RecordingError
 from .geometry import Camera, compose_covariance, inverse, planar, wrap
-from .records import Features, View
+from .memory import Memory, unpacked
+from .records import Features
 from .retrieval import make_retrieval
 from .sighting import Sighting, SightingSettings, Snapshot, sight
+from .support import nearest_views, support
 
-BYTE_SCALE = 512.0
 # The map is drawn from the very poses of the stored views; a place is as exact in it as its neighbours are.
 PLACE_SIGMA_M, PLACE_SIGMA_RAD = 0.03, np.radians(0.5)
+TIE, SLOPE = 0.12, 12.0  # of the support of two places, see `shares`
 APART_M, APART_RAD = 1.0, np.radians(20.0)  # two sightings further apart than this are two different places
-FORMAT = 1
 
 
 @dataclass(frozen=True)
 class PlaceSettings:
-    """retrieval: votes, kd_tree or vlad. checks: best candidates checked by geometry. rival_share: if a second, distant
-    place gathers more than this share of the best one's inliers, the answer is abstained: the two look alike."""
+    """retrieval: votes, kd_tree or vlad. checks: candidates checked by geometry. min_score: least support (rhs.support) of
+    an answer. rival_share: if a second, distant place has more than this share of the best one's support, the answer is
+    abstained: the two look alike."""
 
     retrieval: str = "vlad"
     checks: int = 5
-    rival_share: float = 0.6
+    min_score: float = 0.02
+    rival_share: float = 0.85
     sighting: SightingSettings = field(default_factory=SightingSettings)
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
-    """Stored views as plain arrays: poses (P, 4, 4) map_from_body; indices (P,) of the views in their survey;
-    starts (P + 1,) rows of the key-points of each view in pixels (M, 2), descriptors (M, 128) uint8, points (M, 3)."""
-
-    poses: np.ndarray
-    indices: np.ndarray
-    starts: np.ndarray
-    pixels: np.ndarray
-    descriptors: np.ndarray
-    points: np.ndarray
-    camera: Camera
-
-    def __len__(self) -> int:
-        return len(self.poses)
-
-    def features(self, place: int) -> Features:
-        """Key-points of one stored view, descriptors back at unit length."""
-        rows = slice(self.starts[place], self.starts[place + 1])
-        return Features(self.pixels[rows], unpacked(self.descriptors[rows]), self.points[rows])
-
-
-@dataclass(frozen=True, eq=False)
 class Recognised:
-    """One verified candidate: the stored place, how it was seen, and the pose in the map that follows."""
+    """One verified candidate: the stored place, how it was seen, the pose in the map that follows, and how much of the
+    view the memory explains from there (NaN for a weaker candidate of the same place)."""
 
     place: int
     sighting: Sighting
     map_from_body: np.ndarray
     covariance: np.ndarray
+    score: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)
 class PlaceAnswer:
     """best: the place recognised, or None when abstained, for `reason`. verified: all candidates that passed the check,
-    most inliers first. ranked (T,): the candidates as retrieved, with their scores (T,)."""
+    most inliers first. distinct: the best of each different place, best supported first. ranked (T,): the candidates as
+    retrieved, with their scores (T,)."""
 
     best: Recognised | None
     reason: str
     verified: tuple[Recognised, ...]
+    distinct: tuple[Recognised, ...]
     ranked: np.ndarray
     scores: np.ndarray
 
     @property
     def abstained(self) -> bool:
         return self.best is None
-
-    @property
-    def distinct(self) -> tuple[Recognised, ...]:
-        """The best verified candidate of each different place."""
-        out: list[Recognised] = []
-        for item in self.verified:
-            if all(apart(item.map_from_body, other.map_from_body) for other in out):
-                out.append(item)
-        return tuple(out)
 
 
 class PlaceDatabase:
@@ -103,14 +76,33 @@ class PlaceDatabase:
             make_retrieval(settings.retrieval, unpacked(memory.descriptors), memory.starts, rng) if usable else None
         )
 
-    def ask(self, query: Features, camera: Camera) -> PlaceAnswer:
-        """Where was this seen? Retrieve, check by geometry, and abstain when nothing or too much fits."""
+    def ask(self, query: Features, camera: Camera, also: Sequence[np.ndarray] = ()) -> PlaceAnswer:
+        """Where was this seen? Retrieve, check by geometry, weigh by support; abstain when nothing or too much fits.
+
+        also: poses (4x4) believed in, whose nearest stored view is checked as well. Without this a belief would be
+        contradicted by answers that never looked at it.
+        """
         if self.retrieval is None or len(query.pixels) < 2:
             return _abstained("nothing stored" if self.retrieval is None else "no key-points in the view")
-        ranked, scores = self.retrieval.rank(query.descriptors, self._settings.checks)
-        found = [self._check(int(place), Snapshot(query, camera)) for place in ranked]
+        ranked, scores = self.retrieval.rank(query.descriptors, 4 * self._settings.checks)
+        places = dict.fromkeys([*self._spread(ranked), *(int(v) for pose in also for v in self._nearest(pose))])
+        found = [self._check(place, Snapshot(query, camera)) for place in places]
         verified = tuple(sorted((item for item in found if item is not None), key=lambda r: -r.sighting.inliers))
-        return self._judged(verified, ranked, scores)
+        return self._judged(verified, Snapshot(query, camera), ranked, scores)
+
+    def _spread(self, ranked: np.ndarray) -> list[int]:
+        """The best candidates, no more than two of them from one neighbourhood: look-alikes get a hearing."""
+        chosen: list[int] = []
+        for place in ranked:
+            same = sum(not apart(self.memory.poses[place], self.memory.poses[other]) for other in chosen)
+            if same < 2:
+                chosen.append(int(place))
+            if len(chosen) == self._settings.checks:
+                break
+        return chosen
+
+    def _nearest(self, map_from_body: np.ndarray) -> np.ndarray:
+        return nearest_views(self.memory, map_from_body, 1)
 
     def _check(self, place: int, query: Snapshot) -> Recognised | None:
         stored = Snapshot(self.memory.features(place), self.memory.camera)
@@ -120,47 +112,42 @@ class PlaceDatabase:
         covariance = compose_covariance(_place_covariance(), seen.stored_from_query, seen.covariance)
         return Recognised(place, seen, self.memory.poses[place] @ seen.stored_from_query, covariance)
 
-    def _judged(self, verified: tuple[Recognised, ...], ranked: np.ndarray, scores: np.ndarray) -> PlaceAnswer:
-        if not verified:
-            return PlaceAnswer(None, "no candidate passed the geometric check", verified, ranked, scores)
-        best = verified[0]
-        limit = self._settings.rival_share * best.sighting.inliers
-        rivals = [r for r in verified[1:] if r.sighting.inliers > limit and apart(r.map_from_body, best.map_from_body)]
-        if rivals:
-            return PlaceAnswer(None, "two places look alike", verified, ranked, scores)
-        return PlaceAnswer(best, "", verified, ranked, scores)
+    def _judged(self, verified: tuple[Recognised, ...], query: Snapshot, ranked: np.ndarray, scores: np.ndarray):
+        scored = [self._scored(item, query) for item in _distinct(verified)]
+        distinct = tuple(sorted((r for r in scored if r.score >= self._settings.min_score), key=lambda r: -r.score))
+        best, reason = None, ""
+        if not distinct:
+            reason = "no candidate passed the geometric check"
+        elif any(rival.score > self._settings.rival_share * distinct[0].score for rival in distinct[1:]):
+            reason = "two places look alike"
+        else:
+            best = distinct[0]
+        return PlaceAnswer(best, reason, verified, distinct, ranked, scores)
+
+    def _scored(self, item: Recognised, query: Snapshot) -> Recognised:
+        return replace(item, score=support(self.memory, query.features, query.camera, item.map_from_body).score)
 
 
-def memory_of(views: Sequence[View]) -> Memory:
-    """The stored views of a survey (those with key-points) at their corrected poses; all are taken with one camera."""
-    kept = [view for view in views if view.features is not None and len(view.features.pixels) > 1]
-    if not kept:
-        nothing = np.empty((0, 2), np.float32)
-        camera = views[0].camera if views else Camera(1, 1, 1.0, 1.0, 0.0, 0.0)
-        return Memory(np.empty((0, 4, 4)), np.empty(0, int), np.zeros(1, int), nothing,
-                      np.empty((0, 128), np.uint8), np.empty((0, 3), np.float32), camera)  # fmt: skip
-    parts = [view.features for view in kept if view.features is not None]
-    return Memory(
-        poses=np.stack([view.map_from_body for view in kept]),
-        indices=np.array([view.index for view in kept]),
-        starts=np.concatenate([[0], np.cumsum([len(part.pixels) for part in parts])]),
-        pixels=np.concatenate([part.pixels for part in parts]).astype(np.float32),
-        descriptors=np.concatenate([packed(part.descriptors) for part in parts]),
-        points=np.concatenate([part.points for part in parts]).astype(np.float32),
-        camera=kept[0].camera,
-    )
+def _distinct(verified: Sequence[Recognised], most: int = 4) -> list[Recognised]:
+    """The verified candidate with most inliers of each different place, at most `most` of them."""
+    out: list[Recognised] = []
+    for item in verified:
+        if all(apart(item.map_from_body, other.map_from_body) for other in out):
+            out.append(item)
+    return out[:most]
 
 
-def packed(descriptors: np.ndarray) -> np.ndarray:
-    """(N, 128) uint8 of unit-length RootSIFT descriptors."""
-    return np.minimum(np.rint(descriptors * BYTE_SCALE), 255).astype(np.uint8)
+def shares(answer: PlaceAnswer) -> np.ndarray:
+    """(D,) how the evidence is divided between the distinct places of an answer; adds up to one.
 
-
-def unpacked(descriptors: np.ndarray) -> np.ndarray:
-    """(N, 128) float32 of unit length again."""
-    rows = descriptors.astype(np.float32)
-    rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-9)
-    return rows
+    Places within TIE of the best support count as equal: such differences come from where the stored views happen to
+    stand and keep their sign for many views, so they must not be counted view after view. Below, e-fold per 1 / SLOPE.
+    """
+    scores = np.array([item.score for item in answer.distinct])
+    if len(scores) == 0:
+        return scores
+    likely = np.exp(-SLOPE * np.maximum(1.0 - scores / scores.max() - TIE, 0.0))
+    return likely / likely.sum()
 
 
 def apart(pose_a: np.ndarray, pose_b: np.ndarray) -> bool:
@@ -169,54 +156,9 @@ def apart(pose_a: np.ndarray, pose_b: np.ndarray) -> bool:
     return bool(np.hypot(x_m, y_m) > APART_M or abs(wrap(yaw_rad)) > APART_RAD)
 
 
-def save(memory: Memory, path: Path) -> None:
-    """Write a memory as plain arrays (npz without pickle)."""
-    camera = memory.camera
-    numbers = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.skew]
-    scratch = path.with_name(path.name + ".tmp-save.npz")
-    np.savez_compressed(
-        scratch, format=np.array(FORMAT), poses=memory.poses, indices=memory.indices, starts=memory.starts,
-        pixels=memory.pixels, descriptors=memory.descriptors, points=memory.points, camera=np.array(numbers, float),
-        distortion=np.array(camera.distortion, float), body_from_camera=camera.body_from_camera,
-    )  # fmt: skip
-    scratch.replace(path)
-
-
-def load(path: Path) -> Memory:
-    """Read a memory written by `save`. Raises RecordingError naming the file when it is not one."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            data = {name: file[name] for name in file.files}
-        if int(data["format"]) != FORMAT:
-            raise ValueError(f"format {int(data['format'])}, expected {FORMAT}")
-        memory = Memory(**{name: data[name] for name in _ARRAYS}, camera=_camera_of(data))
-        _check_sizes(memory)
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise RecordingError(f"{path} is not a place database: {error}; write one with rhs.places.save") from error
-    return memory
-
-
-def _camera_of(data: dict[str, np.ndarray]) -> Camera:
-    width, height, fx, fy, cx, cy, skew = data["camera"].tolist()
-    distortion = tuple(data["distortion"].tolist())
-    return Camera(int(width), int(height), fx, fy, cx, cy, skew, distortion, data["body_from_camera"])
-
-
-_ARRAYS = ("poses", "indices", "starts", "pixels", "descriptors", "points")
-
-
-def _check_sizes(memory: Memory) -> None:
-    places, rows = len(memory.poses), len(memory.descriptors)
-    steps = np.diff(memory.starts)
-    if len(memory.starts) != places + 1 or memory.starts[0] != 0 or memory.starts[-1] != rows or np.any(steps < 0):
-        raise ValueError("its rows do not add up")
-    if len(memory.pixels) != rows or len(memory.points) != rows or len(memory.indices) != places:
-        raise ValueError("its arrays differ in length")
-
-
 def _place_covariance() -> np.ndarray:
     return np.diag([PLACE_SIGMA_M**2] * 3 + [PLACE_SIGMA_RAD**2] * 3)
 
 
 def _abstained(reason: str) -> PlaceAnswer:
-    return PlaceAnswer(None, reason, (), np.empty(0, int), np.empty(0))
+    return PlaceAnswer(None, reason, (), (), np.empty(0, int), np.empty(0))

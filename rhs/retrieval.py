@@ -72,6 +72,8 @@ class KdTree:
     def rank(self, descriptors: np.ndarray, top: int, neighbours: int = 4) -> tuple[np.ndarray, np.ndarray]:
         neighbours = min(neighbours, len(self._owner))
         rows, squared = self._tree.knnSearch(np.ascontiguousarray(descriptors), neighbours, params={"checks": 48})
+        if rows is None:
+            return _best(np.zeros(self._views), top)
         weight = np.exp(-squared / 0.1)  # two RootSIFT descriptors of one point differ by about 0.1 squared
         scores = np.zeros(self._views)
         owners = self._owner[rows]

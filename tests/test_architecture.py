@@ -18,10 +18,11 @@ PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 
 LEVELS = [
     "errors sealing geometry jit paths provenance mcap_records meanings",
-    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph",
+    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles",
     "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency"
-    " structure",
-    "contracts mission control obstacles sighting loops places ros playback recording maps judge judge_kernels recover tape"
+    " structure memory likelihood heaps",
+    "contracts mission control obstacles sighting support loops places place_files"
+    " ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
     "patrol survey sentinel kidnap steps progress metrics map_metrics testing_room testing_estimators"
     " testing_planners testing_sources testing",

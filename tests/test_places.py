@@ -9,7 +9,9 @@ from painted_survey import CAMERA, FEATURES, look, ring, survey
 
 from rhs.errors import RecordingError
 from rhs.geometry import inverse, log_se3, se2
-from rhs.places import PlaceDatabase, PlaceSettings, load, memory_of, packed, save, unpacked
+from rhs.memory import memory_of, packed, unpacked
+from rhs.place_files import load, save
+from rhs.places import PlaceDatabase, PlaceSettings, shares
 from rhs.records import Features
 from rhs.sighting import SightingSettings, Snapshot, sight
 from rhs.vision import features
@@ -65,6 +67,7 @@ def test_two_rooms_hung_with_the_same_paintings_make_it_abstain():
     answer = database.ask(features(look(se2(1.3, 0.3, 1.9)), FEATURES), CAMERA)
     assert answer.abstained and answer.reason == "two places look alike"
     assert len(answer.distinct) == 2
+    np.testing.assert_allclose(shares(answer), 0.5)
 
 
 def test_without_depth_in_the_query_the_pose_comes_from_pnp():

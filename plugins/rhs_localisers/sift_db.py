@@ -13,8 +13,9 @@ import numpy as np
 from rhs.belief import chance_right
 from rhs.contracts import Context
 from rhs.grid import OccupancyGrid
-from rhs.hypotheses import Claim, Guesses, Trust, begin, predict, update
-from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, memory_of
+from rhs.hypotheses import Claim, Guesses, Trust, begin, confirms, predict, update
+from rhs.memory import memory_of
+from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, shares
 from rhs.records import Belief, Knowing, Motion, Observation, View
 from rhs.sighting import SightingSettings
 from rhs.vision import features
@@ -33,6 +34,7 @@ class PlaceLocaliser:
         self._state: Guesses = begin(None, None)
         self._database: PlaceDatabase | None = None
         self._steps = 0
+        self._contradicted = False
         self._last = np.eye(4)
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
@@ -45,7 +47,7 @@ class PlaceLocaliser:
 
     def start(self, belief: Belief | None) -> None:
         """Begin from a belief, or anywhere."""
-        self._steps = 0
+        self._steps, self._contradicted = 0, False
         if belief is None:
             self._state = begin(None, None)
         else:
@@ -58,18 +60,21 @@ class PlaceLocaliser:
         details: dict[str, float] = {}
         if self._due():
             answer = self._ask(observation)
-            self._state = update(self._state, _claims(answer), self._areas, self._trust)
+            claims = _claims(answer)
+            self._contradicted = bool(claims) and not confirms(self._state, claims, self._trust)
+            self._state = update(self._state, claims, self._areas, self._trust)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
         self._steps += 1
         return self._belief(details)
 
     def _due(self) -> bool:
         sure = 1.0 - self._state.elsewhere >= self._settings.tracking_above
-        return not sure or self._steps % self._settings.every == 0
+        return not sure or self._contradicted or self._steps % self._settings.every == 0
 
     def _ask(self, observation: Observation) -> PlaceAnswer:
         assert self._database is not None, "learn() comes before update()"
-        return self._database.ask(features(observation, self._context.features), observation.camera)
+        believed = [guess.map_from_body for guess in self._state.guesses[:3]]
+        return self._database.ask(features(observation, self._context.features), observation.camera, believed)
 
     def _belief(self, details: dict[str, float]) -> Belief:
         best = self._state.best
@@ -87,9 +92,11 @@ class PlaceLocaliser:
 
 
 def _claims(answer: PlaceAnswer) -> list[Claim]:
-    """Each different place that was verified, with its share of the agreeing key-points of all of them."""
-    total = sum(r.sighting.inliers for r in answer.distinct)
-    return [Claim(r.map_from_body, r.covariance, r.sighting.inliers / total) for r in answer.distinct]
+    """Each different place that was verified, with its share of the evidence."""
+    return [
+        Claim(r.map_from_body, r.covariance, float(share))
+        for r, share in zip(answer.distinct, shares(answer), strict=True)
+    ]
 
 
 def _inliers(answer: PlaceAnswer) -> float:

@@ -8,8 +8,13 @@ origin of the world. Reading chosen: the first pose stays where it is, e(t) = e_
 readings give maps that differ by that one constant.
 
 Where an axis has not moved at all (M = 0, the height of a robot on the floor) its error is spread by the distance on
-the floor. Corrections are added to positions and Euler angles, axis by axis, as in the thesis; poses are not turned
-about the start. What lies before the earlier view of the loop is unchanged, what follows the later one moves with it.
+the floor. What lies before the earlier view of the loop is unchanged, what follows the later one moves with it.
+
+`positions=printed` adds the corrections to positions and Euler angles independently, as the equation says. An error of
+heading made half way has then long displaced the positions that follow, and spreading the end error over them in
+proportion does not undo that: on drifting surveys the end is right and the middle no better than before. With
+`positions=turned` (the default) the angles are corrected first, the same steps are walked again with the corrected
+angles, and only the error of position that is left is spread by the equation.
 """
 
 from __future__ import annotations
@@ -47,7 +52,8 @@ class ErrorSpreader:
         used = next((edge for edge in judged if edge.accepted), None)
         if used is None:
             return Closure(poses, tuple(judged), {"closures": 0.0})
-        return Closure(spread(poses, used), tuple(judged), {"closures": 1.0, "closure_inliers": float(used.inliers)})
+        corrected = spread(poses, used, turned=self._settings.positions == "turned")
+        return Closure(corrected, tuple(judged), {"closures": 1.0, "closure_inliers": float(used.inliers)})
 
     def _judged(self, poses: np.ndarray, edge: LoopEdge) -> LoopEdge:
         """The edge, refused if the odometry cannot have been that wrong."""
@@ -60,18 +66,38 @@ class ErrorSpreader:
         return LoopEdge(edge.earlier, edge.later, edge.earlier_from_later, edge.covariance, edge.inliers, False, reason)
 
 
-def spread(poses: np.ndarray, edge: LoopEdge) -> np.ndarray:
-    """(N, 4, 4) poses with the error at `edge.later` divided over the way since `edge.earlier` (eq. 3.14)."""
+def spread(poses: np.ndarray, edge: LoopEdge, *, turned: bool = False) -> np.ndarray:
+    """(N, 4, 4) poses with the error at `edge.later` divided over the way since `edge.earlier` (eq. 3.14).
+
+    turned: walk the steps again with the corrected angles before spreading what is left of the position error.
+    """
     first, last = edge.earlier, edge.later
-    values = _coordinates(poses[first : last + 1])
-    wanted = _coordinates(np.stack([poses[last], poses[first] @ edge.earlier_from_later]))
-    error = wanted[1] - wanted[0]
-    error[3:] = wrap(error[3:])
-    corrected = values + error * _weights(values)
+    wanted = _coordinates((poses[first] @ edge.earlier_from_later)[None])[0]
+    part = poses[first : last + 1]
+    if turned:
+        part = _walked_again(part, _corrected(part, wanted, slice(3, 6)))
     out = poses.copy()
-    out[first : last + 1] = _poses(corrected)
+    out[first : last + 1] = _corrected(part, wanted, slice(0, 6))
     out[first] = poses[first]
     out[last + 1 :] = out[last] @ inverse(poses[last]) @ poses[last + 1 :]
+    return out
+
+
+def _corrected(poses: np.ndarray, wanted: np.ndarray, axes: slice) -> np.ndarray:
+    """(N, 4, 4) poses whose coordinates `axes` end where `wanted` (6,) says, by eq. 3.14."""
+    values = _coordinates(poses)
+    error = np.zeros(6)
+    error[axes] = (wanted - values[-1])[axes]
+    error[3:] = wrap(error[3:])
+    return _poses(values + error * _weights(values))
+
+
+def _walked_again(poses: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """The steps of `poses` (N, 4, 4), each in its own body frame, walked with the rotations of `turned`."""
+    steps = np.einsum("nji,nj->ni", poses[:-1, :3, :3], np.diff(poses[:, :3, 3], axis=0))
+    out = turned.copy()
+    out[0, :3, 3] = poses[0, :3, 3]
+    out[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(np.einsum("nij,nj->ni", turned[:-1, :3, :3], steps), axis=0)
     return out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rhs.errors import check_range
+from rhs.errors import check_choice, check_range
 
 
 @dataclass
@@ -15,6 +15,8 @@ class ErrorDistribution:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
+    # printed: the equation alone, axis by axis; turned: angles first, then the steps are walked again with them.
+    positions: str = "turned"
     # The last and the first so many stored views are compared.
     reach_views: int = 6
     # So many of their pairs, those with most matches, are checked by geometry.
@@ -27,6 +29,7 @@ class ErrorDistribution:
 
     def __post_init__(self) -> None:
         owner = "loop_closer.error_distribution"
+        check_choice(owner, "positions", self.positions, ("printed", "turned"))
         check_range(owner, "reach_views", self.reach_views, low=1, high=1000)
         check_range(owner, "checks", self.checks, low=1, high=1000)
         check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)

@@ -61,3 +61,19 @@ def test_before_the_loop_nothing_moves_and_after_it_all_moves_with_the_end():
 
 def test_without_a_closer_the_poses_are_returned_as_they_are():
     assert NoClosing().build(None).close([]).poses.shape == (0, 4, 4)
+
+
+def test_turned_undoes_an_error_of_heading_made_in_one_corner_and_printed_does_not():
+    # Two sides of 5 m; the corner was measured 0.2 rad too small, nothing else is wrong.
+    def walk(corner_rad):
+        steps = [se2(1.0, 0.0, 0.0)] * 5 + [se2(0.0, 0.0, corner_rad)] + [se2(1.0, 0.0, 0.0)] * 5
+        poses = [np.eye(4)]
+        for step in steps:
+            poses.append(poses[-1] @ step)
+        return np.stack(poses)
+
+    truth, believed = walk(np.pi / 2), walk(np.pi / 2 - 0.2)
+    edge = _edge(0, 11, truth[-1])
+    np.testing.assert_allclose(spread(believed, edge, turned=True), truth, atol=1e-9)
+    left = np.linalg.norm(spread(believed, edge)[:, :2, 3] - truth[:, :2, 3], axis=1).max()
+    assert left > 0.2

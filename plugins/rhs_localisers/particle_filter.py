@@ -1,0 +1,182 @@
+"""Monte Carlo localisation over places and scans (thesis section 5.2, which proposes it and measures nothing).
+
+Per view: move the particles by the odometry; weigh them by the scan against the map (likelihood field) and by how much
+the view looks like the stored view nearest to each; now and then let the place database name places, which weighs
+particles and puts new ones there; resample when the weights have become uneven. Beside the cloud stands `elsewhere`, the
+chance that the robot is where no particle is: scouts spread over the whole map keep it honest, and places named away
+from the cloud turn it into particles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rhs.belief import RIGHT_M, RIGHT_RAD
+from rhs.contracts import Context
+from rhs.geometry import planar, se2
+from rhs.grid import OccupancyGrid
+from rhs.heaps import Caution, heaps, resampled_by_heaps, reweighted_by_heaps
+from rhs.likelihood import FieldSettings, LikelihoodField
+from rhs.particles import (
+    Cloud,
+    Peak,
+    SizeLaw,
+    around,
+    displaced,
+    effective_size,
+    even,
+    merged,
+    peak,
+    reweighted,
+)
+from rhs.records import Belief, Knowing, Motion, Observation, View
+
+from .particle_filter_config import ParticleFilter, ParticleFilterScan
+from .particle_places import Places
+
+CAUTION = Caution()
+PLANE = np.ix_([0, 1, 5], [0, 1, 5])
+BASE_SIGMA = np.array([0.005, 0.005, 0.003])  # least motion noise: metres, metres, radians
+
+
+class ParticleLocaliser:
+    """See rhs.contracts.Localiser. places: evidence from stored views, or None for scans alone."""
+
+    def __init__(self, settings: ParticleFilter | ParticleFilterScan, context: Context, places: Places | None) -> None:
+        self._settings, self._places, self._rng = settings, places, context.rng
+        self._law = SizeLaw(settings.particles_min, settings.particles_max)
+        self._field: LikelihoodField | None = None
+        self._cloud: Cloud | None = None
+        self._elsewhere = 1.0
+        self._peak: Peak | None = None
+
+    def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
+        """Take the map for the scans and the stored views for the places."""
+        self._field = LikelihoodField(grid, FieldSettings(trust=self._settings.scan_trust))
+        if self._places is not None:
+            self._places.learn(views, self._field.area_m2)
+
+    def start(self, belief: Belief | None) -> None:
+        """Begin round a belief, or spread over the whole map."""
+        assert self._field is not None, "learn() comes before start()"
+        if belief is None:
+            states = self._field.anywhere(self._settings.particles_max, self._rng)
+            self._elsewhere = 0.5
+        else:
+            spread = belief.covariance[PLANE] + np.diag(BASE_SIGMA**2)
+            states = around(planar(belief.map_from_body), spread, 2 * self._settings.particles_min, self._rng)
+            self._elsewhere = float(np.clip(1.0 - belief.probability, 1e-4, 0.99))
+        self._cloud = even(states)
+        self._peak = None
+
+    def update(self, observation: Observation, motion: Motion) -> Belief:
+        """Move, weigh, let the places speak, resample, and say what is believed."""
+        assert self._cloud is not None and self._field is not None, "start() comes before update()"
+        self._move(motion)
+        self._weigh(observation, motion)
+        self._hear_places(observation)
+        if effective_size(self._cloud) < 0.5 * len(self._cloud):
+            self._cloud = resampled_by_heaps(self._cloud, self._law, self._rng)
+        self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
+        return self._belief(self._peak)
+
+    def _move(self, motion: Motion) -> None:
+        travel = planar(motion.previous_from_body)
+        share = self._settings.motion_share
+        length_m, turn_rad = float(np.hypot(travel[0], travel[1])), abs(float(travel[2]))
+        sigma = BASE_SIGMA + share * np.array([length_m, length_m, turn_rad + 0.2 * length_m])
+        covariance = motion.covariance[PLANE] + np.diag(sigma**2)
+        assert self._cloud is not None
+        self._cloud = Cloud(displaced(self._cloud.states, travel, covariance, self._rng), self._cloud.log_weights)
+        self._elsewhere += self._settings.kidnap_rate * (1.0 - self._elsewhere)
+
+    def _weigh(self, observation: Observation, motion: Motion) -> None:
+        """Weigh the cloud and scouts spread over the map by the same evidence; what the scouts gain the cloud loses.
+
+        The less the robot knows, the more scouts there are, and the more of them join the cloud."""
+        assert self._cloud is not None and self._field is not None
+        most, few = self._settings.particles_max, self._settings.scouts
+        count = max(few, int(self._elsewhere * most)) if self._elsewhere > 0.05 else max(few, 1)
+        scouts = even(self._field.anywhere(count, self._rng))
+        evidence = self._evidence(self._cloud.states, observation, motion)
+        cloud, gain = reweighted_by_heaps(self._cloud, evidence, heaps(self._cloud.states), CAUTION)
+        scouts, gain_elsewhere = reweighted(scouts, self._evidence(scouts.states, observation, motion))
+        self._cloud = cloud
+        self._share_out(gain, gain_elsewhere)
+        if self._elsewhere > 0.02:
+            joining = 0.5 * self._elsewhere
+            self._cloud = merged(cloud, 1.0 - self._elsewhere, scouts, joining)
+            self._elsewhere -= joining
+
+    def _share_out(self, gain: float, gain_elsewhere: float) -> None:
+        """Bayes between the cloud and `elsewhere`, as cautiously as between heaps."""
+        ahead = np.clip(gain_elsewhere - gain, -50.0, 50.0)
+        ahead = np.sign(ahead) * max(abs(ahead) - CAUTION.margin, 0.0) * CAUTION.share
+        odds = np.log(self._elsewhere) - np.log1p(-self._elsewhere) + ahead
+        self._elsewhere = self._bounded(1.0 / (1.0 + np.exp(-odds)))
+
+    def _bounded(self, chance: float) -> float:
+        return float(np.clip(chance, self._settings.kidnap_rate, 0.99))
+
+    def _evidence(self, states: np.ndarray, observation: Observation, motion: Motion) -> np.ndarray:
+        """(N,) log-likelihood of this view at each state."""
+        assert self._field is not None
+        scan = observation.scan if observation.scan is not None else motion.scan
+        out = np.zeros(len(states))
+        if scan is not None and self._settings.scan_trust > 0:
+            out += self._field.log_likelihood(states, scan)
+        if self._places is not None:
+            out += self._places.log_likelihood(states, observation)
+        return out
+
+    def _hear_places(self, observation: Observation) -> None:
+        """Weigh by verified places and put particles there, as far as `elsewhere` allows."""
+        assert self._cloud is not None
+        if self._places is None or not self._places.due(sure=self._status() is Knowing.TRACKING):
+            return
+        hearing = self._places.hear(observation, believed(self._cloud))
+        if not hearing.claims:
+            return
+        if self._peak is not None:
+            self._places.doubt(not hearing.confirms(self._peak.mean))
+        self._cloud, gain = reweighted(self._cloud, hearing.log_likelihood(self._cloud.states))
+        fresh = even(hearing.draw(max(self._settings.particles_min // 2, 1), self._rng))
+        there = self._elsewhere * hearing.support
+        here = (1.0 - self._elsewhere) * float(np.exp(min(gain, 50.0)))
+        rest = self._elsewhere * hearing.miss
+        total = there + here + rest
+        self._elsewhere = self._bounded(rest / total)
+        self._cloud = merged(self._cloud, max(here, 1e-12) / total, fresh, there / total)
+
+    def _status(self) -> Knowing:
+        if self._peak is None:
+            return Knowing.LOST
+        mass = self._peak.mass * (1.0 - self._elsewhere)
+        if mass >= self._settings.tracking_above:
+            return Knowing.TRACKING
+        return Knowing.CONVERGING if mass >= self._settings.lost_below else Knowing.LOST
+
+    def _belief(self, heap: Peak) -> Belief:
+        covariance = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])
+        covariance[PLANE] = heap.covariance
+        assert self._cloud is not None
+        details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "heap_mass": heap.mass}
+        probability = heap.near * (1.0 - self._elsewhere)
+        return Belief(se2(*heap.mean), covariance, self._status(), probability, details)
+
+
+def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:
+    """Mean poses (4x4) of the heaviest heaps of a cloud."""
+    labels = heaps(cloud.states)
+    weights = cloud.weights
+    mass = np.bincount(labels, weights=weights)
+    out = []
+    for heap in np.argsort(-mass)[:most]:
+        inside = labels == heap
+        if mass[heap] > 0.02:
+            share = weights[inside] / mass[heap]
+            x, y, yaw = cloud.states[inside].T
+            out.append(se2(share @ x, share @ y, float(np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw)))))
+    return out

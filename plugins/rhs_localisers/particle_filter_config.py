@@ -1,0 +1,107 @@
+"""Settings of the localisers `particle_filter` and `particle_filter_scan`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.errors import ConfigError, check_range
+
+
+@dataclass
+class ParticleFilter:
+    """Monte Carlo localisation by what the view looks like and, where there is depth, by the scan (thesis 5.2)."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    # Fewest particles, when the belief is sharp.
+    particles_min: int = 500
+    # Most particles, when the robot may be anywhere.
+    particles_max: int = 4000
+    # Particles thrown over the whole map at each view, to notice that the robot has been carried away.
+    scouts: int = 100
+    # Exponent on the likelihood of a scan (0: scans are ignored); beams share their errors, so 1 is far too sure.
+    scan_trust: float = 0.25
+    # How much a view's likeness to the stored view nearest a particle counts (0: not at all).
+    likeness_trust: float = 6.0
+    # Views between two geometric checks while the robot knows its place; while it does not, every view is checked.
+    check_every: int = 5
+    # Candidates checked by geometry.
+    checks: int = 5
+    # Key-points that must agree on one motion between the views.
+    min_inliers: int = 15
+    # Chance that a verified place answer is right.
+    p_true: float = 0.9
+    # Chance per view that somebody carries the robot elsewhere.
+    kidnap_rate: float = 0.0001
+    # Odometry noise assumed besides its own covariance, share of the motion.
+    motion_share: float = 0.05
+    # Above this share of the weight in one heap the robot calls itself tracking ...
+    tracking_above: float = 0.9
+    # ... and below this one lost.
+    lost_below: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_particles("localiser.particle_filter", self)
+        owner = "localiser.particle_filter"
+        check_range(owner, "likeness_trust", self.likeness_trust, low=0.0, high=100.0)
+        check_range(owner, "check_every", self.check_every, low=1, high=10000)
+        check_range(owner, "checks", self.checks, low=1, high=1000)
+        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
+        check_range(owner, "p_true", self.p_true, low=0.5, high=0.9999)
+
+    def build(self, context: Any) -> Any:
+        from .particle_filter import ParticleLocaliser
+        from .particle_places import Places
+
+        return ParticleLocaliser(self, context, Places(self, context))
+
+
+@dataclass
+class ParticleFilterScan:
+    """Monte Carlo localisation by scans alone: for laser logs and for cameras that see no texture."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"scan"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    # Fewest particles, when the belief is sharp.
+    particles_min: int = 500
+    # Most particles, when the robot may be anywhere; a scan says less than a view, so more than with places.
+    particles_max: int = 10000
+    # Particles thrown over the whole map at each view, to notice that the robot has been carried away.
+    scouts: int = 100
+    # Exponent on the likelihood of a scan; beams share their errors, so 1 is far too sure.
+    scan_trust: float = 0.25
+    # Chance per view that somebody carries the robot elsewhere.
+    kidnap_rate: float = 0.0001
+    # Odometry noise assumed besides its own covariance, share of the motion.
+    motion_share: float = 0.05
+    # Above this share of the weight in one heap the robot calls itself tracking ...
+    tracking_above: float = 0.9
+    # ... and below this one lost.
+    lost_below: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_particles("localiser.particle_filter_scan", self)
+
+    def build(self, context: Any) -> Any:
+        from .particle_filter import ParticleLocaliser
+
+        return ParticleLocaliser(self, context, None)
+
+
+def check_particles(owner: str, settings: ParticleFilter | ParticleFilterScan) -> None:
+    """Refuse what both filters refuse."""
+    check_range(owner, "particles_min", settings.particles_min, low=10, high=1_000_000)
+    check_range(owner, "particles_max", settings.particles_max, low=10, high=1_000_000)
+    if settings.particles_min > settings.particles_max:
+        raise ConfigError(
+            f"{owner}.particles_min={settings.particles_min} is above particles_max={settings.particles_max}"
+        )
+    check_range(owner, "scouts", settings.scouts, low=0, high=1_000_000)
+    check_range(owner, "scan_trust", settings.scan_trust, low=0.0, high=1.0)
+    check_range(owner, "kidnap_rate", settings.kidnap_rate, low=1e-9, high=0.5)
+    check_range(owner, "motion_share", settings.motion_share, low=0.0, high=1.0)
+    check_range(owner, "tracking_above", settings.tracking_above, low=0.5, high=0.9999)
+    check_range(owner, "lost_below", settings.lost_below, low=0.0, high=settings.tracking_above)

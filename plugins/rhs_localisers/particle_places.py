@@ -1,0 +1,167 @@
+"""What stored views tell a particle filter: likeness everywhere, and now and then verified places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.contracts import Context
+from rhs.geometry import planar, wrap
+from rhs.memory import Memory, memory_of
+from rhs.particles import around
+from rhs.places import PlaceDatabase, PlaceSettings, shares
+from rhs.records import Observation, View
+from rhs.retrieval import Vlad
+from rhs.sighting import SightingSettings
+from rhs.vision import features
+
+from .particle_filter_config import ParticleFilter
+
+PLANE = np.ix_([0, 1, 5], [0, 1, 5])
+CLAIM_SIGMA = np.array([0.05, 0.05, 0.02])  # least spread of a claim: what the check's own covariance leaves out
+CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to this pose"
+NEAR_M, NEAR_RAD = 1.2, np.radians(35.0)  # a stored view further off says nothing about a pose
+METRES_PER_RADIAN = 2.0  # turning by a radian changes the view as much as moving by so many metres
+
+
+@dataclass(frozen=True, eq=False)
+class Hearing:
+    """Verified places of one view. claims: (mean (3,), covariance (3, 3), share) each. areas: how many places could have
+    been named; p_true: chance that a named place is right. Likelihoods are relative to that of a random naming."""
+
+    claims: tuple[tuple[np.ndarray, np.ndarray, float], ...]
+    areas: float
+    p_true: float
+
+    @property
+    def support(self) -> float:
+        """Likelihood of these claims for a robot that stands where they say, but was not expected there."""
+        return self.p_true
+
+    @property
+    def miss(self) -> float:
+        """Likelihood of these claims for a robot that stands somewhere else."""
+        return 1.0 - self.p_true
+
+    def log_likelihood(self, states: np.ndarray) -> np.ndarray:
+        """(N,) of these claims at states (N, 3)."""
+        out = np.full(len(states), self.miss)
+        for mean, covariance, share in self.claims:
+            gap = states - mean
+            c, s = np.cos(mean[2]), np.sin(mean[2])
+            local = np.stack([c * gap[:, 0] + s * gap[:, 1], -s * gap[:, 0] + c * gap[:, 1], wrap(gap[:, 2])], axis=1)
+            squared = np.einsum("ni,ij,nj->n", local, np.linalg.inv(covariance), local)
+            out += self.p_true * share * self.areas * np.exp(-0.5 * squared)
+        return np.log(out)
+
+    def confirms(self, mean: np.ndarray) -> bool:
+        """Whether a claim lies within a metre and 20 degrees of a planar pose (3,)."""
+        return any(
+            np.hypot(*(claim - mean)[:2]) < 1.0 and abs(wrap(claim[2] - mean[2])) < np.radians(20.0)
+            for claim, _, _ in self.claims
+        )
+
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """(count, 3) states round the claims, as many round each as its share."""
+        shares = np.array([share for _, _, share in self.claims])
+        counts = np.maximum(np.rint(count * shares / shares.sum()).astype(int), 1)
+        return np.concatenate(
+            [around(mean, cov, n, rng) for (mean, cov, _), n in zip(self.claims, counts, strict=True)]
+        )
+
+
+class Places:
+    """Evidence from stored views."""
+
+    def __init__(self, settings: ParticleFilter, context: Context) -> None:
+        self._settings, self._context = settings, context
+        self._vlad: Vlad | None = None
+        self._since_check = settings.check_every
+        self._heard: tuple[Observation, np.ndarray] | None = None
+
+    def learn(self, views: Sequence[View], area_m2: float) -> None:
+        """Store the views and tabulate which of them is nearest to any pose."""
+        sighting = SightingSettings(self._settings.min_inliers, ratio=self._context.features.ratio)
+        memory = memory_of(views)
+        settings = PlaceSettings("vlad", self._settings.checks, sighting=sighting)
+        self._database = PlaceDatabase(memory, settings, self._context.rng)
+        self._vlad = self._database.retrieval if isinstance(self._database.retrieval, Vlad) else None
+        self._areas = max(2.0, 0.5 * len(memory))
+        self._table = NearestView(memory)
+
+    def log_likelihood(self, states: np.ndarray, observation: Observation) -> np.ndarray:
+        """(N,) how much more the view looks like the stored view nearest each state than like an average one."""
+        if self._vlad is None or self._settings.likeness_trust == 0:
+            return np.zeros(len(states))
+        likeness = self._likeness(observation)
+        floor = float(np.median(likeness))
+        nearest = self._table.lookup(states)
+        value = np.where(nearest >= 0, likeness[nearest], floor)
+        return self._settings.likeness_trust * np.maximum(value - floor, 0.0)
+
+    def due(self, *, sure: bool) -> bool:
+        """Whether this view is to be checked by geometry."""
+        self._since_check += 1
+        if sure and self._since_check < self._settings.check_every:
+            return False
+        self._since_check = 0
+        return True
+
+    def doubt(self, contradicted: bool) -> None:
+        """After a contradiction the next view is checked as well."""
+        if contradicted:
+            self._since_check = self._settings.check_every
+
+    def hear(self, observation: Observation, believed: Sequence[np.ndarray]) -> Hearing:
+        """Ask the database where this was seen; the poses believed in (4x4) are checked as well."""
+        answer = self._database.ask(features(observation, self._context.features), observation.camera, believed)
+        claims = tuple(
+            (planar(r.map_from_body), r.covariance[PLANE] + np.diag(CLAIM_SIGMA**2), float(share))
+            for r, share in zip(answer.distinct, shares(answer), strict=True)
+        )
+        return Hearing(claims, self._areas, self._settings.p_true)
+
+    def _likeness(self, observation: Observation) -> np.ndarray:
+        if self._heard is None or self._heard[0] is not observation:
+            assert self._vlad is not None
+            seen = features(observation, self._context.features)
+            self._heard = (observation, self._vlad.likeness(seen.descriptors))
+        return self._heard[1]
+
+
+class NearestView:
+    """Table over cells and headings: which stored view is nearest, -1 where none is near."""
+
+    def __init__(self, memory: Memory) -> None:
+        stands = np.array([planar(pose) for pose in memory.poses]).reshape(-1, 3)
+        if len(stands) == 0:
+            self._corner, self._table = np.zeros(2), np.full((1, 1, HEADINGS), -1)
+            return
+        self._corner = stands[:, :2].min(axis=0) - 2.0 * NEAR_M
+        size = np.ceil((stands[:, :2].max(axis=0) + 2.0 * NEAR_M - self._corner) / CELL_M).astype(int)
+        x = self._corner[0] + (np.arange(size[0]) + 0.5) * CELL_M
+        y = self._corner[1] + (np.arange(size[1]) + 0.5) * CELL_M
+        heading = (np.arange(HEADINGS) + 0.5) * 2.0 * np.pi / HEADINGS - np.pi
+        best = np.full((size[0], size[1], HEADINGS), np.inf)
+        self._table = np.full(best.shape, -1)
+        for place, (px, py, yaw) in enumerate(stands):
+            near_x, near_y = np.abs(x - px) <= NEAR_M, np.abs(y - py) <= NEAR_M
+            turned = np.abs(wrap(heading - yaw))
+            box = np.ix_(near_x, near_y, turned <= NEAR_RAD)
+            gap = np.hypot((x[near_x] - px)[:, None], (y[near_y] - py)[None, :])[:, :, None]
+            cost = gap + METRES_PER_RADIAN * turned[turned <= NEAR_RAD]
+            cost = np.where(gap <= NEAR_M, cost, np.inf)
+            closer = cost < best[box]
+            best[box] = np.where(closer, cost, best[box])
+            self._table[box] = np.where(closer, place, self._table[box])
+
+    def lookup(self, states: np.ndarray) -> np.ndarray:
+        """(N,) index of the stored view nearest each of states (N, 3), or -1."""
+        at = np.floor((states[:, :2] - self._corner) / CELL_M).astype(int)
+        turn = np.floor((wrap(states[:, 2]) + np.pi) / (2.0 * np.pi) * HEADINGS).astype(int) % HEADINGS
+        columns, rows, _ = self._table.shape
+        inside = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
+        at = np.where(inside[:, None], at, 0)
+        return np.where(inside, self._table[at[:, 0], at[:, 1], turn], -1)

@@ -1,0 +1,105 @@
+"""Separate heaps of particles: rival answers to "where am I", kept alive and weighed with caution.
+
+An ordinary particle filter loses all heaps but one: resampling drops the lighter ones for good, and small errors of the
+map, which keep their sign view after view, add up to certainty. Here each heap is resampled by itself, at its exact
+weight and with a least number of particles, and evidence between heaps counts less than within them.
+Source of the idea of clusters with their own normalisation: Milstein, Sanchez, Williamson, Robust global localization
+using clustered particle filtering (AAAI 2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .particles import Cloud, SizeLaw, even, low_variance, needed
+
+LIGHTEST = 1e-5  # heaps below this weight are dropped
+MOST_HEAPS = 12  # heavier ones that are kept alive whatever their weight
+
+
+def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cells: int = 400_000) -> np.ndarray:
+    """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / turns) are of one heap.
+
+    States spread over more than `most_cells` bins count as one heap."""
+    from scipy.ndimage import label
+
+    low = np.floor(states[:, :2].min(axis=0) / cell_m)
+    at = (np.floor(states[:, :2] / cell_m) - low).astype(int)
+    heading = np.floor(states[:, 2] / (2.0 * np.pi) * turns).astype(int) % turns
+    size = at.max(axis=0) + 1
+    if size[0] * size[1] * turns > most_cells:
+        return np.zeros(len(states), int)
+    taken = np.zeros((size[0], size[1], turns + 1), bool)
+    taken[at[:, 0], at[:, 1], heading] = True
+    taken[:, :, turns] = taken[:, :, 0]  # the circle closes
+    names, count = label(taken, np.ones((3, 3, 3)))
+    joined = np.arange(count + 1)
+    for a, b in np.unique(np.stack([names[:, :, 0], names[:, :, turns]], axis=-1)[taken[:, :, 0]], axis=0):
+        joined[joined == joined[b]] = joined[a]
+    return np.unique(joined[names[at[:, 0], at[:, 1], heading]], return_inverse=True)[1]
+
+
+@dataclass(frozen=True)
+class Caution:
+    """How evidence counts between separate heaps. Maps and memories are a little wrong in the same way view after view,
+    so a heap is not made less likely by being `margin` (in logarithms) worse than the best, and beyond that only a
+    `share` of the difference counts. Within a heap evidence counts in full."""
+
+    margin: float = 1.0
+    share: float = 0.3
+
+
+def reweighted_by_heaps(
+    cloud: Cloud, log_likelihood: np.ndarray, labels: np.ndarray, caution: Caution
+) -> tuple[Cloud, float]:
+    """`reweighted` within each heap (labels (N,), see `heaps`), and cautiously between them. The second value is, as
+    there, the logarithm of the mean likelihood under the whole cloud."""
+    count = int(labels.max()) + 1
+    before = np.bincount(labels, weights=cloud.weights, minlength=count)
+    total = cloud.log_weights + np.where(np.isnan(log_likelihood), -np.inf, log_likelihood)
+    peak_log = np.full(count, -np.inf)
+    np.maximum.at(peak_log, labels, total)
+    if not np.isfinite(peak_log).any():
+        return even(cloud.states), -np.inf
+    safe = np.where(np.isfinite(peak_log), peak_log, 0.0)
+    with np.errstate(divide="ignore"):
+        after = safe + np.log(np.bincount(labels, weights=np.exp(total - safe[labels]), minlength=count))
+        gain = after - np.log(before)
+        best = float(gain[before > 0].max())
+        evidence = _log_sum(np.where(before > 0, np.log(before) + gain, -np.inf))
+        drop = np.minimum(gain - best + caution.margin, 0.0) * caution.share
+        log_weights = total - after[labels] + np.log(before)[labels] + drop[labels]
+    log_weights = np.where(np.isnan(log_weights), -np.inf, log_weights)
+    return Cloud(cloud.states, log_weights - _log_sum(log_weights)), evidence
+
+
+def _log_sum(values: np.ndarray) -> float:
+    top = float(values.max())
+    return top + float(np.log(np.exp(values - top).sum()))
+
+
+def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, least: int = 60) -> Cloud:
+    """Low-variance resampling within each heap, to the size its own spread asks for; heaps keep their weights.
+
+    The MOST_HEAPS heaviest heaps above LIGHTEST live on with at least `least` particles each; the others are resampled
+    together, in proportion to their weight."""
+    labels = heaps(cloud.states)
+    weights = cloud.weights
+    mass = np.bincount(labels, weights=weights)
+    order = np.argsort(-mass, kind="stable")
+    order = order[mass[order] >= LIGHTEST]
+    rest = np.isin(labels, order[MOST_HEAPS:])
+    groups = [labels == heap for heap in order[:MOST_HEAPS]] + ([rest] if rest.any() else [])
+    states, logs = [], []
+    for inside in groups:
+        share = float(weights[inside].sum())
+        trial = low_variance(weights[inside], max(int(law.most * share), least), rng.random())
+        asked = needed(cloud.states[inside][trial], law)
+        size = int(np.clip(asked * min(1.0, 2.0 * share), least, max(law.most * share, least)))
+        chosen = low_variance(weights[inside], size, rng.random())
+        states.append(cloud.states[inside][chosen])
+        logs.append(np.full(size, np.log(share / size)))
+    log_weights = np.concatenate(logs)
+    return Cloud(np.concatenate(states), log_weights - _log_sum(log_weights))

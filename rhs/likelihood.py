@@ -1,0 +1,109 @@
+"""How well a scan fits a map seen from many poses: the likelihood field. Loads numba: import it when it is needed.
+
+Source: Thrun, Burgard, Fox, Probabilistic Robotics, 6.4. Each beam's end is compared with the nearest obstacle. Two
+additions: a pose inside an obstacle is punished, and so is a beam that passes an obstacle half way (the plain field lets
+scans see through walls). The logarithm is multiplied by `trust`, because neighbouring beams share their errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .grid import OccupancyGrid
+from .jit import compiled
+from .records import Scan
+
+
+@dataclass(frozen=True)
+class FieldSettings:
+    """beams: used of each scan, evenly spaced. sigma_m: of a beam's end against the wall (map and depth noise). stray:
+    share of beams that mean nothing. trust: exponent on the product of the beams. range_max_m: longer beams are unused."""
+
+    beams: int = 40
+    sigma_m: float = 0.12
+    stray: float = 0.1
+    trust: float = 0.25
+    range_max_m: float = 8.0
+
+
+class LikelihoodField:
+    """The map as a table of log-likelihoods, ready for thousands of poses."""
+
+    def __init__(self, grid: OccupancyGrid, settings: FieldSettings) -> None:
+        from scipy.ndimage import distance_transform_edt
+
+        self.settings, self.grid = settings, grid
+        occupied = grid.occupied()
+        far = np.full(grid.shape, 1e3)
+        gap_m = distance_transform_edt(~occupied) * grid.resolution_m if occupied.any() else far
+        hit = (1.0 - settings.stray) * np.exp(-0.5 * (gap_m / settings.sigma_m) ** 2)
+        self._log_end = np.log(hit + settings.stray).astype(np.float32)
+        self._log_stray = np.float32(np.log(settings.stray))
+        self._solid = (gap_m < 0.5 * grid.resolution_m).astype(np.uint8)
+        free = np.argwhere(grid.free() & (gap_m > 0.2))
+        self._room = grid.centres(free) if len(free) else np.empty((0, 2))
+
+    def anywhere(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """(count, 3) states spread evenly over the free room, any heading."""
+        if len(self._room) == 0:
+            return np.zeros((count, 3))
+        spot = self._room[rng.integers(0, len(self._room), count)]
+        jitter = rng.uniform(-0.5, 0.5, (count, 2)) * self.grid.resolution_m
+        return np.column_stack([spot + jitter, rng.uniform(-np.pi, np.pi, count)])
+
+    @property
+    def area_m2(self) -> float:
+        """Size of the free room, square metres."""
+        return max(len(self._room), 1) * self.grid.resolution_m**2
+
+    def log_likelihood(self, states: np.ndarray, scan: Scan) -> np.ndarray:
+        """(N,) of the scan seen from states (N, 3); all zero when the scan holds no usable beam."""
+        ends = self._ends(scan)
+        if len(ends) == 0:
+            return np.zeros(len(states))
+        start = np.asarray(scan.origin_xy_m, float)
+        corner = np.asarray(self.grid.origin_m)
+        return self.settings.trust * _score(
+            np.ascontiguousarray(states, float), start, ends, self._log_end, self._solid, self._log_stray, corner,
+            self.grid.resolution_m,
+        )  # fmt: skip
+
+    def _ends(self, scan: Scan) -> np.ndarray:
+        """(B, 2) ends of some evenly spaced beams in the body frame, metres."""
+        known = np.nonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m <= self.settings.range_max_m))[0]
+        if len(known) > self.settings.beams:
+            known = known[np.linspace(0, len(known) - 1, self.settings.beams).astype(int)]
+        reach, bearing = np.asarray(scan.ranges_m, float)[known], np.asarray(scan.bearings_rad, float)[known]
+        return np.stack([np.cos(bearing), np.sin(bearing)], axis=1) * reach[:, None] + scan.origin_xy_m
+
+
+@compiled
+def _score(states, start, ends, log_end, solid, log_stray, corner, resolution):
+    rows, columns = log_end.shape
+    out = np.zeros(len(states))
+    for k in range(len(states)):
+        c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
+        x0, y0 = (states[k, 0] - corner[0]) / resolution, (states[k, 1] - corner[1]) / resolution
+        sx, sy = (c * start[0] - s * start[1]) / resolution, (s * start[0] + c * start[1]) / resolution
+        total = 0.0
+        row, column = int(np.floor(y0)), int(np.floor(x0))
+        if row < 0 or row >= rows or column < 0 or column >= columns or solid[row, column]:
+            total += len(ends) * log_stray
+        for b in range(len(ends)):
+            ex = (c * ends[b, 0] - s * ends[b, 1]) / resolution
+            ey = (s * ends[b, 0] + c * ends[b, 1]) / resolution
+            row, column = int(np.floor(y0 + ey)), int(np.floor(x0 + ex))
+            if row < 0 or row >= rows or column < 0 or column >= columns:
+                total += log_stray
+                continue
+            value = log_end[row, column]
+            for part in (0.35, 0.7):
+                row = int(np.floor(y0 + sy + part * (ey - sy)))
+                column = int(np.floor(x0 + sx + part * (ex - sx)))
+                if row < 0 or row >= rows or column < 0 or column >= columns or solid[row, column]:
+                    value = log_stray
+            total += value
+        out[k] = total
+    return out

@@ -1,0 +1,128 @@
+"""Monte Carlo localisation: by scans in a drawn room, by places in the painted room."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from painted_survey import SMALL, context, look, ring, survey
+
+from rhs.errors import ConfigError
+from rhs.geometry import inverse, planar, se2
+from rhs.grid import OccupancyGrid, frame_of
+from rhs.rays import cast
+from rhs.records import Belief, Knowing, Motion, Observation, Scan, Tracking
+from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan
+
+
+def _house() -> OccupancyGrid:
+    """Two rooms, 5 x 4 m and 3 x 4 m, with a door and a chest: every corner differs."""
+    probability = np.full((41, 81), 0.02, np.float32)
+    probability[[0, -1]] = probability[:, [0, -1]] = 0.98
+    probability[:25, 50] = probability[35:, 50] = 0.98
+    probability[1:8, 60:70] = probability[28:, 12:16] = 0.98
+    return OccupancyGrid(probability, 0.1, (0.0, 0.0))
+
+
+HOUSE = _house()
+
+
+def _scan(state):
+    bearings = np.linspace(-2.0, 2.0, 181)
+    return Scan(bearings, cast(HOUSE.occupied(), HOUSE, state[:2], bearings + state[2], 8.0) + 0.05, 8.0)
+
+
+def _walk(part, start, moves):
+    """Truth and beliefs along exact motions."""
+    truth, beliefs = se2(*start), []
+    for k, move in enumerate([(0.0, 0.0)] + moves):
+        step = se2(move[0], 0.0, move[1])
+        truth = truth @ step
+        seen = Observation(k, 0.1 * k, None, scan=_scan(planar(truth)))
+        beliefs.append(part.update(seen, Motion(step, 1e-6 * np.eye(6), Tracking.OK)))
+    return truth, beliefs
+
+
+def _scan_filter(seed=0, **settings):
+    part = ParticleFilterScan(**settings).build(SimpleNamespace(rng=np.random.default_rng(seed)))
+    part.learn([], HOUSE)
+    return part
+
+
+def _wrong(belief, truth):
+    gap = planar(inverse(truth) @ belief.map_from_body)
+    return float(np.hypot(*gap[:2])), abs(float(gap[2]))
+
+
+ROUND = [(0.2, 0.0)] * 8 + [(0.0, 0.3)] * 5 + [(0.15, 0.0)] * 8
+
+
+def test_scans_alone_find_the_robot_that_may_be_anywhere_or_say_that_they_did_not():
+    found = 0
+    for seed, start in enumerate([(1.0, 1.0, 0.0), (2.0, 2.0, 0.3), (3.0, 0.8, 0.5), (0.8, 1.5, -0.3)]):
+        part = _scan_filter(seed)
+        part.start(None)
+        truth, beliefs = _walk(part, start, ROUND)
+        metres, radians = _wrong(beliefs[-1], truth)
+        right = metres < 0.25 and radians < 0.09
+        found += right
+        assert right or beliefs[-1].status is not Knowing.TRACKING
+    assert found >= 3
+
+
+def test_it_does_not_claim_to_know_before_it_has_seen_anything():
+    part = _scan_filter()
+    part.start(None)
+    belief = part.update(Observation(0, 0.0, None), Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK))
+    assert belief.status is Knowing.LOST and belief.probability < 0.2
+
+
+def test_a_known_start_stays_known_and_sharp():
+    part = _scan_filter()
+    part.start(Belief(se2(1.0, 1.0, 0.0), np.diag([1e-3] * 6)))
+    truth, beliefs = _walk(part, (1.0, 1.0, 0.0), ROUND)
+    assert all(belief.status is Knowing.TRACKING for belief in beliefs)
+    assert _wrong(beliefs[-1], truth)[0] < 0.12
+    assert beliefs[-1].details["particles"] < 1500
+
+
+def test_a_robot_carried_off_notices_and_finds_itself():
+    part = _scan_filter(seed=3)
+    part.start(Belief(se2(1.0, 1.0, 0.0), np.diag([1e-3] * 6)))
+    _walk(part, (1.0, 1.0, 0.0), [(0.1, 0.0)] * 3)
+    truth, beliefs = _walk(part, (6.5, 2.0, 2.5), [(0.0, 0.3)] * 20 + [(0.1, 0.2)] * 15)
+    assert any(belief.status is not Knowing.TRACKING for belief in beliefs)
+    assert _wrong(beliefs[-1], truth)[0] < 0.25 and beliefs[-1].status is Knowing.TRACKING
+
+
+def test_the_same_seed_gives_the_same_belief():
+    ends = []
+    for _ in range(2):
+        part = _scan_filter(seed=5)
+        part.start(None)
+        ends.append(_walk(part, (1.0, 1.0, 0.0), ROUND[:6])[1][-1].map_from_body)
+    np.testing.assert_array_equal(ends[0], ends[1])
+
+
+def _blank_grid():
+    shape, origin_m = frame_of((-4.0, -3.0, 4.0, 3.0), 0.1)
+    return OccupancyGrid(np.full(shape, 0.02, np.float32), 0.1, origin_m)
+
+
+def test_places_find_the_robot_and_find_it_again_after_it_was_carried_off():
+    part = ParticleFilter().build(context())
+    part.learn(survey(ring(24)), _blank_grid())
+    part.start(None)
+    for begin in (0.1, 3.2):
+        angles = begin + 0.1 * np.arange(8)
+        path = [se2(1.4 * np.cos(a), 1.4 * np.sin(a), a + 1.5) for a in angles]
+        for k, pose in enumerate(path):
+            step = np.eye(4) if k == 0 else inverse(path[k - 1]) @ pose
+            belief = part.update(look(pose), Motion(step, SMALL, Tracking.OK))
+        metres, radians = _wrong(belief, path[-1])
+        assert metres < 0.15 and radians < 0.06 and belief.status is Knowing.TRACKING
+
+
+@pytest.mark.parametrize("wrong", [{"particles_min": 0}, {"particles_min": 5000}, {"scan_trust": 2.0}, {"p_true": 0.1}])
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(ConfigError, match="localiser.particle_filter"):
+        ParticleFilter(**wrong)
