@@ -37,8 +37,14 @@ def _own_comments(cls: type) -> dict[str, str]:
     notes = {token.start[0]: token.string.lstrip("#").strip()
              for token in tokenize.generate_tokens(io.StringIO(source).readline) if token.type == tokenize.COMMENT}
     body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
-    return {node.target.id: _comment_of(node, notes, lines) for node in body
-            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)}
+    out: dict[str, str] = {}
+    last_name, last_line = "", 0
+    for node in body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            shared = out.get(last_name, "") if node.lineno == last_line + 1 else ""
+            out[node.target.id] = _comment_of(node, notes, lines) or shared  # right below: one comment for both
+            last_name, last_line = node.target.id, node.end_lineno or node.lineno
+    return out
 
 
 def _comment_of(node: ast.AnnAssign, notes: dict[int, str], lines: list[str]) -> str:

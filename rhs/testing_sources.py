@@ -12,7 +12,7 @@ from .contracts import SourceContext
 from .errors import ConfigError
 from .records import Capture, Observation, Scan, Twist
 from .testing_estimators import check_pose, drive
-from .testing_room import CAMERA, context, paintings, see
+from .testing_room import CAMERA, context, paintings, scan_of, see
 from .world import load_world
 
 WORLD = "square_small"
@@ -22,7 +22,8 @@ def captures() -> list[Capture]:
     """Ideal views of the room, then one without content, then one without known depth. Nothing may be written to."""
     textures, out = paintings(), []
     for index, (pose, seen) in enumerate(drive()):
-        out.append(replace(see(CAMERA, pose, textures, index), travel=seen.wheel, command=Twist(0.5, 0.1, 0.2)))
+        out.append(replace(see(CAMERA, pose, textures, index), travel=seen.wheel, command=Twist(0.5, 0.1, 0.2),
+                           scan=scan_of(pose)))
     blank = replace(out[-1], index=len(out), image=np.full_like(out[-1].image, 90))
     dark = replace(out[-1], index=len(out) + 1, depth=np.full_like(out[-1].depth, np.nan))
     out += [blank, dark]

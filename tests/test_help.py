@@ -34,9 +34,11 @@ def test_the_meaning_of_a_setting_is_its_comment_above_or_behind():
         # second half
         above: int = 1
         behind: float = 2.0  # metres
+        with_it: float = 3.0
+
         none: str = ""
 
-    assert comments(Both) == {"above": "first half, second half", "behind": "metres", "none": ""}
+    assert comments(Both) == {"above": "first half, second half", "behind": "metres", "with_it": "metres", "none": ""}
 
 
 def test_a_plugin_that_cannot_be_imported_is_listed_with_the_reason():

@@ -8,6 +8,7 @@ from rhs.contracts import Context
 from rhs.errors import ContractError
 from rhs.records import Capture, Observation, Scan
 
+from .degrade import frozen
 from .laser import Laser
 
 
@@ -20,7 +21,7 @@ class LaserSensor:
     def sense(self, capture: Capture) -> Observation:
         if capture.scan is None:
             raise ContractError(f"capture {capture.index} has no laser scan; sensor=laser needs a recording with one")
-        travel = None if capture.travel is None else np.array(capture.travel, float)
+        travel = None if capture.travel is None else frozen(np.array(capture.travel, float))
         return Observation(
             capture.index, capture.stamp_s, self._camera,
             scan=self._limited(capture.scan), command=capture.command, wheel=travel,
