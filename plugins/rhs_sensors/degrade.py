@@ -56,8 +56,8 @@ def noisy_image(image: np.ndarray, sigma: float, rng: np.random.Generator) -> np
     return frozen(noise.astype(np.uint8))
 
 
-def check_sizes(capture: Capture, camera: Camera, *, depth: bool) -> None:
-    """Refuse a capture whose image is not the camera's size, or whose depth is missing or of another size."""
+def image_of(capture: Capture, camera: Camera) -> np.ndarray:
+    """The image of a capture; ContractError when there is none, or when it is not of the camera's size."""
     if capture.image is None:
         raise ContractError(f"capture {capture.index} has no image; this sensor needs a source that provides images")
     if capture.image.shape[:2] != (camera.height, camera.width):
@@ -65,15 +65,20 @@ def check_sizes(capture: Capture, camera: Camera, *, depth: bool) -> None:
             f"capture {capture.index}: image is {size(capture.image)}, the camera {camera.width}x{camera.height}; "
             "give the source the camera that took it"
         )
-    if not depth:
-        return
+    return capture.image
+
+
+def depth_of(capture: Capture, camera: Camera) -> np.ndarray:
+    """The depth of a capture; ContractError when there is none, or when it is not of the image's size."""
+    image = image_of(capture, camera)
     if capture.depth is None:
         raise ContractError(f"capture {capture.index} has no depth; choose sensor=mono or a source with depth")
-    if capture.depth.shape != capture.image.shape[:2]:
+    if capture.depth.shape != image.shape[:2]:
         raise ContractError(
-            f"capture {capture.index}: depth is {size(capture.depth)}, image is {size(capture.image)}; "
+            f"capture {capture.index}: depth is {size(capture.depth)}, image is {size(image)}; "
             "register the depth to the image first"
         )
+    return capture.depth
 
 
 def size(image: np.ndarray) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rhs.contracts import Context
 from rhs.records import Capture, Observation
 
-from .degrade import Encoders, check_sizes, noisy_image
+from .degrade import Encoders, image_of, noisy_image
 from .mono import Mono
 
 
@@ -19,13 +19,12 @@ class MonoSensor:
         self._encoders = Encoders(settings, wheel_rng)
 
     def sense(self, capture: Capture) -> Observation:
-        check_sizes(capture, self._camera, depth=False)
         sigma = self._settings.image_sigma if self._settings.noise and not capture.sensed else 0.0
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
-            image=noisy_image(capture.image, sigma, self._image_rng),
+            image=noisy_image(image_of(capture, self._camera), sigma, self._image_rng),
             command=capture.command,
             wheel=self._encoders.read(capture.travel, exact=capture.sensed),
         )

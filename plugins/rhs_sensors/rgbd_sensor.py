@@ -13,7 +13,7 @@ from rhs.contracts import Context
 from rhs.geometry import Camera
 from rhs.records import Capture, Observation, Scan
 
-from .degrade import Encoders, check_sizes, frozen, noisy_image
+from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
 from .rgbd import Rgbd
 
 
@@ -28,15 +28,15 @@ class RgbdSensor:
         self._rows = ScanRows(context.camera, settings)
 
     def sense(self, capture: Capture) -> Observation:
-        check_sizes(capture, self._camera, depth=True)
+        image = image_of(capture, self._camera)
         noise = self._settings.noise and not capture.sensed
-        depth = self._degraded(capture.depth, noise)
+        depth = self._degraded(depth_of(capture, self._camera), noise)
         image_sigma = self._settings.image_sigma if noise else 0.0
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
-            image=noisy_image(capture.image, image_sigma, self._image_rng),
+            image=noisy_image(image, image_sigma, self._image_rng),
             depth=depth,
             scan=self._rows.scan(depth),
             command=capture.command,
