@@ -18,7 +18,7 @@ class Mono:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "wheel", "command"})
 
-    noise: bool = True  # false: pass everything on as it is, for recordings, which bring their own noise
+    noise: bool = True  # false: an ideal sensor; views of recordings keep the noise they have, whatever is said here
     image_sigma: float = 2.0  # noise of each colour channel, grey levels of 255 (1 sigma)
     wheel_scale_sigma: float = 0.02  # each run's encoders count distance and turn too long by such a share (1 sigma)
     wheel_distance_share: float = 0.02  # noise of one reading, share of the distance since the last view (1 sigma)

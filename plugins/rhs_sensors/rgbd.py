@@ -18,7 +18,7 @@ class Rgbd:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
 
-    noise: bool = True  # false: pass everything on as it is, for recordings, which bring their own noise
+    noise: bool = True  # false: an ideal sensor; views of recordings keep the noise they have, whatever is said here
     min_range_m: float = 0.4  # nearer depths are unknown, metres along the optical axis (Kinect: 0.4)
     max_range_m: float = 8.0  # further depths are unknown, metres (Kinect: 8)
     depth_constant_m: float = 0.0012  # sigma_z = constant + quadratic * (z - 0.4 m)^2, metres (Nguyen 2012, Kinect)
