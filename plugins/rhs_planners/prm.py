@@ -30,6 +30,7 @@ class RoadmapPlanner:
         self._settings, self._rng, self._kind = settings, rng, kind
         self._ground = Ground()
         self._roadmap: Roadmap | None = None
+        self._version = -1  # of the ground, when the roadmap was last made or repaired
         self._grower: tuple = ()
         self._stale = False  # cells have changed since the first edges were found
 
@@ -62,6 +63,9 @@ class RoadmapPlanner:
 
     def _make_ready(self, task: Task, counts: dict) -> None:
         """A roadmap for the grid of the task: the one at hand, repaired, or a new one."""
+        if self._version == self._ground.version:
+            return
+        self._version = self._ground.version
         if self._roadmap is None or self._roadmap.changed_share(task.grid) > _OTHER_MAP:
             fresh_seed(self._rng)
             information, motion = space_over(task.grid, LoggedGridMotion)
