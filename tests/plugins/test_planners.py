@@ -108,7 +108,7 @@ def test_potential_field_walks_as_many_steps_as_the_thesis_where_nothing_is_trap
 
 def test_shortening_reaches_the_optimum_where_all_ways_round_are_equal():
     path = planner("rrt_connect", 2).plan(thesis_problem(3))
-    assert 10 * polyline_length(path.points_m) == pytest.approx(126.49268769, abs=1e-3)
+    assert 10 * polyline_length(path.points_m) == pytest.approx(126.49268769, rel=1e-4)
 
 
 def test_native_rrt_connect_is_valid_and_repeats_itself():
