@@ -25,7 +25,7 @@ from .mission import MissionSettings
 from .parts import Chosen, Parts, build, check_combination
 from .strict_yaml import load_yaml
 
-TASKS = ("patrol", "planning")
+TASKS = ("patrol", "planning", "places")
 OUTPUTS = ("output", "overwrite", "recording", "video", "live")  # what is kept of a run; no number depends on these
 
 
@@ -35,9 +35,27 @@ class Places:
 
     # a view is stored every so many steps of the survey (thesis 5.2: 3)
     every: int = 3
+    # places task: every so many views of the queried lap is asked
+    ask_every: int = 3
+    # places task: candidates checked by geometry
+    checks: int = 5
+    # places task: rms distance of the queried lap from the surveyed route, metres
+    off_route_m: float = 0.3
+    # places task: rms of its heading against the route, degrees
+    off_route_deg: float = 8.0
+    # places task: so many times the localiser is started from nothing ...
+    sequences: int = 25
+    # ... and led so far before it is judged, metres
+    sequence_m: float = 3.0
 
     def __post_init__(self) -> None:
         check_range("places", "every", self.every, low=1, high=100_000)
+        check_range("places", "ask_every", self.ask_every, low=1, high=100_000)
+        check_range("places", "checks", self.checks, low=1, high=1000)
+        check_range("places", "off_route_m", self.off_route_m, low=0.0, high=0.3, unit="m")
+        check_range("places", "off_route_deg", self.off_route_deg, low=0.0, high=15.0, unit="degrees")
+        check_range("places", "sequences", self.sequences, low=1, high=100_000)
+        check_range("places", "sequence_m", self.sequence_m, low=0.0, high=1000.0, unit="m")
 
 
 @dataclass
@@ -76,7 +94,7 @@ class Features:
 class RunConfig:
     """Everything one run depends on."""
 
-    # what to do: patrol (map, then patrol) or planning (planners alone on a map)
+    # what to do: patrol (map, then patrol), planning (planners alone on a map), places (recognise single views)
     task: str = "patrol"
     # a world of worlds/, or the path of a world file
     world: str = "square"

@@ -75,6 +75,10 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
         from .planning_task import run_planning_config
 
         return run_planning_config(config, folder)
+    if config.task == "places":
+        from .places_task import run_places_config
+
+        return run_places_config(config, folder)
     begin = time.perf_counter()
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)

@@ -1,0 +1,142 @@
+"""The places task: one survey stored, another lap queried view by view; how often is the place right? (thesis 5.2, T3)
+
+Files of the run folder: config.yaml, places.csv (a row per method), precision_recall.csv, places.npz (the memory),
+row.json. Stored views stand at their true poses, so that the score is that of recognition and not of odometry.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .compose import RunConfig, identity, write_config
+from .contracts import FeatureSettings
+from .errors import ConfigError
+from .files import replacing
+from .geometry import planar, se2
+from .memory import Memory, memory_of
+from .parts import Parts, build
+from .patrol import Led, steps
+from .place_files import save
+from .place_trial import ABSTAINED, CORRECT, WRONG, Answered, Query, judge_pose, precision_recall, shares, trial
+from .provenance import commit, versions
+from .records import Knowing, Motion, Observation, Step, Tracking, View
+from .rowfile import write_row
+from .survey import ViewCollector, draw
+from .vision import features
+
+QUERY_SEED = 1000  # added to the seed for the lap that is queried: other noise, another wobble
+STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
+
+
+def run_places_config(config: RunConfig, folder: Path) -> dict[str, Any]:
+    """Run the task and return its row, written whatever the outcome; the cause of a failure stands under `_cause`."""
+    if "driving" not in config.source.settings.provides:
+        raise ConfigError("task=places needs a simulated world; type source=simulator")
+    begin = time.perf_counter()
+    row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
+    cause: BaseException | None = None
+    write_config(config, folder)
+    try:
+        row.update(run_places(config, folder))
+    except KeyboardInterrupt as error:
+        row.update(status="interrupted", reason="interrupted by the user")
+        cause = error
+    except (Exception, SystemExit) as error:
+        row.update(status="failed", reason=" ".join(f"{type(error).__name__}: {error}".split()))
+        cause = error
+    row["wall_ms"] = 1e3 * (time.perf_counter() - begin)
+    write_row(folder, row)
+    return row | {"_cause": cause}
+
+
+def run_places(config: RunConfig, folder: Path) -> dict[str, Any]:
+    """Survey, query, judge; the columns of the row."""
+    stored, parts = lap(config, folder, seed=config.seed)
+    queried, _ = lap(config, folder, seed=config.seed + QUERY_SEED, off_route=True)
+    views = [replace(v, features=v.features if k % config.places.every == 0 else None) for k, (v, _) in enumerate(stored)]
+    memory = memory_of(views)
+    save(memory, folder / "places.npz")
+    asked = [step for k, step in enumerate(queried) if k % config.places.ask_every == 0]
+    queries = [Query(view.features, view.camera, view.map_from_body) for view, _ in asked if view.features is not None]
+    answers = trial(memory, queries, checks=config.places.checks, seed=config.seed)
+    answers["sequence"] = sequences(parts, views, queried, config)
+    write_tables(folder, answers)
+    return columns(memory, answers)
+
+
+def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) -> tuple[list[tuple[View, Step]], Parts]:
+    """One led lap as (view at its true pose, step) pairs, key-points in every view, and the parts it was led with.
+
+    off_route: led `places.off_route_m` rms beside the route and `places.off_route_deg` off its heading."""
+    from .world import load_world
+
+    chosen = dict(config.chosen())
+    if off_route:
+        places, led_as = config.places, chosen["source"].settings
+        wobbling = replace(led_as, wobble_m=places.off_route_m, wobble_deg=places.off_route_deg)
+        chosen["source"] = replace(chosen["source"], settings=wobbling)
+    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
+    parts = build(chosen, seed=seed, world=load_world(config.world), folder=folder, features=shared)
+    try:
+        collector = ViewCollector(1, shared, features)
+        led = Led(se2(*parts.source.facts.start), parts.mapper)
+        taken = list(collector.watch(steps(parts.source, parts.sensor, parts.odometry, led)))
+    finally:
+        parts.source.close()
+    return [
+        (replace(view, map_from_body=step.truth), step) for view, step in zip(collector.views, taken, strict=True)
+    ], parts
+
+
+def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]], config: RunConfig) -> list[Answered]:
+    """The localiser started from nothing at many views of the queried lap and led for `places.sequence_m`: right, or wrong
+    and sure of it, or (abstained) honest about not knowing."""
+    parts.localiser.learn(views, draw(tuple(views), parts.mapper))
+    out = []
+    last = len(queried) - 1
+    for begin in np.linspace(0, 0.9 * last, config.places.sequences).astype(int):
+        parts.localiser.start(None)
+        way_m, k = 0.0, int(begin)
+        belief = parts.localiser.update(_seen(queried[k][1]), STILL)
+        while way_m < config.places.sequence_m and k < last:
+            k += 1
+            step = queried[k][1]
+            way_m += float(np.hypot(*planar(step.motion.previous_from_body)[:2]))
+            belief = parts.localiser.update(_seen(step), step.motion)
+        sure = belief.status is Knowing.TRACKING
+        pose = belief.map_from_body if sure else None
+        out.append(Answered(judge_pose(pose, queried[k][0].map_from_body), belief.probability))
+    return out
+
+
+def _seen(step: Step) -> Observation:
+    return step.observation
+
+
+def columns(memory: Memory, answers: dict[str, list[Answered]]) -> dict[str, Any]:
+    """The row: the plain vote under the thesis's names, the best check and the sequence beside it."""
+    out: dict[str, Any] = {"places_stored": len(memory), "queries": len(answers["votes"])}
+    for prefix, method in (("loc", "votes"), ("loc_check", "vlad+check"), ("loc_sequence", "sequence")):
+        out.update({f"{prefix}_{name}": value for name, value in shares(answers[method]).items()})
+    return out
+
+
+def write_tables(folder: Path, answers: dict[str, list[Answered]]) -> None:
+    """places.csv: a row per method; precision_recall.csv: the curves of the retrievals and their checks."""
+    lines = ["method,queries,correct,near,wrong,abstained,precision\n"]
+    curve = ["method,threshold,precision,recall\n"]
+    for method, given in answers.items():
+        share = shares(given)
+        said = 1.0 - share[ABSTAINED]
+        precision = share[CORRECT] / said if said > 0 else float("nan")
+        values = ",".join(f"{share[o]:.4f}" for o in (CORRECT, "near", WRONG, ABSTAINED))
+        lines.append(f"{method},{len(given)},{values},{precision:.4f}\n")
+        curve += [f"{method},{t:.5g},{p:.4f},{r:.4f}\n" for t, p, r in precision_recall(given)]
+    for name, text in (("places.csv", lines), ("precision_recall.csv", curve)):
+        with replacing(folder / name) as file:
+            file.write("".join(text))
