@@ -27,7 +27,8 @@ LEVELS = [
     "patrol survey sentinel kidnap steps progress metrics map_metrics testing_room testing_estimators"
     " testing_planners testing_sources testing",
     "varied evaluate compare drawing page summary table report charts film registry parts overrides hydra_glue compose"
-    " help_text convert convert_tum planning_metrics planning_pictures planning_task places_task planning_table planner_arena",
+    " help_text convert convert_tum planning_metrics planning_pictures planning_task planning_table planner_arena"
+    " places_task",
     "experiment",
     "launcher sweep __init__",
     "__main__",

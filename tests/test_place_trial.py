@@ -1,0 +1,59 @@
+"""The single-image protocol: outcomes by definition, shares that add up, curves that fall."""
+
+import numpy as np
+import pytest
+from painted_survey import CAMERA, FEATURES, look, ring, survey
+
+from rhs.geometry import se2
+from rhs.memory import memory_of
+from rhs.place_trial import (
+    ABSTAINED,
+    CORRECT,
+    NEAR,
+    WRONG,
+    Answered,
+    Query,
+    judge_pose,
+    judge_view,
+    precision_recall,
+    shares,
+    trial,
+)
+from rhs.vision import features
+
+
+@pytest.fixture(scope="module")
+def memory():
+    return memory_of(survey(ring(24), every=2))
+
+
+def test_a_pose_is_judged_by_its_distance_and_angle():
+    truth = se2(3.0, 1.0, 0.5)
+    assert judge_pose(truth @ se2(0.2, 0.1, 0.05), truth) == CORRECT
+    assert judge_pose(truth @ se2(0.3, 0.0, 0.0), truth) == NEAR
+    assert judge_pose(truth @ se2(0.0, 0.0, 0.2), truth) == NEAR
+    assert judge_pose(truth @ se2(1.1, 0.0, 0.0), truth) == WRONG
+    assert judge_pose(None, truth) == ABSTAINED
+
+
+def test_a_named_view_is_judged_by_the_view_nearest_to_the_truth(memory):
+    truth = memory.poses[4] @ se2(0.1, 0.05, 0.02)
+    assert judge_view(memory, 4, truth) == CORRECT
+    assert judge_view(memory, 10, truth) == WRONG  # the other side of the room
+    assert judge_view(memory, None, truth) == ABSTAINED
+
+
+def test_in_a_room_of_different_paintings_every_method_is_right(memory):
+    poses = [se2(1.4 * np.cos(a), 1.4 * np.sin(a), a + 1.6) for a in (0.4, 2.0, 3.6, 5.0)]
+    queries = [Query(features(look(pose), FEATURES), CAMERA, pose) for pose in poses]
+    answers = trial(memory, queries, checks=4)
+    assert set(answers) == {"votes", "votes+check", "kd_tree", "kd_tree+check", "vlad", "vlad+check"}
+    for given in answers.values():
+        assert shares(given)[CORRECT] >= 0.75
+        assert sum(shares(given).values()) == pytest.approx(1.0)
+        assert shares(given)[WRONG] == 0.0
+
+
+def test_the_curve_has_precision_and_recall_one_would_count_by_hand():
+    answers = [Answered(CORRECT, 9.0), Answered(WRONG, 5.0), Answered(CORRECT, 3.0), Answered(ABSTAINED, 0.0)]
+    np.testing.assert_allclose(precision_recall(answers), [[9, 1, 0.25], [5, 0.5, 0.25], [3, 2 / 3, 0.5]])
