@@ -88,9 +88,11 @@ def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) 
         taken = list(collector.watch(steps(parts.source, parts.sensor, parts.odometry, led)))
     finally:
         parts.source.close()
-    return [
-        (replace(view, map_from_body=step.truth), step) for view, step in zip(collector.views, taken, strict=True)
-    ], parts
+    out = []
+    for view, step in zip(collector.views, taken, strict=True):
+        assert step.truth is not None, "the simulator knows where it is"
+        out.append((replace(view, map_from_body=step.truth), step))
+    return out, parts
 
 
 def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]], config: RunConfig) -> list[Answered]:
