@@ -118,6 +118,10 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         row = run_config(config, claim.folder, bar)
         cause = row.pop("_cause", None)
         print(table_of(row))
+        if (claim.folder / "places.csv").exists():
+            from .places_task import told
+
+            print(f"\n{told(claim.folder)}")
         print(f"\nfiles: {claim.folder}")
     status = row.get("status")
     if status == "ok" and row.get("lost"):

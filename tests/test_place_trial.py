@@ -19,6 +19,7 @@ from rhs.place_trial import (
     shares,
     trial,
 )
+from rhs.places_task import told, write_tables
 from rhs.vision import features
 
 
@@ -57,3 +58,11 @@ def test_in_a_room_of_different_paintings_every_method_is_right(memory):
 def test_the_curve_has_precision_and_recall_one_would_count_by_hand():
     answers = [Answered(CORRECT, 9.0), Answered(WRONG, 5.0), Answered(CORRECT, 3.0), Answered(ABSTAINED, 0.0)]
     np.testing.assert_allclose(precision_recall(answers), [[9, 1, 0.25], [5, 0.5, 0.25], [3, 2 / 3, 0.5]])
+
+
+def test_the_table_of_a_run_shows_the_thesis_beside_every_method(tmp_path):
+    write_tables(tmp_path, {"votes": [Answered(CORRECT, 1.0), Answered(WRONG, 2.0)], "sequence": [Answered(ABSTAINED, 0.0)]})
+    lines = told(tmp_path).splitlines()
+    assert lines[1].split()[2:] == ["-", "0.80", "0.08", "0.12", "-", "-"]
+    assert lines[2].split() == ["votes", "2", "0.5000", "0.0000", "0.5000", "0.0000", "0.5000"]
+    assert lines[3].split() == ["sequence", "1", "0.0000", "0.0000", "0.0000", "1.0000", "nan"]
