@@ -205,7 +205,7 @@ def _run_sweep(plan, folder: Path, limits) -> int:
     print("\n".join(report.lines()))
     print(f"files: {folder}")
     if not report.complete:
-        failed = sum(status != "ok" for status in report.status.values())
+        failed = sum(status != "ok" for status in report.status.values()) or sum(report.reasons.values())
         print(f"rhs: {failed} of {len(report.status)} jobs did not end well; see job.log in their folders and "
               f"{folder}/jobs.json", file=sys.stderr)
     return 0 if report.complete else 3

@@ -150,9 +150,9 @@ def _settle(one: _Running, outcome: Outcome, limits: Limits) -> None:
         row |= {"status": "timeout", "reason": limit}
         write_row(one.folder, row)
     one.process.close()
-    for leftover in one.folder.glob("*.tmp-*"):
-        leftover.unlink(missing_ok=True)
     outcome.count(one.job.name, str(row["status"]), str(row.get("reason", "")))
+    if row["status"] == "ok" and row.get("lost"):  # it did what it could with what was left of a recording
+        outcome.reasons[f"ok, but lost: {row['lost']}"] += 1
 
 
 def _fate(code: int) -> tuple[str, str]:

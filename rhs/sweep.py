@@ -158,7 +158,7 @@ class Report:
 
     @property
     def complete(self) -> bool:
-        return set(self.status.values()) == {"ok"}
+        return set(self.status.values()) == {"ok"} and not self.reasons
 
     def lines(self) -> list[str]:
         """The accounts in words, most frequent reasons of failure first."""
