@@ -40,12 +40,13 @@ def main() -> None:
                         help="name or name:setting=value,setting=value")
     parser.add_argument("--world", default="square")
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--directions", nargs="+", default=["ccw", "cw"], choices=["ccw", "cw"])
     parser.add_argument("--width", type=int, default=320, help="image width, pixels")
     parser.add_argument("--out", type=Path, default=Path("results/tables"))
     chosen = parser.parse_args()
     rows: list[dict[str, Any]] = []
-    for seed in range(4, 4 + chosen.seeds):
+    for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds):
         for direction in chosen.directions:
             rows += one_run(chosen.world, seed, direction, chosen.width, chosen.odometries)
             print(*(f"{k}={v}" for k, v in rows[-1].items()))
