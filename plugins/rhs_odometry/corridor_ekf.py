@@ -24,8 +24,9 @@ UNKNOWN_HEIGHT_SIGMA_M = 0.5
 
 
 def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
-    return OneEye(KltTracker(KltSettings(points=settings.points)), corridor_core(settings, context.camera,
-                                                                                 np.array(context.world.start)))
+    start = np.array(context.world.start)
+    core = corridor_core(settings, context.camera, start)
+    return OneEye(KltTracker(KltSettings(points=settings.points)), core, se2(*start))
 
 
 def corridor_core(settings: CorridorEkf, camera: Camera, start: np.ndarray) -> CorridorCore:

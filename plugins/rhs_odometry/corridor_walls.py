@@ -17,6 +17,9 @@ from .corridor_state import BIN_M, CorridorState, Plane
 class WallRules:
     """Thresholds of attaching, finding and merging; lengths in metres. They were chosen on one world and direction."""
 
+    agree_sigmas: float = 3.0  # a track lies on a wall if its own depth agrees within this many sigmas
+    walls_before_floor: int = 1  # points are put on the floor once so many walls are known: before a wall right ahead,
+    # points at its foot pass for floor further away, and the scale comes out a quarter too large
     reach_m: float = 1.0  # how far beyond its seen extent a wall may be hit
     slot_m: float = 0.16  # points of a new wall lie in a slot this thick
     points: int = 12  # least number of points of a new wall
@@ -48,18 +51,26 @@ def attach(state: CorridorState, fit: Fit, rules: WallRules) -> Attachment:
     strong = fit.good & (fit.rho > 0.05) & (fit.rho_sigma < 0.2 * fit.rho)
     some = fit.good & ~strong & (fit.rho_sigma < 0.1)
     wall, best, nearest = np.full(t, -1), np.full(t, np.inf), np.zeros(t)
+    upright = sum(not p.is_floor for p in state.planes)
     for j, plane in enumerate(state.planes):
-        rho, _, by_plane = plane_rho([plane] * t, fit.angles, fit.anchor)
-        reachable = (rho > 0.03) & within(plane, fit.anchor + fit.directions() / np.where(rho > 0, rho, 1.0)[:, None],
-                                          rules.reach_m)
-        block = state.plane_slice(j).start
-        plane_sigma = np.sqrt(state.covariance[block, block]) * np.abs(by_plane[:, 0])
-        tolerance = 3.0 * np.hypot(fit.rho_sigma, np.minimum(plane_sigma, rho)) + 0.03 * np.abs(fit.rho)
-        miss = np.abs(rho - fit.rho) / tolerance
-        agrees = reachable & (miss < 1.0)
-        take = agrees & np.where(strong, miss < best, some & (rho > nearest))
+        if plane.is_floor and upright < rules.walls_before_floor:
+            continue
+        rho, miss = _miss(state, j, fit, rules)
+        take = (miss < 1.0) & np.where(strong, miss < best, some & (rho > nearest))
         wall[take], best[take], nearest[take] = j, miss[take], rho[take]
     return Attachment(wall, strong, strong & (wall < 0))
+
+
+def _miss(state: CorridorState, j: int, fit: Fit, rules: WallRules) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse distance (T,) at which each ray meets plane j, and by how much of the tolerance (T,) the track's own depth
+    misses it; infinite where the ray does not meet the plane within its reach."""
+    plane, block = state.planes[j], state.plane_slice(j).start
+    rho, _, by_plane = plane_rho([plane] * len(fit.rho), fit.angles, fit.anchor)
+    hit = fit.anchor + fit.directions() / np.where(rho > 0, rho, 1.0)[:, None]
+    reachable = (rho > 0.03) & within(plane, hit, rules.reach_m)
+    plane_sigma = np.minimum(np.sqrt(state.covariance[block, block]) * np.abs(by_plane[:, 0]), np.abs(rho))
+    tolerance = rules.agree_sigmas * np.hypot(fit.rho_sigma, plane_sigma) + 0.03 * np.abs(fit.rho)
+    return rho, np.where(reachable, np.abs(rho - fit.rho) / tolerance, np.inf)
 
 
 def within(plane: Plane, points: np.ndarray, reach_m: float) -> np.ndarray:

@@ -44,22 +44,26 @@ class FrontEnd(Protocol):
 
 
 class OneEye:
-    """An odometry made of a front end and a filter."""
+    """An odometry made of a front end and a filter.
 
-    def __init__(self, front: FrontEnd, core: TrackFilter) -> None:
+    start (4x4): the map pose that others believe in at the first view. A filter that begins elsewhere (started wrongly on
+    purpose) shows that in its second motion, so that the sum of the motions is always the filter's own belief."""
+
+    def __init__(self, front: FrontEnd | None, core: TrackFilter, start: np.ndarray) -> None:
         self._front, self._filter = front, core
-        self._pose: np.ndarray | None = None
+        self._pose, self._begun = start, False
 
     def update(self, observation: Observation) -> Motion:
         """Follow the points, filter them, and say how the believed pose moved (corrections of the past included)."""
+        assert self._front is not None, "this odometry was made for tracks, not for images"
         return self.update_tracks(self._front.track(observation))
 
     def update_tracks(self, frame: TrackFrame) -> Motion:
         """The same from tracks followed before."""
         estimate = self._filter.step(frame)
         details = {"tracks": float(len(frame.ids)), **estimate.details}
-        if self._pose is None:
-            self._pose = estimate.map_from_body
+        if not self._begun:
+            self._begun = True
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view", details=details)
         motion = orthonormal(inverse(self._pose) @ estimate.map_from_body)
         self._pose = estimate.map_from_body
