@@ -11,13 +11,13 @@ occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from .errors import ConfigError
+from .files import replacing
 from .grid import OccupancyGrid
 
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
@@ -186,6 +186,5 @@ def _turned(probability: np.ndarray, header: MapHeader) -> OccupancyGrid:
 
 
 def _write(path: FilePath, content: bytes) -> None:
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_bytes(content)
-    os.replace(temporary, path)
+    with replacing(path, "wb") as file:
+        file.write(content)
