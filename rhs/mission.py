@@ -17,8 +17,9 @@ class MissionSettings:
     arrive_m: float = 0.25
     # added to the robot's radius when the map is grown, metres: room for the error of the belief
     margin_m: float = 0.1
-    # room the robot would like on top of that, metres; given up where there is no way with it
-    comfort_m: float = 0.15
+    # room the robot would like on top of that, metres; less is taken where there is no way with it. It keeps a robot
+    # whose belief has drifted off the walls: going the other way round, nothing looks as it did in the survey
+    comfort_m: float = 0.4
     # plans per place before it is given up
     tries: int = 6
     # commands without progress (less than 5 cm believed motion each) before the place is given up

@@ -15,6 +15,7 @@ from .patrol import Decision
 from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, Scan, Twist
 
 LOST_VIEWS = 400
+COMFORTS = (1.0, 0.4, 0.0)  # shares of the wished-for room, tried in this order
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
@@ -31,7 +32,7 @@ class Sentinel:
         self.radius_m = radius_m
         least_m = radius_m + settings.margin_m
         self.grown = [(growth, inflate(~free, growth)) for growth in
-                      np.unique([least_m, least_m + settings.comfort_m])[::-1] / grid.resolution_m]
+                      np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
         self.watch = ObstacleWatch(grid, free, tolerance_m=settings.wall_tolerance_m)
         self.book = Logbook(places)
         self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
