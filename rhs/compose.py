@@ -25,7 +25,7 @@ from .mission import MissionSettings
 from .parts import Chosen, Parts, build, check_combination
 from .strict_yaml import load_yaml
 
-TASKS = ("patrol", "planning", "places")
+TASKS = ("patrol", "survey", "planning", "places")
 OUTPUTS = ("output", "overwrite", "recording", "video", "live")  # what is kept of a run; no number depends on these
 
 
@@ -94,7 +94,8 @@ class Features:
 class RunConfig:
     """Everything one run depends on."""
 
-    # what to do: patrol (map, then patrol), planning (planners alone on a map), places (recognise single views)
+    # what to do: patrol (map, then patrol), survey (map only), planning (planners alone on a map), places (recognise
+    # single views)
     task: str = "patrol"
     # a world of worlds/, or the path of a world file
     world: str = "square"

@@ -89,7 +89,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     try:
         notebook = open_notebook(config, parts, world, folder, watch)
         survey = lead_round(parts, config, notebook)
-        if "driving" in config.source.settings.provides:
+        if config.task == "patrol" and "driving" in config.source.settings.provides:
             patrol(parts, config, survey, notebook)
     except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
         cause = error
@@ -97,6 +97,8 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     cause = put_away(parts, notebook, row) or cause
     row.update(evaluate(folder))
     row.update(cost(begin, notebook))
+    if "driving" not in config.source.settings.provides:
+        row["world"] = parts.source.facts.name  # of the recording
     row["renderer"] = getattr(parts.source, "renderer", "")
     row["lost"] = getattr(parts.source, "lost", "")  # of a damaged recording
     write_row(folder, row)

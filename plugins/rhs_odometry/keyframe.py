@@ -5,8 +5,8 @@ Per view (compare Klein and Murray, PTAM, ISMAR 2007; Kerl et al., DVO-SLAM, IRO
 2. follow the points and fit the pose (keyframe_tracker.py, patches.py, reprojection.py);
 3. when too few fit, match ORB features with the last view and try again from there; else the view is lost;
 4. sharpen the points that fit, forget the others;
-5. when little of the last key frame is left, make a new one: measure it against every key frame in view, also old
-   ones that are in view again, and let the pose graph settle (rhs.posegraph).
+5. when little of the last key frame is left, make a new one; look for old ones that are in view again, measure the
+   new one against them, and let the pose graph settle (rhs.posegraph).
 All of it is causal: a pose is reported once, with what was known then. revise() gives the settled ones.
 """
 
@@ -29,6 +29,9 @@ from .reprojection import PoseFit
 MIN_EDGE = 20  # inliers that make a relative pose worth an edge
 RESCUE_FEATURES = 600  # ORB key-points compared when following fails
 FIRST = 1e-12 * np.eye(6)
+# The points of one view err together (blur, lens, depth calibration), so a fit is not as sure as its many points say.
+CORRELATED = 4.0
+LEAST = np.diag([1e-3] * 3 + [3e-4] * 3) ** 2  # no edge is better than a millimetre and a fiftieth of a degree
 
 
 class KeyframeOdometry:
@@ -68,7 +71,7 @@ class KeyframeOdometry:
         if self._on_floor:
             self._put_on_floor(fit)
         if self._wants_keyframe():
-            self._new_keyframe(look, self._edges(look, fit))
+            self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
         spread = _covariance(fit)
         both, self._spread = spread + self._spread, spread
         weak = self._weakness(spread)
@@ -134,22 +137,22 @@ class KeyframeOdometry:
         tracker.top_up(look, k)
         self._full = len(tracker.ids)
 
-    def _edges(self, look: Look, fit: PoseFit) -> list[Edge]:
-        """Where the view stands as each key frame alone sees it; at least one edge, from all points together."""
-        tracker, k, edges = self._tracker, len(self._map.poses), []
-        anchors = self._map.anchor[tracker.ids]
-        for a in np.unique(anchors):
-            mine = anchors == a
-            if mine.sum() >= MIN_EDGE:
-                alone = tracker.fit(look, tracker.ids[mine], tracker.pixels[mine], inverse(tracker.pose))
-                edges += self._edge(alone, a, k)
-        last = Edge(k - 1, k, inverse(self._map.poses[-1]) @ tracker.pose, _covariance(fit))
-        return edges or [last]
+    def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
+        """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
+        few = fit.inliers.sum() < MIN_EDGE or fit.inliers.mean() < 0.4
+        return [] if few or self._weakness(_covariance(fit)) else [self._measured(fit, int(a), k, loop=loop)]
 
-    def _edge(self, fit: PoseFit, a: int, k: int) -> list[Edge]:
-        if fit.inliers.sum() < MIN_EDGE or fit.inliers.mean() < 0.4:
-            return []
-        return [Edge(int(a), k, inverse(self._map.poses[a]) @ inverse(fit.camera_from_map), _covariance(fit))]
+    def _measured(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> Edge:
+        """The edge that a fit measures, on the floor when the camera stands on a robot."""
+        a_from_k = inverse(self._map.poses[a]) @ inverse(fit.camera_from_map)
+        covariance = CORRELATED * _covariance(fit) + LEAST
+        if self._on_floor:
+            b = self._camera.body_from_camera
+            there, back = adjoint(b), adjoint(inverse(b))
+            information = np.linalg.inv(there @ covariance @ there.T)
+            flat, spread = on_floor(b @ a_from_k @ inverse(b), information)
+            a_from_k, covariance = inverse(b) @ flat @ b, back @ spread @ back.T
+        return Edge(a, k, a_from_k, 0.5 * (covariance + covariance.T), loop)
 
     def _revisit(self, look: Look, k: int) -> list[Edge]:
         """Look for old key frames that should be in view again; their points are followed from now on."""
@@ -162,7 +165,7 @@ class KeyframeOdometry:
                 break
             ids, pixels = tracker.seek(look, ids, tracker.pose)
             fit = tracker.fit(look, ids, pixels, inverse(tracker.pose))
-            edge = self._edge(fit, a, k)
+            edge = self._edge(fit, a, k, loop=True)
             if edge:
                 edges += edge
                 tracker.add(ids[fit.inliers], pixels[fit.inliers])

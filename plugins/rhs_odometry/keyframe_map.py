@@ -13,21 +13,23 @@ import numpy as np
 from rhs import posegraph
 from rhs.geometry import inverse
 
-from .reprojection import Sightings
+from .reprojection import Sightings, at_middle
 
 # Errors of a depth camera are the same from view to view (Kinect: a smooth distortion), so averaging has a floor.
 SHARPEST = 0.5  # share of one reading's deviation
-ROUNDS = 6  # steps of the pose graph per new key frame; it starts near its goal
+ROUNDS = 15  # most steps of the pose graph when a key frame is found again
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """Key frame b seen from key frame a: a_from_b (4x4) with the covariance (6x6) of its right perturbation."""
+    """Key frame b seen from key frame a: a_from_b (4x4) with the covariance (6x6) of its right perturbation.
+    loop: a was found again, not followed, so the edge may be wrong."""
 
     a: int
     b: int
     a_from_b: np.ndarray
     covariance: np.ndarray
+    loop: bool = False
 
 
 class KeyframeMap:
@@ -58,6 +60,13 @@ class KeyframeMap:
         self.rho = np.concatenate([self.rho, 1.0 / points[:, 2]])
         self.sigma = np.concatenate([self.sigma, np.full(len(pixels), self._sigma)])
         return np.arange(first, len(self.anchor))
+
+    def reshape(self, keyframe: int, camera, twist: np.ndarray) -> None:
+        """Carry the points of a key frame to its middle row by a shutter twist (6,) learnt after they were anchored."""
+        ids = np.flatnonzero(self.anchor == keyframe)
+        rows = (self.pixels[ids, 1] + 0.5) / camera.height - 0.5
+        moved = at_middle(self.rays[ids] / self.rho[ids, None], rows, twist)
+        self.rays[ids], self.rho[ids] = moved / moved[:, 2:], 1.0 / moved[:, 2]
 
     def points(self, ids: np.ndarray) -> np.ndarray:
         """(N, 3) positions in the map."""
@@ -111,7 +120,7 @@ class KeyframeMap:
         e = self.edges
         edges = posegraph.Edges(
             np.array([x.a for x in e]), np.array([x.b for x in e]), np.array([x.a_from_b for x in e]),
-            np.array([x.covariance for x in e]), np.ones(len(e), bool),
+            np.array([x.covariance for x in e]), np.array([x.loop for x in e]),
         )
         self.poses = posegraph.optimise(self.poses, edges, iterations=ROUNDS).poses
 

@@ -75,8 +75,17 @@ class Tracker:
 
     def _settle(self, look: Look, ids: np.ndarray, pixels: np.ndarray, rough: PoseFit) -> PoseFit:
         self._expect(look, inverse(rough.camera_from_map))
+        if self._moving_unknown:
+            self._mend_first(rough.camera_from_map)
         self.ids, self.pixels = self._patches(look, ids, pixels, rough.camera_from_map)
         return self.fit(look, self.ids, self.pixels, rough.camera_from_map)
+
+    def _mend_first(self, camera_from_map: np.ndarray) -> None:
+        """How the camera moved while its first view was read is known once there is a second: correct its points."""
+        self._moving_unknown = False
+        self.speed = log_se3(camera_from_map @ self.pose)
+        share = self._camera.readout_s / self._interval_s
+        self._map.reshape(len(self._map.poses) - 1, self._camera, share * self.speed)
 
     def accept(self, look: Look, fit: PoseFit) -> None:
         """Take the fit for true: move on, sharpen the points that fit, forget the others."""
@@ -90,6 +99,7 @@ class Tracker:
         """Nothing is followed any more; the camera is believed at a pose."""
         self.pose, self.shutter, self.speed, self.look = pose, np.zeros(6), np.zeros(6), look
         self._expected = np.zeros(6)
+        self._moving_unknown = self._camera.readout_s > 0.0
         self.ids, self.pixels = np.zeros(0, int), np.zeros((0, 2), np.float32)
 
     def fit(self, look: Look, ids: np.ndarray, pixels: np.ndarray, start: np.ndarray) -> PoseFit:
@@ -130,6 +140,7 @@ class Tracker:
 
         The motion since the last view belongs to the middle between the two, so half of its change is added."""
         speed = log_se3(inverse(pose) @ self.pose)
+        self._interval_s = look.interval_s
         share = self._camera.readout_s / look.interval_s
         shake_rad = float(np.radians(self._settings.shake_deg))
         self._noise = replace(self._noise, shutter_m=share * self._settings.shake_m, shutter_rad=share * shake_rad)

@@ -48,10 +48,12 @@ def open_carmen(path: Path, settings) -> Recording:
 
 
 def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFacts:
-    """A world as large as the odometry strays from its start, plus half as much for its drift, plus what the laser sees."""
+    """A world as large as the odometry says it went, a fifth more for its drift, and what the laser sees beyond."""
     away = np.array([(inverse(poses[0]) @ pose)[:2, 3] for pose in poses])
-    reach = 1.5 * float(np.abs(away).max()) + min(max_range_m, 15.0)
-    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), (-reach, -reach, reach, reach), 0.25)
+    low, high = away.min(axis=0), away.max(axis=0)
+    margin = 0.2 * float((high - low).max()) + min(max_range_m, 15.0)
+    bounds = tuple(float(v) for v in (*(low - margin), *(high + margin)))
+    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), bounds, 0.25)
 
 
 def _read(path: Path, settings) -> tuple[list[float], list[np.ndarray], list[Scan]]:

@@ -1,0 +1,101 @@
+"""Every visual odometry on the real recordings: `python tests/benchmarks/odometry_recordings.py`.
+
+Reads the folders of RHS_DATA (else ../shared/data), skips what is absent, and writes results/tables/odometry_recordings.csv.
+ATE after SE(3) alignment, RPE per pair; times are CPU times of one thread, without reading; read_ms is what a call of lead()
+takes in wall time: views are read one ahead while the caller works on the last.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import time
+from pathlib import Path
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import numpy as np  # noqa: E402
+
+from rhs import registry  # noqa: E402
+from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
+from rhs.contracts import Context, FeatureSettings, SourceContext  # noqa: E402
+from rhs.geometry import orthonormal  # noqa: E402
+from rhs.parts import generator  # noqa: E402
+from rhs.records import Tracking  # noqa: E402
+from rhs.trajectory import Trajectory  # noqa: E402
+
+ROOT = Path(os.environ.get("RHS_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")) / "rgbd"
+RECORDINGS = {
+    "tum_fr1_rpy_60": {"camera": "tum_fr1"},
+    "open3d_5": {"camera": "primesense", "depth_scale": 1000.0},
+}
+VARIANTS = {
+    "procrustes_unrefined": ("procrustes", {"refine": "none"}),
+    "procrustes": ("procrustes", {}),
+    "orb": ("orb", {}),
+    "keyframe": ("keyframe", {}),
+    "gicp": ("gicp", {}),
+    "gicp_thinned": ("gicp", {"stride_px": 8}),
+    "kiss_icp": ("kiss_icp", {"voxel_m": 0.05}),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("results/tables/odometry_recordings.csv"))
+    chosen = parser.parse_args()
+    rows = []
+    for recording, settings in RECORDINGS.items():
+        if not (ROOT / recording).is_dir():
+            print(f"{recording}: absent from {ROOT}, skipped")
+            continue
+        for name in VARIANTS:
+            rows.append({"recording": recording, "odometry": name, **measure(ROOT / recording, settings, name)})
+            print(*rows[-1].values(), flush=True)
+    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    with chosen.out.open("w", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+
+
+def measure(folder: Path, settings: dict, name: str) -> dict:
+    """One odometry on one recording."""
+    place = SourceContext(generator(0, "source"), None, Path())
+    source = registry.load("source", "replay")(path=str(folder), **settings).build(place)
+    sensing = Context(generator(0, "sensor"), source.camera, source.facts, Path(), FeatureSettings())
+    sensor = registry.load("sensor", "rgbd")().build(sensing)
+    kind, own = VARIANTS[name]
+    context = Context(generator(0, "odometry"), source.camera, source.facts, Path(), FeatureSettings())
+    odometry = registry.load("odometry", kind)(**own).build(context)
+    pose, poses, truth, stamps, flags, cpu, read = np.eye(4), [], [], [], [], [], []
+    while True:
+        begin = time.perf_counter()
+        capture = source.lead()
+        read.append(time.perf_counter() - begin)
+        if capture is None:
+            break
+        view = sensor.sense(capture)
+        begin = time.process_time()
+        motion = odometry.update(view)
+        cpu.append(time.process_time() - begin)
+        pose = orthonormal(pose @ motion.previous_from_body)
+        poses.append(pose)
+        truth.append(source.truth())
+        stamps.append(capture.stamp_s)
+        flags.append(motion.status is Tracking.LOST)
+    source.close()
+    both = pair(Trajectory(np.array(stamps), np.array(poses)), Trajectory(np.array(stamps), np.array(truth)), 1e-6)
+    steps_m, steps_rad = relative_errors(both, consecutive(len(poses)))
+    return {
+        "views": len(poses), "ate_m": rmse(absolute_errors_m(both, "se3")),
+        "rpe_m": rmse(steps_m), "rpe_rad": rmse(steps_rad),
+        "lost_share": float(np.mean(flags)), "cpu_ms": 1e3 * float(np.median(cpu[1:])),
+        "read_ms": 1e3 * float(np.median(read[1:-1])),
+    }
+
+
+if __name__ == "__main__":
+    main()
