@@ -185,7 +185,8 @@ def _print_table(chosen: argparse.Namespace) -> int:
     if chosen.compare:
         from .compare import compare
 
-        view = compare(table, chosen.compare, columns or [name for name in SHOWN if name in table and table[name].notna().any()])
+        known = [name for name in SHOWN if name in table and table[name].notna().any()]
+        view = compare(table, chosen.compare, columns or known)
     else:
         view = listing(table, columns) if chosen.rows else summarise(table, group=group, columns=columns)
     sys.stdout.write(as_text(view) + "\n")
