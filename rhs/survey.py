@@ -10,8 +10,9 @@ import numpy as np
 from .contracts import FeatureSettings, LoopCloser, Mapper, Odometry
 from .errors import ContractError
 from .grid import OccupancyGrid
-from .records import Closure, Features, Observation, Step, View
+from .records import Closure, Features, Observation, Step, View, Wall
 from .sealing import seal, with_sealed_copies
+from .structure import lift_on_walls
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,17 @@ def revise(views: list[View], odometry: Odometry) -> tuple[View, ...]:
         raise ContractError(f"odometry {type(odometry).__name__}.revise() returned {len(revision.poses)} poses and "
                             f"{len(revision.scans)} scans for {len(views)} views")
     first = views[0].map_from_body
-    revised = [replace(view, map_from_body=seal(first @ np.linalg.inv(revision.poses[0]) @ pose), scan=seal(scan))
+    revised = [replace(view, map_from_body=seal(first @ np.linalg.inv(revision.poses[0]) @ pose), scan=seal(scan),
+                       features=_lifted(view, pose, revision.walls))
                for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
     return tuple(revised)
+
+
+def _lifted(view: View, pose: np.ndarray, walls: tuple[Wall, ...]) -> Features | None:
+    """The view's features; those of one eye get the points where their rays meet the walls the odometry settled on."""
+    if view.features is None or not walls or np.isfinite(view.features.points).any():
+        return view.features
+    return seal(lift_on_walls(view.features, view.camera, pose, walls))
 
 
 def close(views: tuple[View, ...], loop_closer: LoopCloser) -> tuple[tuple[View, ...], Closure]:

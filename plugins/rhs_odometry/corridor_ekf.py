@@ -85,9 +85,11 @@ class CorridorCore:
         return self._cast(self.filter.state.clones[-1])
 
     def revise(self) -> Revision | None:
-        """Poses as they left the window, and all scans cast on the walls as they are now."""
+        """Poses as they left the window, and all scans cast on the walls as they are now. Now that the walls are known,
+        a scan covers the full circle: what the camera saw ahead before stands beside it later."""
         poses, walls = self.filter.poses(), self.walls()
-        cast = [cast_on_walls(walls, se2(*p[:3]), self._bearings, self._range_m) if walls else None for p in poses]
+        circle = np.linspace(-np.pi, np.pi, 240, endpoint=False)
+        cast = [cast_on_walls(walls, se2(*p[:3]), circle, self._range_m) if walls else None for p in poses]
         return Revision(np.stack([se2(*p[:3]) for p in poses]), tuple(cast), walls)
 
     def walls(self):

@@ -17,6 +17,7 @@ from .corridor_state import BIN_M, Plane
 
 LEAST_HITS = 20  # walls with fewer tracks are not drawn
 AHEAD_M, BEHIND_M = 5.0, 1.2  # a wall is drawn out, or pulled back, to a wall across it this near to its seen end
+BESIDE_M = 2.5  # beside a path this near, an unseen stretch of wall is believed to go on: the camera sees walls ahead only
 CLEAR_M = 0.3  # a wall ends at least this far before the point where the path crosses its line
 
 
@@ -49,8 +50,9 @@ def _pieces(p: Plane, others: Sequence[Plane], path_xy: np.ndarray) -> list[tupl
         if sum(stretches.values()) < LEAST_HITS or not firm:
             continue
         low, high = max(p.low_m, BIN_M * min(firm)), min(p.high_m, BIN_M * (max(firm) + 1))
-        high = _snap(high, upper - CLEAR_M, marks)
-        low = -_snap(-low, -lower - CLEAR_M, [-m for m in marks])
+        beside = _beside(p, path_xy)
+        high = _snap(high, upper - CLEAR_M, (marks, beside))
+        low = -_snap(-low, -lower - CLEAR_M, ([-m for m in marks], -beside))
         if high - low > 0.2:
             pieces.append((low, high))
     return pieces
@@ -70,11 +72,22 @@ def _crossings(p: Plane, path_xy: np.ndarray) -> list[float]:
     return (0.5 * (path_xy[at, 1 - p.axis] + path_xy[at + 1, 1 - p.axis])).tolist()
 
 
-def _snap(end: float, limit: float, marks: Sequence[float]) -> float:
-    """Upper end of a wall seen up to `end` that must not pass `limit`: the first wall across it ahead, else behind."""
+def _beside(p: Plane, path_xy: np.ndarray) -> np.ndarray:
+    """Coordinates along the wall of the stretches of the path that run beside it."""
+    across = path_xy[:, p.axis] - (p.offset_m - p.angle_rad * (path_xy[:, 1 - p.axis] - p.pivot_m))
+    return path_xy[np.abs(across) < BESIDE_M, 1 - p.axis]
+
+
+def _snap(end: float, limit: float, hints: tuple[Sequence[float], np.ndarray]) -> float:
+    """Upper end of a wall seen up to `end` that must not pass `limit`: the first wall across it ahead, else one just
+    behind, else where the path beside it ends. hints: coordinates of walls across, and of the path beside."""
+    marks, beside = hints
     ahead = [m for m in marks if end - 0.3 <= m <= min(end + AHEAD_M, limit + CLEAR_M)]
     if ahead:
         return min(ahead)
     reach = min(end, limit)
     behind = [m for m in marks if reach - BEHIND_M <= m <= min(end, limit + CLEAR_M)]
-    return max(behind, default=reach)
+    if behind:
+        return max(behind)
+    onward = beside[(beside > reach) & (beside < min(reach + AHEAD_M, limit))]
+    return float(onward.max()) if len(onward) else reach
