@@ -18,6 +18,7 @@ from .corridor_state import BIN_M, Plane
 LEAST_HITS = 20  # walls with fewer tracks are not drawn
 AHEAD_M, BEHIND_M = 5.0, 1.2  # a wall is drawn out, or pulled back, to a wall across it this near to its seen end
 BESIDE_M = 2.5  # beside a path this near, an unseen stretch of wall is believed to go on: the camera sees walls ahead only
+ROUND_M = 1.0  # and so far past the path's end: the robot has stood there and wants to come back
 CLEAR_M = 0.3  # a wall ends at least this far before the point where the path crosses its line
 
 
@@ -89,5 +90,5 @@ def _snap(end: float, limit: float, hints: tuple[Sequence[float], np.ndarray]) -
     behind = [m for m in marks if reach - BEHIND_M <= m <= min(end, limit + CLEAR_M)]
     if behind:
         return max(behind)
-    onward = beside[(beside > reach) & (beside < min(reach + AHEAD_M, limit))]
-    return float(onward.max()) if len(onward) else reach
+    onward = beside[(beside > reach - ROUND_M) & (beside < min(reach + AHEAD_M, limit))]
+    return max(reach, min(float(onward.max()) + ROUND_M, limit)) if len(onward) else reach
