@@ -21,6 +21,7 @@ from .track_frames import TrackFrame
 
 UNKNOWN_WIDTH = (2.6, 0.6)  # metres, prior of an unknown width: narrow corridors of houses to wide ones of offices
 UNKNOWN_HEIGHT_SIGMA_M = 0.5
+DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree is one cell, and no cell of a wall is missed
 
 
 def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
@@ -88,8 +89,8 @@ class CorridorCore:
         """Poses as they left the window, and all scans cast on the walls as they are now. Now that the walls are known,
         a scan covers the full circle: what the camera saw ahead before stands beside it later."""
         poses, walls = self.filter.poses(), self.walls()
-        circle = np.linspace(-np.pi, np.pi, 240, endpoint=False)
-        cast = [cast_on_walls(walls, se2(*p[:3]), circle, self._range_m) if walls else None for p in poses]
+        circle, reach = np.linspace(-np.pi, np.pi, 720, endpoint=False), min(self._range_m, DRAWN_M)
+        cast = [cast_on_walls(walls, se2(*p[:3]), circle, reach) if walls else None for p in poses]
         return Revision(np.stack([se2(*p[:3]) for p in poses]), tuple(cast), walls)
 
     def walls(self):
