@@ -15,7 +15,7 @@ from .patrol import Decision
 from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, Scan, Twist
 
 LOST_VIEWS = 400
-COMFORTS = (1.0, 0.4, 0.0)  # shares of the wished-for room, tried in this order
+COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
