@@ -78,7 +78,7 @@ def test_a_value_arrives_as_it_was_typed(word, value):
     ("seed=-1", "seed=-1 is outside the allowed range [0,"),
     ("seed=1.5", "seed=1.5: expected int"),
     ("seed=true", "seed=true: expected int"),
-    ("task=patrole", "task=patrole is not one of patrol, planning"),
+    ("task=patrole", "task=patrole is not one of patrol, survey, planning"),
     ("places=3", "places=3: places is a group of settings; write places.NAME=VALUE"),
     ("places.every=0", "places.every=0 is outside"),
     ("obstacles=[[1,2,3]]", "expected 4 finite numbers"),
