@@ -15,6 +15,7 @@ from .patrol import Decision
 from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, Scan, Twist
 
 LOST_VIEWS = 400
+LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
 COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
@@ -123,18 +124,26 @@ class Sentinel:
     def _plan(self, pose: np.ndarray, events: list[str]) -> bool:
         self.attempts += 1
         mission = self.book.missions[-1]
-        for growth_cells, mapped in self.grown:  # with room to spare if there is a way, otherwise with what is needed
-            blocked = mapped | inflate(self.watch.cells, growth_cells)
-            problem = PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, pose[:2].copy(),
-                                      np.array(mission.goal_m))
-            plan = self.planner.plan(problem)
-            if plan.found:
-                break
+        plan = self._plan_with_room(pose[:2], np.array(mission.goal_m))
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
         self.last_reason = plan.reason
         events.append("plan" if self.path is not None else f"no_plan:{plan.reason}")
         return self.path is not None
+
+    def _plan_with_room(self, start_m: np.ndarray, goal_m: np.ndarray) -> Path:
+        """The way with the most room that is hardly longer than the one with the least."""
+        def ask(growth_cells: float, mapped: np.ndarray) -> Path:
+            blocked = mapped | inflate(self.watch.cells, growth_cells)
+            return self.planner.plan(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m,
+                                                     start_m.copy(), goal_m))
+
+        least = ask(*self.grown[-1])
+        for growth_cells, mapped in self.grown[:-1] if least.found else ():
+            plan = ask(growth_cells, mapped)
+            if plan.found and length_m(plan) <= LONGER * length_m(least) + 0.5:
+                return plan
+        return least
 
     def _after_failed_plan(self, events: list[str]) -> Twist | None:
         """Forget what was seen and look again once; then give the place up, with the planner's reason."""
@@ -200,6 +209,11 @@ class Sentinel:
             if self.book.done:
                 return Decision(None, None, "+".join(events), mission.mission)
         return Decision(wander(scan, self.radius_m, self.pace), None, "+".join(events), mission.mission)
+
+
+def length_m(path: Path) -> float:
+    """Length of a path, metres."""
+    return float(np.linalg.norm(np.diff(path.points_m, axis=0), axis=1).sum())
 
 
 def closest_gap(path: Path, pose: np.ndarray) -> float:
