@@ -6,7 +6,7 @@ import numpy as np
 
 from rhs.contracts import Context
 from rhs.geometry import Camera, se2
-from rhs.records import Revision, Scan
+from rhs.records import Revision, Scan, Wall
 from rhs.structure import cast_on_walls
 
 from .corridor_ekf_config import CorridorEkf
@@ -15,8 +15,8 @@ from .corridor_map import walls_of
 from .corridor_motion import Inertia, MotionNoise, Told
 from .corridor_state import SCALE, WIDTH, CorridorState
 from .corridor_walls import WallRules
-from .klt import KltSettings, KltTracker
 from .one_eye import Estimate, OneEye, StructureAlarm, beams, embed
+from .one_eye_parts import one_eye
 from .track_frames import TrackFrame
 
 UNKNOWN_WIDTH = (2.6, 0.6)  # metres, prior of an unknown width: narrow corridors of houses to wide ones of offices
@@ -25,9 +25,8 @@ DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree i
 
 
 def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
-    start = np.array(context.world.start)
-    core = corridor_core(settings, context.camera, start)
-    return OneEye(KltTracker(KltSettings(points=settings.points)), core, se2(*start))
+    core = corridor_core(settings, context.camera, np.array(context.world.start))
+    return one_eye(settings, context, core)
 
 
 def corridor_core(settings: CorridorEkf, camera: Camera, start: np.ndarray) -> CorridorCore:
@@ -93,7 +92,11 @@ class CorridorCore:
         cast = [cast_on_walls(walls, se2(*p[:3]), circle, reach) if walls else None for p in poses]
         return Revision(np.stack([se2(*p[:3]) for p in poses]), tuple(cast), walls)
 
-    def walls(self):
+    def pose_covariance(self) -> np.ndarray:
+        """(3, 3) of x, y, yaw of the present pose in the map."""
+        return self.filter.state.pose_covariance()[:3, :3]
+
+    def walls(self) -> tuple[Wall, ...]:
         return walls_of(self.filter.state.planes, self.filter.poses()[:, :2])
 
     def _cast(self, pose: np.ndarray) -> Scan | None:

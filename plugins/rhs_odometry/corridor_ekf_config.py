@@ -34,6 +34,7 @@ class CorridorEkf:
     window: int = 12  # views a track may span; 10-14 did equally well, 6 loses heading after corners
     pixel_sigma_px: float = 1.0  # noise of a track; five times the residual, as errors along a track go together
     points: int = 130  # points followed at most
+    save_tracks: bool = False  # write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry
     scan_range_m: float = 8.0  # walls are put into the scan up to this distance
 
     def __post_init__(self) -> None:

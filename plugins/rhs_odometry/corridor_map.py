@@ -63,7 +63,7 @@ def _marks(p: Plane, others: Sequence[Plane]) -> list[float]:
     """Coordinates along the wall at which walls across it, or their near continuations, meet its line."""
     middle = 0.5 * (p.low_m + p.high_m)
     across = [(o.at(p.at(middle)), o) for o in others if o.axis != p.axis]
-    return [at for at, o in across if o.low_m - AHEAD_M < p.at(at) < o.high_m + AHEAD_M]
+    return [at for at, o in across if o.low_m - 2 * AHEAD_M < p.at(at) < o.high_m + 2 * AHEAD_M]
 
 
 def _crossings(p: Plane, path_xy: np.ndarray) -> list[float]:
@@ -83,12 +83,13 @@ def _snap(end: float, limit: float, hints: tuple[Sequence[float], np.ndarray]) -
     """Upper end of a wall seen up to `end` that must not pass `limit`: the first wall across it ahead, else one just
     behind, else where the path beside it ends. hints: coordinates of walls across, and of the path beside."""
     marks, beside = hints
-    ahead = [m for m in marks if end - 0.3 <= m <= min(end + AHEAD_M, limit + CLEAR_M)]
+    driven = beside[(beside > end - ROUND_M) & (beside < min(end + AHEAD_M, limit))]
+    onward = max(end, float(driven.max())) if len(driven) else end
+    ahead = [m for m in marks if max(end - 0.3, onward - BEHIND_M) <= m <= min(onward + AHEAD_M, limit + CLEAR_M)]
     if ahead:
         return min(ahead)
     reach = min(end, limit)
     behind = [m for m in marks if reach - BEHIND_M <= m <= min(end, limit + CLEAR_M)]
     if behind:
         return max(behind)
-    onward = beside[(beside > reach - ROUND_M) & (beside < min(reach + AHEAD_M, limit))]
-    return max(reach, min(float(onward.max()) + ROUND_M, limit)) if len(onward) else reach
+    return max(reach, min(onward + ROUND_M, limit)) if len(driven) else reach

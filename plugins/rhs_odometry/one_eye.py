@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -52,6 +52,8 @@ class OneEye:
     def __init__(self, front: FrontEnd | None, core: TrackFilter, start: np.ndarray) -> None:
         self._front, self._filter = front, core
         self._pose, self._begun = start, False
+        self.keep: list[TrackFrame] | None = None  # a list here collects the frames of the survey
+        self.at_end: Callable[[list[TrackFrame]], None] | None = None
 
     def update(self, observation: Observation) -> Motion:
         """Follow the points, filter them, and say how the believed pose moved (corrections of the past included)."""
@@ -60,6 +62,8 @@ class OneEye:
 
     def update_tracks(self, frame: TrackFrame) -> Motion:
         """The same from tracks followed before."""
+        if self.keep is not None:
+            self.keep.append(frame)
         estimate = self._filter.step(frame)
         details = {"tracks": float(len(frame.ids)), **estimate.details}
         if not self._begun:
@@ -75,6 +79,10 @@ class OneEye:
         return Motion(motion, estimate.motion_covariance, status, reason, scan=self._filter.scan(), details=details)
 
     def revise(self) -> Revision | None:
+        """The filter's last word on the survey; the frames, if they were kept, are handed over."""
+        if self.keep is not None and self.at_end is not None:
+            self.at_end(self.keep)
+            self.keep = None
         return self._filter.revise()
 
 

@@ -13,8 +13,8 @@ from rhs.structure import cast_on_walls
 
 from .corridor_fit import Eyes, fit_free
 from .corridor_window import TrackWindow
-from .klt import KltSettings, KltTracker
 from .one_eye import Estimate, OneEye, StructureAlarm, beams
+from .one_eye_parts import one_eye
 from .section_ekf_config import SectionEkf
 from .section_filter import (
     AXIS,
@@ -39,9 +39,8 @@ ALARM_VIEWS = 12  # views a point is followed before its own depth is compared w
 
 
 def build_section_ekf(settings: SectionEkf, context: Context) -> OneEye:
-    start = np.array(context.world.start)
-    core = section_core(settings, context.camera, start)
-    return OneEye(KltTracker(KltSettings(points=settings.points)), core, se2(*start))
+    core = section_core(settings, context.camera, np.array(context.world.start))
+    return one_eye(settings, context, core)
 
 
 def section_core(settings: SectionEkf, camera: Camera, start: np.ndarray) -> SectionCore:
@@ -121,6 +120,14 @@ class SectionCore:
             Wall((here - LINE_M * axes[:, 0] + side * axes[:, 1])[:2], (here + LINE_M * axes[:, 0] + side * axes[:, 1])[:2])
             for side in (size, -size)
         )
+
+    def pose_covariance(self) -> np.ndarray:
+        """(3, 3) of x, y, yaw of the present pose in the map."""
+        covariance, rotation = self.filter.covariance, self.filter.state.rotation
+        yaw = (rotation @ covariance[TURN, TURN] @ rotation.T)[2, 2]
+        out = np.zeros((3, 3))
+        out[:2, :2], out[2, 2] = covariance[POSITION, POSITION][:2, :2], yaw
+        return out
 
     def _pose(self) -> np.ndarray:
         state = self.filter.state

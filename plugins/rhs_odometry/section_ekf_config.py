@@ -34,6 +34,7 @@ class SectionEkf:
     iterations: int = 1  # linearisations per view: 1 is the thesis; 3 forgets a wrong start of 10 degrees sooner
     pairs: int = 60  # points used per view at most: the state stays as it is, the time grows
     points: int = 130  # points followed at most
+    save_tracks: bool = False  # write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry
     scan_range_m: float = 8.0  # the walls are put into the scan up to this distance
 
     owner: ClassVar[str] = "odometry.section_ekf"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rhs.errors import ConfigError
 from rhs.geometry import Camera, camera_from_fov, inverse, se2, transform, wrap
 
 from .track_frames import TrackFrame, Tracks
@@ -189,3 +190,17 @@ def square_corners(side_m: float = 20.0, width_m: float = 2.0, *, clockwise: boo
     ring: Sequence = [(a + 2.0, a), (b, a), (b, b), (a, b), (a, a), (a + 2.0, a)]
     corners = np.array(ring)
     return corners[:, ::-1].copy() if clockwise else corners
+
+
+def named_tracks(name: str) -> Tracks:
+    """Tracks by name: straight, corner or square, with an optional `:seed`. Raises ConfigError for another name."""
+    plan, _, seed = name.partition(":")
+    paths = {
+        "straight": (straight_plan(), np.array([[0.0, 0.0], [10.0, 0.0]])),
+        "corner": (square_plan(), np.array([[3.0, 1.0], [19.0, 1.0], [19.0, 10.0]])),
+        "square": (square_plan(), square_corners()),
+    }
+    if plan not in paths or not (seed.isdigit() or not seed):
+        raise ConfigError(f"synthetic:{name} is not one of {', '.join(paths)}, with a seed like synthetic:square:3")
+    walls, corners = paths[plan]
+    return synthetic_tracks(walls, corridor_path(corners), np.random.default_rng(int(seed or 0)))

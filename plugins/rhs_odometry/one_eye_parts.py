@@ -1,0 +1,29 @@
+"""Putting a one-eye odometry together: the front end that follows points, the filter, and the tracks file if wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rhs.contracts import Context
+from rhs.geometry import se2
+
+from .klt import KltSettings, KltTracker
+from .one_eye import OneEye, TrackFilter
+from .track_frames import TrackFrame, Tracks, save_tracks
+
+
+def one_eye(settings: Any, context: Context, core: TrackFilter) -> OneEye:
+    """settings: a config with `points` and `save_tracks`."""
+    eye = OneEye(KltTracker(KltSettings(points=settings.points)), core, se2(*context.world.start))
+    if settings.save_tracks:
+        eye.keep, eye.at_end = [], partial(_save, context)
+    return eye
+
+
+def _save(context: Context, frames: Sequence[TrackFrame]) -> None:
+    unknown = np.full((len(frames), 4, 4), np.nan)
+    save_tracks(context.folder / "tracks.npz", Tracks(context.camera, np.array(context.world.start), frames, unknown))
