@@ -16,9 +16,11 @@ from rhs.records import Wall
 from .corridor_state import BIN_M, Plane
 
 LEAST_HITS = 20  # walls with fewer tracks are not drawn
-AHEAD_M, BEHIND_M = 5.0, 1.2  # a wall is drawn out, or pulled back, to a wall across it this near to its seen end
+AHEAD_M, BEHIND_M = 5.0, 2.0  # a wall is drawn out, or pulled back, to a wall across it this near to its seen end
 BESIDE_M = 2.5  # beside a path this near, an unseen stretch of wall is believed to go on: the camera sees walls ahead only
 ROUND_M = 1.0  # and so far past the path's end: the robot has stood there and wants to come back
+BODY_M = 0.25  # nearer to the path than this no wall can stand: the robot would have touched it
+SHADOW_M = 0.5  # a weak wall this near to a strong one on the same line is not drawn
 CLEAR_M = 0.3  # a wall ends at least this far before the point where the path crosses its line
 
 
@@ -28,6 +30,7 @@ def walls_of(planes: Sequence[Plane], path_xy: np.ndarray) -> tuple[Wall, ...]:
     above = [p.offset_m for p in planes if p.is_floor and p.offset_m > 1.0]
     ceiling = min(above, default=np.inf)
     walls = []
+    upright = [p for p in upright if not _shadowed(p, upright)]
     for p in upright:
         for low, high in _pieces(p, upright, path_xy):
             walls.append(Wall(_point(p, low), _point(p, high), 0.0, ceiling))
@@ -41,11 +44,10 @@ def _point(p: Plane, along_m: float) -> np.ndarray:
 
 
 def _pieces(p: Plane, others: Sequence[Plane], path_xy: np.ndarray) -> list[tuple[float, float]]:
-    """Extents along the wall, metres: one piece between each two points where the path crosses it, if seen there."""
-    cuts = [-np.inf, *sorted(_crossings(p, path_xy)), np.inf]
+    """Extents along the wall, metres: one piece wherever the robot has not driven through, if seen there."""
     marks = _marks(p, others)
     pieces = []
-    for lower, upper in pairwise(cuts):
+    for lower, upper in _gaps(p, path_xy):
         stretches = {k: n for k, n in p.support.items() if lower < (k + 0.5) * BIN_M < upper}
         firm = [k for k, n in stretches.items() if n >= 3]
         if sum(stretches.values()) < LEAST_HITS or not firm:
@@ -66,11 +68,22 @@ def _marks(p: Plane, others: Sequence[Plane]) -> list[float]:
     return [at for at, o in across if o.low_m - 2 * AHEAD_M < p.at(at) < o.high_m + 2 * AHEAD_M]
 
 
-def _crossings(p: Plane, path_xy: np.ndarray) -> list[float]:
-    """Coordinates along the wall at which the path crosses its line."""
-    side = path_xy[:, p.axis] - (p.offset_m - p.angle_rad * (path_xy[:, 1 - p.axis] - p.pivot_m))
-    at = np.flatnonzero(side[:-1] * side[1:] < 0.0)
-    return (0.5 * (path_xy[at, 1 - p.axis] + path_xy[at + 1, 1 - p.axis])).tolist()
+def _shadowed(p: Plane, others: Sequence[Plane]) -> bool:
+    """Whether a much better seen wall runs along the same line: then this one is its echo, or somebody's picture frame."""
+    middle = 0.5 * (p.low_m + p.high_m)
+    return any(
+        o is not p and o.axis == p.axis and o.hits >= 3 * p.hits and o.low_m - 1.0 < middle < o.high_m + 1.0
+        and abs(o.at(middle) - p.at(middle)) < SHADOW_M
+        for o in others
+    )
+
+
+def _gaps(p: Plane, path_xy: np.ndarray) -> list[tuple[float, float]]:
+    """Stretches along the wall in which the robot's body never touched its line: there the wall may stand."""
+    across = path_xy[:, p.axis] - (p.offset_m - p.angle_rad * (path_xy[:, 1 - p.axis] - p.pivot_m))
+    touched = np.sort(path_xy[np.abs(across) < BODY_M, 1 - p.axis])
+    edges = [-np.inf, *touched.tolist(), np.inf]
+    return [(low, high) for low, high in pairwise(edges) if high - low > 2 * BODY_M]
 
 
 def _beside(p: Plane, path_xy: np.ndarray) -> np.ndarray:
@@ -85,7 +98,8 @@ def _snap(end: float, limit: float, hints: tuple[Sequence[float], np.ndarray]) -
     marks, beside = hints
     driven = beside[(beside > end - ROUND_M) & (beside < min(end + AHEAD_M, limit))]
     onward = max(end, float(driven.max())) if len(driven) else end
-    ahead = [m for m in marks if max(end - 0.3, onward - BEHIND_M) <= m <= min(onward + AHEAD_M, limit + CLEAR_M)]
+    early = BEHIND_M if np.isfinite(limit) else 0.3  # a path that turns across the wall's line may pass its end
+    ahead = [m for m in marks if max(end - 0.3, onward - early) <= m <= min(onward + AHEAD_M, limit + CLEAR_M)]
     if ahead:
         return min(ahead)
     reach = min(end, limit)

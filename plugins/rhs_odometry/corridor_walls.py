@@ -17,7 +17,7 @@ from .corridor_state import BIN_M, CorridorState, Plane
 class WallRules:
     """Thresholds of attaching, finding and merging; lengths in metres. They were chosen on one world and direction."""
 
-    agree_sigmas: float = 3.0  # a track lies on a wall if its own depth agrees within this many sigmas
+    agree_sigmas: float = 1.5  # a track lies on a wall if its own depth agrees within this many sigmas
     walls_before_floor: int = 1  # points are put on the floor once so many walls are known: before a wall right ahead,
     # points at its foot pass for floor further away, and the scale comes out a quarter too large
     reach_m: float = 1.0  # how far beyond its seen extent a wall may be hit
