@@ -43,7 +43,10 @@ THESIS = {
     "corridor_ekf": ("corridor_ekf", COMMAND),
 }
 MAIN = {k: INPUTS[k] for k in ("command + height + width", "nothing + height + width")}
-SWAYING = {"command, tilt as states": ("corridor_ekf", {"wobble_sigma_deg": 1.2}), "command, tilt ignored": ("corridor_ekf", COMMAND)}
+SWAYING = {
+    "command, tilt as states": ("corridor_ekf", {"wobble_sigma_deg": 1.2}),
+    "command, tilt ignored": ("corridor_ekf", COMMAND),
+}
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,8 @@ def survey(file: Path, words: tuple[str, ...], seed: int, way: str) -> Tracks:
     """Tracks of the survey, rendered if the file is not there."""
     if file.exists():
         return load_tracks(file)
-    config = compose_config(["sensor=mono", f"seed={seed}", f"source.texture_seed={seed + 1}", f"source.direction={way}", *words])
+    look = f"source.texture_seed={seed + 1}"
+    config = compose_config(["sensor=mono", f"seed={seed}", look, f"source.direction={way}", *words])
     with tempfile.TemporaryDirectory() as folder:
         parts = build_parts(config, load_world(config.world), Path(folder))
         tracker, frames, truth = KltTracker(KltSettings()), [], []
