@@ -1,8 +1,6 @@
-"""How Hydra composes our configuration: conf/ read strictly, and plugins as config groups, imported when chosen.
+"""How Hydra composes our configuration, from the sources in rhs.hydra_sources, and how its errors become one line.
 
-Two Hydra ConfigSources stand in the search path, before anything else: `rhs-conf://` reads YAML by rhs.strict_yaml, and
-`rhs-plugins://` serves `<kind>/<entry point name>` from the defaults of the plugin's dataclass. Listing names imports
-nothing. Types and ranges are checked after composing, by rhs.settings, whichever way a value came in.
+Types and ranges are checked after composing, by rhs.settings, whichever way a value came in.
 """
 
 from __future__ import annotations
@@ -18,148 +16,18 @@ from typing import Any
 
 import hydra
 import omegaconf
-from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.global_hydra import GlobalHydra
-from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
 from hydra.core.singleton import Singleton
-from hydra.errors import ConfigCompositionException
-from hydra.plugins.config_source import ConfigResult, ConfigSource
-from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from . import registry, settings
 from .contracts import KINDS
 from .errors import ConfigError
-from .overrides import GROUPS, Word, check_options
+from .hydra_sources import ConfSource, PluginSource, Search, under_way
+from .overrides import Word, check_options
 from .paths import data_dir
 from .strict_yaml import load_yaml
-
-DEFAULT_STACK = "rgbd"  # what a sensor without a stack file of its own gets
-_active: list[Path] = []  # the conf folders of the composition under way, first wins; empty outside `compose`
-_schema: list[dict[str, Any]] = []
-_files: list[Path] = []
-
-
-class ConfSource(ConfigSource):
-    """A folder of YAML files, read strictly."""
-
-    @staticmethod
-    def scheme() -> str:
-        return "rhs-conf"
-
-    @property
-    def folder(self) -> Path:
-        return Path(self.path)
-
-    def available(self) -> bool:
-        return self.folder.is_dir()
-
-    def _file(self, config_path: str) -> Path:
-        file = self.folder / self._normalize_file_name(config_path)
-        group, _, name = config_path.removesuffix(".yaml").partition("/")
-        if group == "stack" and not file.is_file() and name in registry.names("sensor"):
-            return self.folder / "stack" / f"{DEFAULT_STACK}.yaml"
-        return file
-
-    def is_group(self, config_path: str) -> bool:
-        return config_path in GROUPS or (self.folder / config_path).is_dir()
-
-    def is_config(self, config_path: str) -> bool:
-        return self._file(config_path).is_file()
-
-    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
-        found: list[str] = []
-        base = self.folder / config_path
-        for item in sorted(base.iterdir()) if base.is_dir() else []:
-            if item.is_dir() or item.suffix == ".yaml":
-                self._list_add_result(found, f"{config_path}/{item.name}".lstrip("/"), item.name, results_filter)
-        return sorted(set(found))
-
-    def load_config(self, config_path: str) -> ConfigResult:
-        path = self._file(config_path)
-        try:
-            content = load_yaml(path)
-            _files.append(path)
-        except ConfigError as error:
-            raise ConfigCompositionException(str(error)) from error
-        if content is None:
-            content = {}
-        if not isinstance(content, dict):
-            raise ConfigCompositionException(f"{path}: expected `key: value` lines, found a {type(content).__name__}")
-        if config_path.startswith("experiment/"):
-            content = {key: value for key, value in content.items() if key != "sweep"}  # for experiment_sweep below
-        header = self._get_header_dict(path.read_text("utf-8-sig"))
-        if config_path.removesuffix(".yaml") == "config" and _schema:
-            own = {k: v for k, v in content.items() if k != "defaults"}
-            content = {**_schema[0], **own, "defaults": content.get("defaults", [])}
-        return _result(self, content, header)
-
-
-class PluginSource(ConfigSource):
-    """`<kind>/<name>` for every registered plugin, and `stack/<sensor>` for sensors that have no stack file."""
-
-    @staticmethod
-    def scheme() -> str:
-        return "rhs-plugins"
-
-    @staticmethod
-    def _split(config_path: str) -> tuple[str, str]:
-        kind, _, name = config_path.strip("/").removesuffix(".yaml").partition("/")
-        return kind, name
-
-    def available(self) -> bool:
-        return True
-
-    def is_group(self, config_path: str) -> bool:
-        kind, name = self._split(config_path)
-        return kind in KINDS and not name
-
-    def is_config(self, config_path: str) -> bool:
-        kind, name = self._split(config_path)
-        if kind == "stack":
-            return name in registry.names("sensor") and not any(_stack(folder, name).is_file() for folder in _active)
-        return kind in KINDS and name in registry.names(kind)
-
-    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
-        kind, name = self._split(config_path)
-        if not kind:
-            return [] if results_filter == ObjectType.CONFIG else sorted(KINDS)
-        if kind in KINDS and not name and results_filter != ObjectType.GROUP:
-            return registry.names(kind)
-        return []
-
-    def load_config(self, config_path: str) -> ConfigResult:
-        kind, name = self._split(config_path)
-        if kind == "stack":
-            return _result(self, {"defaults": ["default"]}, {"package": "_global_"})
-        try:
-            values = settings.defaults(registry.load(kind, name))
-        except ConfigError as error:
-            raise ConfigCompositionException(str(error)) from error
-        return _result(self, {"name": name, **values}, {"package": None})
-
-
-def _stack(folder: Path, name: str) -> Path:
-    return folder / "stack" / f"{name}.yaml"
-
-
-class Search(SearchPathPlugin):
-    """Puts our sources in place of the primary folder, for our own compositions only."""
-
-    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
-        if not _active:
-            return
-        path = search_path.get_path()
-        path[:] = [item for item in path if item.provider != "main"]
-        for folder in reversed(_active):
-            search_path.prepend("main", f"rhs-conf://{folder}")
-        search_path.prepend("rhs-plugins", "rhs-plugins://")
-
-
-def _result(source: ConfigSource, content: dict, header: dict) -> ConfigResult:
-    return ConfigResult(config=OmegaConf.create(content), path=source.full_path(), provider=source.provider,
-                        header=header)
 
 
 @dataclass(frozen=True)
@@ -187,7 +55,7 @@ def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[P
         choices = {k: v for k, v in config.hydra.runtime.choices.items() if not k.startswith("hydra/")}
         with open_dict(config):
             del config["hydra"]
-        return Tree(config, choices, tuple(_files))
+        return Tree(config, choices, tuple(under_way.files))
 
 
 def with_values(tree: Tree, values: Sequence[Word]) -> dict[str, Any]:
@@ -230,7 +98,7 @@ def _check_key(config: DictConfig, word: Word) -> None:
 def _options(group: str) -> list[str]:
     """Every option of a group: plugins, and YAML files in the conf folders under way."""
     found = set(registry.names(group) if group in KINDS else [])
-    for folder in _active:
+    for folder in under_way.folders:
         found |= {path.stem for path in (folder / group).glob("*.yaml")}
     return sorted(found)
 
@@ -270,15 +138,14 @@ def _session(schema: dict[str, Any], folders: tuple[Path, ...]) -> Iterator[None
         Plugins.instance().register(cls)
     before = Singleton._instances.pop(GlobalHydra, None)
     version = {"version_base": "1.3"} if hydra.__version__.startswith("1.3") else {}
-    _active[:] = [*folders, conf]
-    _schema[:] = [schema]
-    _files.clear()
+    under_way.folders = [*folders, conf]
+    under_way.schema = schema
+    under_way.files = []
     try:
         with hydra.initialize_config_dir(str(conf), job_name="rhs", **version):
             yield
     finally:
-        _active.clear()
-        _schema.clear()
+        under_way.folders, under_way.schema = [], None
         Singleton._instances.pop(GlobalHydra, None)
         if before is not None:
             Singleton._instances[GlobalHydra] = before

@@ -19,15 +19,15 @@ PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 LEVELS = [
     "errors sealing geometry jit paths provenance mcap_records meanings",
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles",
-    "floorplan world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses consistency"
-    " structure memory likelihood heaps",
+    "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
+    " consistency structure memory likelihood heaps",
     "contracts mission control obstacles sighting support loops places place_files place_trial"
     " ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
     "patrol survey sentinel kidnap steps progress metrics map_metrics testing_room testing_estimators"
     " testing_planners testing_sources testing",
-    "varied evaluate compare drawing page summary table report charts film registry parts overrides hydra_glue compose"
-    " help_text convert convert_tum planning_metrics planning_pictures planning_task planning_table planner_arena"
+    "varied evaluate compare drawing page summary table report charts film registry parts overrides hydra_sources hydra_glue"
+    " compose help_text convert convert_tum planning_metrics planning_pictures planning_task planning_table planner_arena"
     " places_task",
     "experiment",
     "launcher sweep __init__",
