@@ -1,9 +1,11 @@
 """RRT-Connect compiled whole (Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning",
-ICRA 2000), for a point on a grid. The method is OMPL's; the difference is that no edge crosses into Python.
-Nearest neighbours are found by linear search, which is quickest for the few hundred vertices a tree needs here.
+ICRA 2000), for a point on a grid. The method is OMPL's; the difference is that nothing crosses into Python before the
+trees have met. Nearest neighbours are found by linear search, which is quickest for the few hundred vertices needed here.
 """
 
 from __future__ import annotations
+
+import math
 
 import numba as nb
 import numpy as np
@@ -11,12 +13,11 @@ import numpy as np
 from rhs.jit import compiled, typed
 from rhs.records import Path, PlanningProblem
 
+from .chance import uniform
 from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, already_there, begin, finish
 
-_DRAWS = 128  # samples drawn at a time
-_INTS = nb.types.Array(nb.int64, 1, "C")
-_PARENTS = nb.types.Array(nb.int64, 2, "C")
+_FIRST_ROOM = 256  # vertices a tree has room for at first
 
 
 class NativeRrtConnect:
@@ -32,25 +33,12 @@ class NativeRrtConnect:
         there = already_there(task)
         if there is not None:
             return finish(task, there, rounds=0, extras={"iterations": 0.0})
-        step = self._settings.range_m / problem.resolution_m or 0.2 * float(np.hypot(*problem.blocked.shape))
-        trees, parents = np.empty((256, 4)), np.full((2, 256), -1)
-        trees[0, :2], trees[0, 2:] = task.start, task.goal
-        sizes, tips, used = np.ones(2, np.int64), np.full(2, -1), 0
-        while used < self._settings.iterations and tips[0] < 0:
-            draws = self._rng.random((min(_DRAWS, self._settings.iterations - used), 2))
-            trees, parents, taken = grow(task.grid, trees, parents, sizes, tips, draws, step, used)
-            used += taken
-        raw = None
-        if tips[0] >= 0:
-            there = _branch(trees[:, :2].copy(), parents[0], tips[0])
-            raw = np.vstack([there[::-1], _branch(trees[:, 2:].copy(), parents[1], tips[1])[1:]])
-
-        def sketch() -> np.ndarray:
-            halves = [(trees[:n, 2 * k: 2 * k + 2], parents[k, :n]) for k, n in enumerate(sizes)]
-            return np.concatenate([np.stack([points[1:], points[up[1:]]], axis=1) for points, up in halves])
-
-        extras = {"iterations": float(used), "vertices": float(sizes.sum())}
-        return finish(task, raw, rounds=self._settings.shorten_rounds, extras=extras, sketch=sketch)
+        step = self._settings.range_m / problem.resolution_m or 0.2 * math.hypot(*problem.blocked.shape)
+        seed = self._rng.bit_generator.random_raw()
+        raw, edges, used = connect(task.grid, task.ends, seed, step, self._settings.iterations)
+        extras = {"iterations": float(used), "vertices": len(edges) + 2.0}
+        return finish(task, raw if len(raw) else None, rounds=self._settings.shorten_rounds, extras=extras,
+                      sketch=lambda: edges)
 
 
 @compiled
@@ -85,27 +73,61 @@ def _extend(grid, trees, parents, sizes, which, x, y, step):
     return new
 
 
-_RESULT = nb.types.Tuple((NEW_POINTS, _PARENTS, nb.int64))
+@compiled
+def _joined(trees, parents, tips):
+    """(N, 2) from the root of the first tree to where they meet and on to the root of the second."""
+    counts = [0, 0]
+    for which in range(2):
+        node = tips[which]
+        while node >= 0:
+            node = parents[which, node]
+            counts[which] += 1
+    path = np.empty((counts[0] + counts[1] - 1, 2))  # the point where they meet is in both
+    for which in range(2):
+        node, at = tips[which], counts[0] - 1
+        while node >= 0:
+            path[at, 0], path[at, 1] = trees[node, 2 * which], trees[node, 2 * which + 1]
+            node = parents[which, node]
+            at += 2 * which - 1
+    return path
 
 
-@typed(_RESULT(GRID, NEW_POINTS, _PARENTS, _INTS, _INTS, POINTS, nb.float64, nb.int64))
-def grow(grid, trees, parents, sizes, tips, draws, step, before):
-    """Two trees, turn about, until they meet or the samples `draws` (N, 2) in [0, 1) are spent.
+@compiled
+def _edges(trees, parents, sizes):
+    """(E, 2, 2) every edge of both trees, for pictures."""
+    edges = np.empty((sizes[0] + sizes[1] - 2, 2, 2))
+    count = 0
+    for which in range(2):
+        for k in range(1, sizes[which]):
+            up = parents[which, k]
+            edges[count, 0, 0], edges[count, 0, 1] = trees[k, 2 * which], trees[k, 2 * which + 1]
+            edges[count, 1, 0], edges[count, 1, 1] = trees[up, 2 * which], trees[up, 2 * which + 1]
+            count += 1
+    return edges
 
-    trees (M, 4): x, y of either tree side by side; parents (2, M); sizes (2,) and tips (2,), the vertices where they
-    meet or -1, are changed in place. before: samples used earlier, which says whose turn it is.
-    Returns trees and parents, which may have moved to longer arrays, and the samples used.
+
+_RESULT = nb.types.Tuple((NEW_POINTS, nb.types.Array(nb.float64, 3, "C"), nb.int64))
+
+
+@typed(_RESULT(GRID, POINTS, nb.uint64, nb.float64, nb.int64))
+def connect(grid, ends, seed, step, budget):
+    """Two trees from ends (2, 2), turn about, until they meet or `budget` samples are spent.
+
+    Returns the path (N, 2), empty for none, all edges (E, 2, 2), and the samples used.
     """
     rows, columns = grid.shape
-    for k in range(len(draws)):
-        near = (before + k) % 2
-        x, y = 1.0 + draws[k, 0] * (columns - 2.0), 1.0 + draws[k, 1] * (rows - 2.0)
+    trees, parents = np.empty((_FIRST_ROOM, 4)), np.full((2, _FIRST_ROOM), -1)
+    trees[0, :2], trees[0, 2:] = ends[0], ends[1]
+    sizes, tips, state = np.ones(2, np.int64), np.full(2, -1), seed
+    for k in range(budget):
+        near, far = k % 2, 1 - k % 2
+        state, u = uniform(state)
+        state, v = uniform(state)
         trees, parents = _room(trees, parents, sizes)
-        new = _extend(grid, trees, parents, sizes, near, x, y, step)
+        new = _extend(grid, trees, parents, sizes, near, 1.0 + u * (columns - 2.0), 1.0 + v * (rows - 2.0), step)
         if new < 0:
             continue
         x, y = trees[new, 2 * near], trees[new, 2 * near + 1]
-        far = 1 - near
         while True:  # connect: the other tree comes nearer in steps until it arrives or is stopped
             trees, parents = _room(trees, parents, sizes)
             other = _extend(grid, trees, parents, sizes, far, x, y, step)
@@ -113,14 +135,5 @@ def grow(grid, trees, parents, sizes, tips, draws, step, before):
                 break
             if trees[other, 2 * far] == x and trees[other, 2 * far + 1] == y:
                 tips[near], tips[far] = new, other
-                return trees, parents, k + 1
-    return trees, parents, len(draws)
-
-
-def _branch(points: np.ndarray, parents: np.ndarray, tip: int) -> np.ndarray:
-    """(N, 2) from the tip to the root."""
-    out = []
-    while tip >= 0:
-        out.append(points[tip])
-        tip = parents[tip]
-    return np.array(out)
+                return _joined(trees, parents, tips), _edges(trees, parents, sizes), k + 1
+    return np.empty((0, 2)), _edges(trees, parents, sizes), budget

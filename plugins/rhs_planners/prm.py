@@ -1,37 +1,35 @@
 """Probabilistic roadmaps that are learnt once per map and repaired when cells change.
 
-OMPL grows the roadmap (growRoadmap with a counter: its own solve() never stops growing and stops by a clock); its edges
-are the motions that it asked about and found free; queries search them with A*. When a query finds no way although there
-is one, OMPL grows the same roadmap on, a counted number of times. When cells change (an obstacle for one mission), the
-edges near them are tested again: cut edges are set aside and return with the cells.
+A grower (native_roadmap or ompl_roadmap) adds a counted number of vertices and their free edges; queries search them
+with A*. When a query finds no way although there is one, the same roadmap is grown on, a counted number of times. When
+cells change (an obstacle for one mission), the edges near them are tested again: cut edges are set aside and return with
+the cells.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
-from ompl import geometric as og
 
 from rhs.records import Path, PlanningProblem
 
-from .ompl_space import Counter, LoggedGridMotion, definition, fresh_seed, space_over
 from .problem import Ground, Task, already_there, begin, finish
 from .roadmap import Roadmap
 
 _OTHER_MAP = 0.25  # more changed cells than this share are another map, not an obstacle: the roadmap is learnt anew
-_TRIES_PER_VERTEX = 200  # termination checks allowed per wanted vertex, for maps with hardly any free cell
 
 
 class RoadmapPlanner:
-    """rhs.contracts.Planner over one roadmap per map. kind: PRM or PRMstar."""
+    """rhs.contracts.Planner over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
 
-    def __init__(self, settings, rng: np.random.Generator, kind: str):
-        self._settings, self._rng, self._kind = settings, rng, kind
+    def __init__(self, settings, rng: np.random.Generator, begin_growing: Callable):
+        self._settings, self._rng, self._begin_growing = settings, rng, begin_growing
         self._ground = Ground()
         self._roadmap: Roadmap | None = None
         self._version = -1  # of the ground, when the roadmap was last made or repaired
-        self._grower: tuple = ()
+        self._grower = None
         self._stale = False  # cells have changed since the first edges were found
 
     def plan(self, problem: PlanningProblem) -> Path:
@@ -67,13 +65,7 @@ class RoadmapPlanner:
             return
         self._version = self._ground.version
         if self._roadmap is None or self._roadmap.changed_share(task.grid) > _OTHER_MAP:
-            fresh_seed(self._rng)
-            information, motion = space_over(task.grid, LoggedGridMotion)
-            planner = getattr(og, self._kind)(information)
-            ends = definition(information, task.start, task.goal)  # setup() needs one; growing does not look at it
-            planner.setProblemDefinition(ends)
-            planner.setup()
-            self._grower, self._stale = (planner, motion, information, ends), False
+            self._grower, self._stale = self._begin_growing(task, self._rng), False
             self._grow(task, self._settings.milestones)
             counts["learnt"] = 1.0
             return
@@ -82,9 +74,4 @@ class RoadmapPlanner:
         self._stale = self._stale or cut + restored > 0
 
     def _grow(self, task: Task, vertices: int) -> None:
-        """Let OMPL add vertices, then make the roadmap anew from all edges."""
-        planner, motion, *_ = self._grower
-        wanted = planner.milestoneCount() + vertices
-        counter = Counter(_TRIES_PER_VERTEX * vertices, lambda: planner.milestoneCount() >= wanted)
-        planner.growRoadmapPtc(counter.condition())
-        self._roadmap = Roadmap(task.grid, np.array(motion.free_edges).reshape(-1, 4), stale=self._stale)
+        self._roadmap = self._grower.grow(task.grid, vertices, stale=self._stale)

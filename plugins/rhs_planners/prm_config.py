@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
 
-from rhs.errors import check_range
+from rhs.errors import check_choice, check_range
 
 from .shared_config import PlannerSettings
 
 
 @dataclass
 class _Roadmap(PlannerSettings):
+    _word: ClassVar[str]
+    _star: ClassVar[bool]
+
+    backend: str = "native"  # native: compiled, learns about ten times faster; ompl: the same method by OMPL
     milestones: int = 500  # vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed
     growth: int = 250  # vertices added when start and goal are not joined yet
     growth_rounds: int = 20  # how often a query may add them before its budget is spent
@@ -19,6 +25,7 @@ class _Roadmap(PlannerSettings):
     def __post_init__(self):
         owner = f"planner.{self._word}"
         self.check(owner)
+        check_choice(owner, "backend", self.backend, ("native", "ompl"))
         check_range(owner, "milestones", self.milestones, low=1, high=200_000)
         check_range(owner, "growth", self.growth, low=1, high=200_000)
         check_range(owner, "growth_rounds", self.growth_rounds, low=0, high=1000)
@@ -27,18 +34,22 @@ class _Roadmap(PlannerSettings):
     def build(self, context):
         from .prm import RoadmapPlanner
 
-        return RoadmapPlanner(self, context.rng, kind=self._kind)
+        if self.backend == "ompl":
+            from .ompl_roadmap import OmplGrower as Grower
+        else:
+            from .native_roadmap import NativeGrower as Grower
+        return RoadmapPlanner(self, context.rng, partial(Grower, star=self._star))
 
 
 @dataclass
 class Prm(_Roadmap):
-    """Probabilistic roadmap (Kavraki, Svestka, Latombe, Overmars 1996), by OMPL, kept for every later query."""
+    """Probabilistic roadmap (Kavraki, Svestka, Latombe, Overmars 1996), kept for every later query."""
 
-    _word, _kind = "prm", "PRM"
+    _word, _star = "prm", False
 
 
 @dataclass
 class PrmStar(_Roadmap):
     """PRM* (Karaman and Frazzoli 2011): as prm, with more neighbours per vertex as it grows, to approach the best."""
 
-    _word, _kind = "prm_star", "PRMstar"
+    _word, _star = "prm_star", True

@@ -11,14 +11,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba as nb
 import numpy as np
 from scipy.ndimage import label
 
 from rhs.errors import ContractError
+from rhs.jit import typed
 from rhs.records import Path, PlanningProblem, PlanReason
 
-from .line import polyline_free
-from .shorten import shorten
+from .line import NEW_POINTS, POINTS
+from .shorten import pulled
 
 _EMPTY = np.empty((0, 2))
 
@@ -76,14 +78,15 @@ class Task:
     def grid(self) -> np.ndarray:
         return self.ground.grid
 
+    @property
+    def ends(self) -> np.ndarray:
+        """(2, 2) cells: start, goal."""
+        return np.array((self.start, self.goal))
+
     def metres(self, cells: np.ndarray) -> np.ndarray:
         """(..., 2) metres in the map frame of (..., 2) padded cells."""
         step, (x, y) = self.problem.resolution_m, self.problem.origin_m
-        out = np.empty(cells.shape)
-        np.multiply(cells, step, out=out)
-        out[..., 0] += x - step
-        out[..., 1] += y - step
-        return out
+        return _scaled(cells.reshape(-1, 2), step, x - step, y - step).reshape(cells.shape)
 
 
 def begin(problem: PlanningProblem, ground: Ground, start_radius_m: float) -> Task | Path:
@@ -126,8 +129,8 @@ def finish(task: Task, raw: np.ndarray | None, *, rounds: int, learn_ms: float =
     if raw is None:
         reason = PlanReason.BUDGET_SPENT if task.ground.connected(task.start, task.goal) else PlanReason.DISCONNECTED
     else:
-        short = shorten(task.grid, raw, rounds)
-        if not (polyline_free(task.grid, raw) and polyline_free(task.grid, short)):
+        short, free = pulled(task.grid, raw, rounds)
+        if not free:
             raise ContractError("planner returned a path through blocked cells; expected every segment to be free")
         points, lines = _exact(task, short), _exact(task, raw)
     plan_ms = 1e3 * (time.process_time() - task.began_s) - learn_ms
@@ -150,10 +153,19 @@ def _exact(task: Task, cells: np.ndarray) -> np.ndarray:
     return points
 
 
+@typed(NEW_POINTS(POINTS, nb.float64, nb.float64, nb.float64))
+def _scaled(points, step, x, y):
+    """(N, 2) times step plus (x, y)."""
+    out = np.empty(points.shape)
+    for k in range(len(points)):
+        out[k, 0], out[k, 1] = points[k, 0] * step + x, points[k, 1] * step + y
+    return out
+
+
 def _cells(problem: PlanningProblem, point_m) -> np.ndarray:
     """(2,) padded cells of a point; within 1e-9 of a border it counts as on it, as OccupancyGrid.cells does."""
-    return np.array([_on_border((float(value) - low) / problem.resolution_m + 1.0)
-                     for value, low in zip(point_m, problem.origin_m, strict=True)])
+    step, (x, y) = problem.resolution_m, problem.origin_m
+    return np.array((_on_border((float(point_m[0]) - x) / step + 1.0), _on_border((float(point_m[1]) - y) / step + 1.0)))
 
 
 def _on_border(cell: float) -> float:

@@ -19,14 +19,11 @@ _OUT = nb.types.Array(nb.int64, 1, "C")
 class Roadmap:
     """Vertices (V, 2) in padded cells and undirected edges (E, 2). Edges cut by an obstacle are kept and may return.
 
-    segments: (E, 4) x, y of both ends of each edge. stale: some were found on another grid and must be tested again.
+    stale: some were found on another grid and must be tested again.
     """
 
-    def __init__(self, grid: np.ndarray, segments: np.ndarray, *, stale: bool = False):
-        ends = np.ascontiguousarray(segments).reshape(-1, 2).view(np.complex128).ravel()  # sorts twice as fast as rows
-        vertices, number = np.unique(ends, return_inverse=True)
-        self.points = vertices.view(np.float64).reshape(-1, 2)
-        self.edges = np.ascontiguousarray(number.reshape(-1, 2), dtype=np.int64)
+    def __init__(self, grid: np.ndarray, points: np.ndarray, edges: np.ndarray, *, stale: bool = False):
+        self.points, self.edges = points, np.ascontiguousarray(edges, dtype=np.int64)
         self._seen = grid.copy()
         self._open = np.ones(len(self.edges), np.uint8)
         if stale:

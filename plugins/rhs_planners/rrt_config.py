@@ -31,22 +31,22 @@ class Rrt(PlannerSettings):
 class RrtConnect(PlannerSettings):
     """RRT-Connect (Kuffner and LaValle 2000): two trees that reach for each other. Stops at the first path."""
 
-    backend: str = "ompl"  # ompl, or native: our compiled one, the same method about ten times faster
+    backend: str = "native"  # native: compiled whole, about ten times faster; ompl: the same method by OMPL
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
     iterations: int = 10_000  # samples before the budget is spent
 
     def __post_init__(self):
         _check_tree(self, "rrt_connect")
-        check_choice("planner.rrt_connect", "backend", self.backend, ("ompl", "native"))
+        check_choice("planner.rrt_connect", "backend", self.backend, ("native", "ompl"))
 
     def build(self, context):
-        if self.backend == "native":
-            from .native_rrt_connect import NativeRrtConnect
+        if self.backend == "ompl":
+            from .tree import TreePlanner, rrt_connect
 
-            return NativeRrtConnect(self, context.rng)
-        from .tree import TreePlanner, rrt_connect
+            return TreePlanner(self, context.rng, rrt_connect)
+        from .native_rrt_connect import NativeRrtConnect
 
-        return TreePlanner(self, context.rng, rrt_connect)
+        return NativeRrtConnect(self, context.rng)
 
 
 @dataclass
@@ -56,9 +56,11 @@ class RrtStar(PlannerSettings):
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
     goal_bias: float = 0.05  # share of samples that are the goal itself
     iterations: int = 5000  # samples, all of them used
+    extensions: int = 4  # as many samples again, this often, while there is no path: narrow gaps take some seeds longer
 
     def __post_init__(self):
         _check_tree(self, "rrt_star")
+        check_range("planner.rrt_star", "extensions", self.extensions, low=0, high=1000)
         check_range("planner.rrt_star", "goal_bias", self.goal_bias, low=0.0, high=1.0)
 
     def build(self, context):
@@ -74,9 +76,11 @@ class InformedRrtStar(PlannerSettings):
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
     goal_bias: float = 0.05  # share of samples that are the goal itself
     iterations: int = 5000  # samples, all of them used
+    extensions: int = 4  # as many samples again, this often, while there is no path: narrow gaps take some seeds longer
 
     def __post_init__(self):
         _check_tree(self, "informed_rrt_star")
+        check_range("planner.informed_rrt_star", "extensions", self.extensions, low=0, high=1000)
         check_range("planner.informed_rrt_star", "goal_bias", self.goal_bias, low=0.0, high=1.0)
 
     def build(self, context):

@@ -12,7 +12,7 @@ import numpy as np
 
 from rhs.jit import typed
 
-from .line import GRID, NEW_POINTS, POINTS, segment_free
+from .line import GRID, NEW_POINTS, POINTS, polyline_free, segment_free
 
 _HALVINGS = 12  # bisection steps: a bend is placed to 2e-4 of its segment in one round, and better by the next
 _ENOUGH = 1e-5  # stop when a round gains less than this share of the length
@@ -107,3 +107,10 @@ def shorten(grid, points, rounds):
             best, before = trial, after
         best, flipped = best[::-1].copy(), not flipped
     return best[::-1].copy() if flipped else best
+
+
+@typed(nb.types.Tuple((NEW_POINTS, nb.boolean))(GRID, POINTS, nb.int64))
+def pulled(grid, points, rounds):
+    """The path shortened, and whether both paths are free: one crossing for both."""
+    short = shorten(grid, points, rounds)
+    return short, polyline_free(grid, points) and polyline_free(grid, short)

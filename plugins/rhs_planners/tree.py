@@ -20,7 +20,7 @@ from .ompl_space import (
     solution,
     space_over,
 )
-from .problem import Ground, already_there, begin, finish
+from .problem import Ground, Task, already_there, begin, finish
 
 
 class TreePlanner:
@@ -52,12 +52,25 @@ class TreePlanner:
         ends = definition(information, task.start, task.goal)
         planner.setProblemDefinition(ends)
         planner.setup()
-        counter = Counter(self._settings.iterations)
-        planner.solve(counter.condition())
-        raw = solution(ends, task.start, task.goal)
-        extras = {"iterations": float(min(counter.calls, self._settings.iterations))}
+        raw, used = self._solve(planner, ends, task)
+        extras = {"iterations": float(used)}
         return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=learn_ms, extras=extras,
                       sketch=lambda: _edges(information, planner, motion))
+
+    def _solve(self, planner, ends, task: Task) -> tuple[np.ndarray | None, int]:
+        """The path (N, 2) in cells, and the iterations used: the budget, and again where the settings allow extensions
+        and there is a way that was not found yet. OMPL's planners go on with the tree they have."""
+        used = 0
+        for extension in range(getattr(self._settings, "extensions", 0) + 1):
+            if extension and not task.ground.connected(task.start, task.goal):
+                break
+            counter = Counter(self._settings.iterations)
+            planner.solve(counter.condition())
+            used += min(counter.calls, self._settings.iterations)
+            raw = solution(ends, task.start, task.goal)
+            if raw is not None:
+                break
+        return raw, used
 
 
 def _edges(information, planner, motion: GridMotion) -> np.ndarray:
