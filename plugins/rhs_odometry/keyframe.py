@@ -91,10 +91,13 @@ class KeyframeOdometry:
             return fit
         motion = self._rescue(previous)
         if motion is not None:
+            followed = self._tracker.ids, self._tracker.pixels
             self._tracker.ids, self._tracker.pixels = ids, pixels
             again = self._tracker.find(look, self._tracker.pose @ motion)
             if again.inliers.sum() >= fit.inliers.sum():
                 fit = again
+            else:
+                self._tracker.ids, self._tracker.pixels = followed
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
     def _trusted(self, fit: PoseFit, followed: int) -> bool:

@@ -45,20 +45,22 @@ class KeyframeMap:
         self.rays = np.zeros((0, 3))  # x/z, y/z, 1 in the anchor camera
         self.rho = np.zeros(0)
         self.sigma = np.zeros(0)
+        self.slopes = np.zeros((0, 2))  # of inverse depth around the point, 1/m per pixel of its key frame
 
     def add_keyframe(self, map_from_camera: np.ndarray, picture: list[np.ndarray]) -> int:
         self.poses = np.concatenate([self.poses, map_from_camera[None]])
         self.pictures.append(picture)
         return len(self.poses) - 1
 
-    def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Anchor new points, (N, 3) in its camera, to a key frame; their ids."""
+    def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """Anchor new points, (N, 3) in its camera on surfaces of inverse depth slopes (N, 2), to a key frame; their ids."""
         first = len(self.anchor)
         self.anchor = np.concatenate([self.anchor, np.full(len(pixels), keyframe)])
         self.pixels = np.concatenate([self.pixels, np.asarray(pixels, np.float32)])
         self.rays = np.concatenate([self.rays, points / points[:, 2:]])
         self.rho = np.concatenate([self.rho, 1.0 / points[:, 2]])
         self.sigma = np.concatenate([self.sigma, np.full(len(pixels), self._sigma)])
+        self.slopes = np.concatenate([self.slopes, slopes])
         return np.arange(first, len(self.anchor))
 
     def reshape(self, keyframe: int, camera, twist: np.ndarray) -> None:
@@ -75,7 +77,7 @@ class KeyframeMap:
         return np.einsum("nij,nj->ni", poses[:, :3, :3], local) + poses[:, :3, 3]
 
     def warps(self, ids: np.ndarray, camera_from_map: np.ndarray, camera) -> np.ndarray:
-        """(N, 2, 2) d pixel in the anchor / d pixel in a camera, taking the surface to face the anchor camera."""
+        """(N, 2, 2) d pixel in the anchor / d pixel in a camera, the surface taken to be flat around the point."""
         step = 4.0
         out = np.empty((len(ids), 2, 2))
         pixels = self.pixels[ids].astype(float)
@@ -85,7 +87,8 @@ class KeyframeMap:
             for sign in (-step, step):
                 moved = pixels.copy()
                 moved[:, axis] += sign
-                local = camera.rays(moved) / self.rho[ids, None]
+                rho = np.maximum(self.rho[ids] + sign * self.slopes[ids, axis], 1e-3)
+                local = camera.rays(moved) / rho[:, None]
                 ends.append(camera.project(np.einsum("nij,nj->ni", poses[:, :3, :3], local) + poses[:, :3, 3]))
             out[:, :, axis] = (ends[1] - ends[0]) / (2.0 * step)
         good = np.abs(np.linalg.det(np.nan_to_num(out))) > 1e-3

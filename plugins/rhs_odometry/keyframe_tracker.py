@@ -17,20 +17,22 @@ from . import tracks
 from .keyframe_map import KeyframeMap
 from .patches import find_patches
 from .reprojection import Noise, PoseFit, at_middle, fit_pose
+from .surface import surfaces
 
 SPACING = 0.03  # least distance between followed points, share of the image height
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """One image made ready: pyramid of its gray picture, depth without edges, seconds since the one before."""
+    """One image made ready: pyramid of its gray picture, its depth in metres, seconds since the one before."""
 
     picture: list[np.ndarray]
     depth: np.ndarray
     interval_s: float
 
     def depth_at(self, pixels: np.ndarray) -> np.ndarray:
-        return tracks.lookup(self.depth, pixels)
+        """(N,) metres at pixels (N, 2); NaN where unknown or over an edge."""
+        return 1.0 / surfaces(self.depth, pixels)[0]
 
 
 class Tracker:
@@ -53,7 +55,7 @@ class Tracker:
         interval_s = observation.stamp_s - self._stamp
         self._stamp = observation.stamp_s
         picture = tracks.pyramid(tracks.gray(observation.image))
-        return Look(picture, tracks.steady_depth(observation.depth), interval_s if 0.0 < interval_s < 1.0 else 1.0)
+        return Look(picture, np.asarray(observation.depth, np.float32), interval_s if 0.0 < interval_s < 1.0 else 1.0)
 
     def follow(self, look: Look, guess: np.ndarray) -> PoseFit:
         """Follow the points into the view from a guess of its map_from_camera, and fit its pose."""
@@ -127,7 +129,8 @@ class Tracker:
         pixels = tracks.corners(look.picture[0], self.pixels, count=count, spacing_px=self._spacing)
         seen = self._seen(look, pixels)
         known = np.isfinite(seen).all(axis=1)
-        ids = self._map.add_points(keyframe, pixels[known], seen[known])
+        slopes = surfaces(look.depth, pixels[known])[1]
+        ids = self._map.add_points(keyframe, pixels[known], seen[known], slopes)
         self.add(ids, pixels[known])
 
     def add(self, ids: np.ndarray, pixels: np.ndarray) -> None:

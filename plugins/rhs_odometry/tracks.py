@@ -1,4 +1,4 @@
-"""Points followed through images: chosen at corners with trustworthy depth, moved on by Lucas-Kanade.
+"""Points followed through images: chosen at corners, moved on by Lucas-Kanade.
 
 Shi and Tomasi, "Good features to track", CVPR 1994; Bouguet's pyramidal Lucas-Kanade as in OpenCV, with the start
 predicted from the expected motion and a check backwards.
@@ -10,34 +10,11 @@ import cv2
 import numpy as np
 
 LEVELS = 3  # of the image pyramid above full size: finds a point some 60 pixels from where it was expected
-FARTHEST_M = 1e3
 
 
 def gray(image: np.ndarray) -> np.ndarray:
     """(H, W) uint8 of an RGB image."""
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
-
-
-def steady_depth(depth: np.ndarray) -> np.ndarray:
-    """(H, W) float32 depth with NaN where it jumps: beside an edge one cannot tell which surface a corner is on."""
-    with np.errstate(invalid="ignore"):
-        known = np.where((depth > 0) & (depth < FARTHEST_M), depth, np.float32(0))
-    kernel = np.ones((5, 5), np.uint8)
-    far = cv2.dilate(known, kernel)
-    near = cv2.erode(np.where(known > 0, known, np.float32(FARTHEST_M)), kernel)
-    return np.where((known > 0) & (far - near < 0.03 + 0.04 * known), known, np.float32(np.nan))
-
-
-def lookup(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """(N,) values of an (H, W) float image at the nearest pixels (N, 2); NaN outside."""
-    height, width = image.shape
-    with np.errstate(invalid="ignore"):
-        u = np.where(np.isfinite(pixels[:, 0]), np.round(pixels[:, 0]), -1).astype(int)
-        v = np.where(np.isfinite(pixels[:, 1]), np.round(pixels[:, 1]), -1).astype(int)
-    inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-    out = np.full(len(pixels), np.nan)
-    out[inside] = image[v[inside], u[inside]]
-    return out
 
 
 def corners(picture: np.ndarray, taken: np.ndarray, *, count: int, spacing_px: int) -> np.ndarray:
