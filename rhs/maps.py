@@ -11,6 +11,7 @@ occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
@@ -19,8 +20,11 @@ import numpy as np
 from .errors import ConfigError
 from .files import replacing
 from .grid import OccupancyGrid
+from .strict_yaml import load_yaml
 
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
+MOST_CELLS = 50_000_000  # 7000 x 7000; the head of a small file could ask for all the memory there is
+_FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map_server reads `negate: no`
 
 
 @dataclass(frozen=True)
@@ -101,21 +105,10 @@ def read_header(yaml_path: str | FilePath) -> MapHeader:
 
 
 def read_yaml(path: FilePath) -> dict:
-    """A YAML file as a dictionary, or a ConfigError with file and line. Only plain data is understood."""
-    import yaml
-
-    try:
-        keys = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise ConfigError(f"cannot read map {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path} is not a text file; expected the YAML of a map") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f":{mark.line + 1}" if mark else ""
-        raise ConfigError(f"{path}{line}: not readable as YAML: {getattr(error, 'problem', error)}") from error
+    """A YAML file as a dictionary, or a ConfigError with file and line; duplicate keys are refused."""
+    keys = load_yaml(path)
     if not isinstance(keys, dict):
-        raise ConfigError(f"{path}: expected keys and values, found {type(keys).__name__}")
+        raise ConfigError(f"{path}: expected keys and values, found {'nothing' if keys is None else type(keys).__name__}")
     return keys
 
 
@@ -125,7 +118,7 @@ def _is_number(value) -> bool:
 
 def _number(path: FilePath, keys: dict, name: str, default: float, *, low: float, high: float) -> float:
     value = keys.get(name, default)
-    value = int(value) if isinstance(value, bool) else value  # `negate: no` is YAML's false
+    value = _FLAGS.get(str(value).lower(), value) if name == "negate" else value
     if not _is_number(value) or not low <= value <= high:
         raise ConfigError(f"{path}: {name} is {value!r}; expected a number in [{low:g}, {high:g}]")
     return float(value)
@@ -137,11 +130,32 @@ def _read_image(path: FilePath) -> np.ndarray:
 
     if not path.is_file():
         raise ConfigError(f"map image {path} does not exist; correct the key `image` of its YAML")
+    width, height = _size(path)
+    if width * height > MOST_CELLS:
+        raise ConfigError(f"{path}: {width} x {height} cells are more than the {MOST_CELLS} allowed")
+    log = cv2.utils.logging
+    before = log.setLogLevel(log.LOG_LEVEL_SILENT)  # the error below says it better
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    log.setLogLevel(before)
     if image is None:
         raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
     image = image[:, :, None] if image.ndim == 2 else image
     return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
+
+
+def _size(path: FilePath) -> tuple[int, int]:
+    """Width and height that the header of a PGM, PNG or BMP claims. Raises ConfigError for other files."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) >= 24:
+        return int.from_bytes(head[16:20]), int.from_bytes(head[20:24])
+    if head[:2] == b"BM" and len(head) >= 26:
+        width, height = (abs(int.from_bytes(head[k: k + 4], "little", signed=True)) for k in (18, 22))
+        return width, height
+    numbers = re.match(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s", head)
+    if numbers is None:
+        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
+    return int(numbers[1]), int(numbers[2])
 
 
 def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:

@@ -48,15 +48,19 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 
 def load_yaml(path: Path) -> Any:
     """What the file says, as dict, list, str, int, float, bool or None. Raises ConfigError with file:line."""
+    return parse_yaml(read_text(path), str(path))
+
+
+def read_text(path: Path, most_bytes: int = _LIMIT_BYTES) -> str:
+    """The text of a YAML file, with or without byte order mark. Raises ConfigError for what cannot be read or is too big."""
     try:
-        if path.stat().st_size > _LIMIT_BYTES:
-            raise ConfigError(f"{path}: {path.stat().st_size} bytes is more than the {_LIMIT_BYTES} a YAML file may have")
-        text = path.read_bytes().decode("utf-8-sig")
+        if path.stat().st_size > most_bytes:
+            raise ConfigError(f"{path}: {path.stat().st_size} bytes is more than the {most_bytes} allowed for a YAML file")
+        return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+        raise ConfigError(f"{path}: cannot be read ({error.strerror}); expected a YAML file") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not UTF-8 text (byte {error.start})") from error
-    return parse_yaml(text, str(path))
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
 
 
 def parse_yaml(text: str, name: str) -> Any:
@@ -64,17 +68,18 @@ def parse_yaml(text: str, name: str) -> Any:
     try:
         return yaml.load(text, _Loader)  # noqa: S506  a SafeLoader, made stricter
     except yaml.YAMLError as error:
-        raise ConfigError(_one_line(error, name)) from None
+        raise ConfigError(one_line(error, name)) from None
     except RecursionError:
         raise ConfigError(f"{name}: is nested more deeply than {_NESTING} levels") from None
 
 
-def _one_line(error: yaml.YAMLError, name: str) -> str:
+def one_line(error: yaml.YAMLError, name: str) -> str:
+    """`name:line: what is wrong` of an error in YAML."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     line = f":{mark.line + 1}" if mark is not None else ""
     problem = getattr(error, "problem", None) or str(error).splitlines()[0]
     if "python/" in problem:
         problem = "asks for a Python object; only plain values are allowed"
     if "\\t" in problem:
-        problem = "a tab cannot indent YAML; use spaces"
+        problem += " (indent with spaces, not tabs)"
     return f"{name}{line}: {problem}"

@@ -1,7 +1,7 @@
-"""Read a small YAML file strictly: data only, every value knows its line, nothing is guessed.
+"""Worlds and other files that people write: data only, every value knows its line, nothing is guessed.
 
 Unlike a plain YAML loader this one refuses duplicate keys, aliases and tags, and does not turn `no` into False, `012`
-into 10 or `12:30` into 750: a value is what the reader of the file sees.
+into 10 or `12:30` into 750: a value is what the reader of the file sees. rhs.strict_yaml reads plain dictionaries.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from .errors import ConfigError
+from .strict_yaml import one_line, read_text
 
 MAX_BYTES = 1_000_000
 _NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]*)?([eE][-+]?[0-9]+)?|[-+]?\.[0-9]+([eE][-+]?[0-9]+)?")
@@ -23,30 +24,14 @@ _NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]*)?([eE][-+]?[0-9]+)?|[-+]?\.
 def read_yaml(path: Path) -> Section:
     """The top-level mapping of a file. Raises ConfigError naming file and line."""
     try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); expected a YAML file") from error
-    if len(raw) > MAX_BYTES:
-        raise ConfigError(f"{path}: {len(raw)} bytes is more than the {MAX_BYTES} allowed for a YAML file")
-    try:
-        loader = _Loader(raw.decode("utf-8-sig"))
+        loader = _Loader(read_text(path, MAX_BYTES))
         loader.name = str(path)
         node = loader.get_single_node()
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = f":{mark.line + 1}" if mark else ""
-        raise ConfigError(f"{path}{line}: not valid YAML: {error.problem or error.context}{_hint(error)}") from error
     except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: not valid YAML: {str(error).splitlines()[0]}") from error
+        raise ConfigError(one_line(error, str(path))) from error
     if node is None:
         raise ConfigError(f"{path}: the file is empty; expected keys and values")
     return Section(node, "the file")
-
-
-def _hint(error: yaml.MarkedYAMLError) -> str:
-    return " (indent with spaces, not tabs)" if "\\t" in str(error.problem) else ""
 
 
 class _Loader(yaml.SafeLoader):

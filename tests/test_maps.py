@@ -97,6 +97,54 @@ def test_comments_bom_and_windows_lines_are_read(tmp_path):
     assert np.array_equal(load_map(path).probability, plain)
 
 
+def test_comments_in_the_head_of_a_pgm_are_read(tmp_path):
+    """map_saver writes one: `# CREATOR: map_saver.cpp 0.050 m/pix`."""
+    text = write_map(tmp_path, [[0, 254]], image="m.pgm")
+    (tmp_path / "m.pgm").write_bytes(b"P5\n# CREATOR: map_saver.cpp 0.050 m/pix\n2 1 # wide, high\n255\n\x00\xfe")
+    assert load_map(text).probability.tolist() == [[1.0, 0.0]]
+
+
+@pytest.mark.parametrize(("word", "found"), [("no", 1.0), ("false", 1.0), ("0", 1.0), ("yes", 0.0), ("true", 0.0)])
+def test_negate_may_be_a_word(tmp_path, word, found):
+    assert load_map(write_map(tmp_path, [[0]], negate=word)).probability.tolist() == [[found]]
+
+
+def test_a_key_that_stands_twice_is_refused_with_its_line(tmp_path):
+    text = write_map(tmp_path, [[0, 254]])
+    text.write_text(text.read_text() + "resolution: 0.1\n")
+    with pytest.raises(ConfigError, match=r"m\.yaml:8: .*'resolution' stands twice"):
+        load_map(text)
+
+
+def huge(kind: str) -> bytes:
+    """The head of an image of 30,000 x 30,000 pixels, and hardly anything behind it."""
+    side = 30_000
+    if kind == "pgm":
+        return b"P5\n# huge\n%d %d\n255\n\x00" % (side, side)
+    if kind == "png":
+        return b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + side.to_bytes(4) * 2 + b"\x08\x00\x00\x00\x00"
+    return b"BM" + bytes(12) + (40).to_bytes(4, "little") + side.to_bytes(4, "little") * 2 + bytes(28)
+
+
+@pytest.mark.parametrize("kind", ["pgm", "png", "bmp"])
+def test_a_head_that_asks_for_too_many_cells_is_refused_before_anything_is_read(tmp_path, kind):
+    text = write_map(tmp_path, [[0]], image=f"m.{kind}")
+    (tmp_path / f"m.{kind}").write_bytes(huge(kind))
+    with pytest.raises(ConfigError, match="30000 x 30000 cells are more than"):
+        load_map(text)
+
+
+@pytest.mark.parametrize("kind", ["pgm", "png", "bmp"])
+def test_an_image_cut_short_is_refused_in_one_line(tmp_path, kind, capfd):
+    text = write_map(tmp_path, np.full((9, 9), 254), image=f"m.{kind}")
+    whole = (tmp_path / f"m.{kind}").read_bytes()
+    for size in range(0, len(whole), 7):
+        (tmp_path / f"m.{kind}").write_bytes(whole[:size])
+        with pytest.raises(ConfigError, match="not an image"):
+            load_map(text)
+    assert "OpenCV" not in capfd.readouterr().err  # its own complaints, of many lines
+
+
 @pytest.mark.parametrize(
     ("keys", "word"),
     [
@@ -111,7 +159,7 @@ def test_bad_keys_are_refused_by_name(tmp_path, keys, word):
 
 
 def test_missing_files_and_bad_yaml_are_refused_in_words(tmp_path):
-    with pytest.raises(ConfigError, match="cannot read"):
+    with pytest.raises(ConfigError, match="cannot be read"):
         load_map(tmp_path / "none.yaml")
     path = write_map(tmp_path, [[254]])
     (tmp_path / "m.png").write_bytes(b"not an image")

@@ -170,7 +170,8 @@ def test_malformed_grids_are_refused():
 
 @pytest.mark.parametrize(("name", "key", "value"), [
     ("prm", "milestones", 0), ("rrt", "goal_bias", 1.5), ("rrt", "range_m", float("nan")), ("fmt", "samples", -5),
-    ("rrt_connect", "backend", "fast"), ("prm", "backend", "cpp"), ("rrt_star", "extensions", -1), ("potential_field", "trail", float("inf")), ("bit_star", "batch", 0),
+    ("rrt_connect", "backend", "fast"), ("prm", "backend", "cpp"), ("rrt_star", "extensions", -1),
+    ("potential_field", "trail", float("inf")), ("bit_star", "batch", 0),
 ])
 def test_settings_out_of_range_are_refused_by_name(name, key, value):
     with pytest.raises(ConfigError, match=f"planner.{name}.{key}"):
