@@ -1,8 +1,10 @@
 """How well a scan fits a map seen from many poses: the likelihood field. Loads numba: import it when it is needed.
 
-Source: Thrun, Burgard, Fox, Probabilistic Robotics, 6.4. Each beam's end is compared with the nearest obstacle. Two
+Source: Thrun, Burgard, Fox, Probabilistic Robotics, 6.4. Each beam's end is compared with the nearest obstacle. Three
 additions: a pose inside an obstacle is punished, and so is a beam that passes an obstacle half way (the plain field lets
-scans see through walls). The logarithm is multiplied by `trust`, because neighbouring beams share their errors.
+scans see through walls); beams that end in the open, well before any wall, may cost `surprise` at most all together:
+something new may stand there, whereas nothing lets a beam through a wall. The logarithm is multiplied by `trust`, because
+neighbouring beams share their errors.
 """
 
 from __future__ import annotations
@@ -19,13 +21,17 @@ from .records import Scan
 @dataclass(frozen=True)
 class FieldSettings:
     """beams: used of each scan, evenly spaced. sigma_m: of a beam's end against the wall (map and depth noise). stray:
-    share of beams that mean nothing. trust: exponent on the product of the beams. range_max_m: longer beams are unused."""
+    share of beams that mean nothing. trust: exponent on the product of the beams. range_max_m: longer beams are unused.
+    open_m: further than this from any wall a beam ends in the open. surprise: most that all of these cost together, as a
+    logarithm after `trust`."""
 
     beams: int = 40
     sigma_m: float = 0.12
     stray: float = 0.1
     trust: float = 0.25
     range_max_m: float = 8.0
+    open_m: float = 0.5
+    surprise: float = 1.0
 
 
 class LikelihoodField:
@@ -42,6 +48,7 @@ class LikelihoodField:
         self._log_end = np.log(hit + settings.stray).astype(np.float32)
         self._log_stray = np.float32(np.log(settings.stray))
         self._solid = (gap_m < 0.5 * grid.resolution_m).astype(np.uint8)
+        self._open = (grid.free() & (gap_m > settings.open_m)).astype(np.uint8)
         free = np.argwhere(grid.free() & (gap_m > 0.2))
         self._room = grid.centres(free) if len(free) else np.empty((0, 2))
 
@@ -58,16 +65,18 @@ class LikelihoodField:
         """Size of the free room, square metres."""
         return max(len(self._room), 1) * self.grid.resolution_m**2
 
-    def log_likelihood(self, states: np.ndarray, scan: Scan) -> np.ndarray:
-        """(N,) of the scan seen from states (N, 3); all zero when the scan holds no usable beam."""
+    def log_likelihood(self, states: np.ndarray, scan: Scan, *, forgiving: bool = False) -> np.ndarray:
+        """(N,) of the scan seen from states (N, 3); all zero when the scan holds no usable beam. forgiving: something new
+        may stand in the open (`surprise`); for a robot that knows where it is, not for one that is looking for itself."""
         ends = self._ends(scan)
         if len(ends) == 0:
             return np.zeros(len(states))
         start = np.asarray(scan.origin_xy_m, float)
         corner = np.asarray(self.grid.origin_m)
+        least = -self.settings.surprise / self.settings.trust if forgiving and self.settings.trust > 0 else -np.inf
         return self.settings.trust * _score(
-            np.ascontiguousarray(states, float), start, ends, self._log_end, self._solid, self._log_stray, corner,
-            self.grid.resolution_m,
+            np.ascontiguousarray(states, float), start, ends, (self._log_end, self._solid, self._open), self._log_stray,
+            least, corner, self.grid.resolution_m,
         )  # fmt: skip
 
     def _ends(self, scan: Scan) -> np.ndarray:
@@ -80,14 +89,15 @@ class LikelihoodField:
 
 
 @compiled
-def _score(states, start, ends, log_end, solid, log_stray, corner, resolution):
+def _score(states, start, ends, tables, log_stray, least_open, corner, resolution):
+    log_end, solid, open_room = tables
     rows, columns = log_end.shape
     out = np.zeros(len(states))
     for k in range(len(states)):
         c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
         x0, y0 = (states[k, 0] - corner[0]) / resolution, (states[k, 1] - corner[1]) / resolution
         sx, sy = (c * start[0] - s * start[1]) / resolution, (s * start[0] + c * start[1]) / resolution
-        total = 0.0
+        total, in_the_open = 0.0, 0.0
         row, column = int(np.floor(y0)), int(np.floor(x0))
         if row < 0 or row >= rows or column < 0 or column >= columns or solid[row, column]:
             total += len(ends) * log_stray
@@ -98,12 +108,15 @@ def _score(states, start, ends, log_end, solid, log_stray, corner, resolution):
             if row < 0 or row >= rows or column < 0 or column >= columns:
                 total += log_stray
                 continue
-            value = log_end[row, column]
+            value, surprising = log_end[row, column], open_room[row, column] == 1
             for part in (0.35, 0.7):
                 row = int(np.floor(y0 + sy + part * (ey - sy)))
                 column = int(np.floor(x0 + sx + part * (ex - sx)))
                 if row < 0 or row >= rows or column < 0 or column >= columns or solid[row, column]:
-                    value = log_stray
-            total += value
-        out[k] = total
+                    value, surprising = log_stray, False
+            if surprising:
+                in_the_open += value
+            else:
+                total += value
+        out[k] = total + max(in_the_open, least_open)
     return out

@@ -47,6 +47,11 @@ def features(observation: Observation, settings: FeatureSettings) -> Features:
     return _remember(observation, settings, lambda: _sift(observation, settings))
 
 
+def share(observation: Observation, settings: FeatureSettings, known: Features) -> None:
+    """Let `features` answer with key-points that are known already: those of a recording that kept no images."""
+    _remember(observation, settings, lambda: known)
+
+
 def orb_features(observation: Observation, count: int = 500) -> Features:
     """ORB key-points (Rublee 2011) with binary descriptors (N, 32) uint8: about five times faster than SIFT."""
     return _remember(observation, ("orb", count), lambda: _orb(observation, count))

@@ -20,8 +20,8 @@ LEVELS = [
     "errors sealing geometry jit paths provenance mcap_records meanings",
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
-    " consistency structure memory likelihood heaps",
-    "contracts mission control obstacles sighting support loops places place_files place_trial"
+    " consistency structure memory likelihood heaps scanmatch",
+    "contracts mission control obstacles sighting support loops scanloops places place_files place_trial"
     " ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
     "patrol survey sentinel kidnap steps progress metrics map_metrics testing_room testing_estimators"

@@ -34,10 +34,11 @@ from rhs.particles import (
 from rhs.records import Belief, Knowing, Motion, Observation, View
 
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
-from .particle_places import Places
+from .particle_places import Places, Rumour
 
 CAUTION = Caution()
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
+LONG_SURE = 10  # views of knowing its place after which a robot takes what is not on the map for something new
 BASE_SIGMA = np.array([0.005, 0.005, 0.003])  # least motion noise: metres, metres, radians
 
 
@@ -51,10 +52,12 @@ class ParticleLocaliser:
         self._cloud: Cloud | None = None
         self._elsewhere = 1.0
         self._peak: Peak | None = None
+        self._rumour = Rumour()
+        self._sure_views = 0
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
-        self._field = LikelihoodField(grid, FieldSettings(trust=self._settings.scan_trust))
+        self._field = LikelihoodField(grid, FieldSettings(trust=self._settings.scan_trust, surprise=self._settings.surprise))
         if self._places is not None:
             self._places.learn(views, self._field.area_m2)
 
@@ -70,16 +73,20 @@ class ParticleLocaliser:
             self._elsewhere = float(np.clip(1.0 - belief.probability, 1e-4, 0.99))
         self._cloud = even(states)
         self._peak = None
+        self._rumour = Rumour()
+        self._sure_views = LONG_SURE if belief is not None and belief.probability > 0.9 else 0
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Move, weigh, let the places speak, resample, and say what is believed."""
         assert self._cloud is not None and self._field is not None, "start() comes before update()"
         self._move(motion)
+        self._rumour.move(planar(motion.previous_from_body))
         self._weigh(observation, motion)
         self._hear_places(observation)
         if effective_size(self._cloud) < 0.5 * len(self._cloud):
             self._cloud = resampled_by_heaps(self._cloud, self._law, self._rng)
         self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
+        self._sure_views = self._sure_views + 1 if self._status() is Knowing.TRACKING else 0
         return self._belief(self._peak)
 
     def _move(self, motion: Motion) -> None:
@@ -126,7 +133,7 @@ class ParticleLocaliser:
         scan = observation.scan if observation.scan is not None else motion.scan
         out = np.zeros(len(states))
         if scan is not None and self._settings.scan_trust > 0:
-            out += self._field.log_likelihood(states, scan)
+            out += self._field.log_likelihood(states, scan, forgiving=self._sure_views >= LONG_SURE)
         if self._places is not None:
             out += self._places.log_likelihood(states, observation)
         return out
@@ -140,7 +147,10 @@ class ParticleLocaliser:
         if not hearing.claims:
             return
         if self._peak is not None:
-            self._places.doubt(not hearing.confirms(self._peak.mean))
+            contradicted = not hearing.confirms(self._peak.mean)
+            self._places.doubt(contradicted)
+            if not self._rumour.convinces(hearing, contradicted and self._status() is Knowing.TRACKING):
+                return
         self._cloud, gain = reweighted(self._cloud, hearing.log_likelihood(self._cloud.states))
         fresh = even(hearing.draw(max(self._settings.particles_min // 2, 1), self._rng))
         there = self._elsewhere * hearing.support

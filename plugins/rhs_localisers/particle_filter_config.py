@@ -33,6 +33,9 @@ class ParticleFilter:
     min_inliers: int = 15
     # Chance that a verified place answer is right.
     p_true: float = 0.9
+    # Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
+    # place (a logarithm, per view): something new may stand there. Places tell it when it was carried away.
+    surprise: float = 1.0
     # Chance per view that somebody carries the robot elsewhere.
     kidnap_rate: float = 0.0001
     # Odometry noise assumed besides its own covariance, share of the motion.
@@ -73,6 +76,10 @@ class ParticleFilterScan:
     scouts: int = 100
     # Exponent on the likelihood of a scan; beams share their errors, so 1 is far too sure.
     scan_trust: float = 0.25
+    # Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
+    # place (a logarithm, per view): something new may stand there. 100: it counts in full, since
+    # nothing but scans can tell this filter.
+    surprise: float = 100.0
     # Chance per view that somebody carries the robot elsewhere.
     kidnap_rate: float = 0.0001
     # Odometry noise assumed besides its own covariance, share of the motion.
@@ -101,6 +108,7 @@ def check_particles(owner: str, settings: ParticleFilter | ParticleFilterScan) -
         )
     check_range(owner, "scouts", settings.scouts, low=0, high=1_000_000)
     check_range(owner, "scan_trust", settings.scan_trust, low=0.0, high=1.0)
+    check_range(owner, "surprise", settings.surprise, low=0.0, high=1000.0)
     check_range(owner, "kidnap_rate", settings.kidnap_rate, low=1e-9, high=0.5)
     check_range(owner, "motion_share", settings.motion_share, low=0.0, high=1.0)
     check_range(owner, "tracking_above", settings.tracking_above, low=0.5, high=0.9999)

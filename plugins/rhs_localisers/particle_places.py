@@ -10,7 +10,7 @@ import numpy as np
 from rhs.contracts import Context
 from rhs.geometry import planar, wrap
 from rhs.memory import Memory, memory_of
-from rhs.particles import around
+from rhs.particles import around, displaced
 from rhs.places import PlaceDatabase, PlaceSettings, shares
 from rhs.records import Observation, View
 from rhs.retrieval import Vlad
@@ -70,6 +70,32 @@ class Hearing:
         return np.concatenate(
             [around(mean, cov, n, rng) for (mean, cov, _), n in zip(self.claims, counts, strict=True)]
         )
+
+
+class Rumour:
+    """Places named somewhere else while the robot knows where it is: looked at again before anything is moved.
+
+    A named place counts against a sharp belief only when `repeats` views in a row name it, at poses that differ by the
+    motion between them: a look-alike seldom stays one as the robot moves."""
+
+    def __init__(self, repeats: int = 3) -> None:
+        self._repeats, self._count = repeats, 0
+        self._means = np.empty((0, 3))
+
+    def move(self, travel: np.ndarray) -> None:
+        """The robot has moved by `travel` (3,) in its own frame, and so would the named places have."""
+        if len(self._means):
+            self._means = displaced(self._means, travel, 1e-12 * np.eye(3), np.random.default_rng(0))
+
+    def convinces(self, hearing: Hearing, contradicts: bool) -> bool:
+        """Whether this hearing is to be heeded. One that does not contradict a sharp belief always is."""
+        if not contradicts:
+            self._count, self._means = 0, np.empty((0, 3))
+            return True
+        again = any(hearing.confirms(mean) for mean in self._means)
+        self._count = self._count + 1 if again else 1
+        self._means = np.array([mean for mean, _, _ in hearing.claims])
+        return self._count >= self._repeats
 
 
 class Places:

@@ -1,12 +1,15 @@
-"""Localiser `sift_db`: odometry, corrected by places it has seen before.
+"""Localiser `sift_db`: odometry, corrected by places it has seen before, held to the walls of the map by the scan.
 
-Between places the belief is dead reckoning with a growing covariance. Every few views the place database is asked; its
-verified answers confirm, correct or replace the guesses (rhs.hypotheses). When it abstains nothing changes.
+Between places the belief is dead reckoning with a growing covariance, and every few views the scan is laid onto the map
+(rhs.scanmatch): it corrects what it can see, which along a corridor is the side and the heading. Every few views the
+place database is asked; its verified answers confirm, correct or replace the guesses (rhs.hypotheses). When it abstains
+nothing changes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +20,11 @@ from rhs.hypotheses import Claim, Guesses, Trust, begin, confirms, predict, upda
 from rhs.memory import memory_of
 from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, shares
 from rhs.records import Belief, Knowing, Motion, Observation, View
+from rhs.scanmatch import ScanMatcher
 from rhs.sighting import SightingSettings
 from rhs.vision import features
 
+from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
 
 NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of not knowing, square metres and square radians
@@ -33,6 +38,7 @@ class PlaceLocaliser:
         self._trust = Trust(p_true=settings.p_true, kidnap=settings.kidnap_rate)
         self._state: Guesses = begin(None, None)
         self._database: PlaceDatabase | None = None
+        self._matcher: ScanMatcher | None = None
         self._steps = 0
         self._contradicted = False
         self._last = np.eye(4)
@@ -43,6 +49,7 @@ class PlaceLocaliser:
         settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting=sighting)
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
+        self._matcher = ScanMatcher(grid) if grid is not None and self._settings.match_every > 0 else None
         self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
 
     def start(self, belief: Belief | None) -> None:
@@ -56,7 +63,9 @@ class PlaceLocaliser:
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Predict by the motion, ask the places when it is time, and say how sure this is."""
-        self._state = predict(self._state, motion.previous_from_body, motion.covariance, self._trust)
+        s = self._settings
+        noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m)
+        self._state = predict(self._state, motion.previous_from_body, noise, self._trust)
         details: dict[str, float] = {}
         if self._due():
             answer = self._ask(observation)
@@ -64,6 +73,10 @@ class PlaceLocaliser:
             self._contradicted = bool(claims) and not confirms(self._state, claims, self._trust)
             self._state = update(self._state, claims, self._areas, self._trust)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
+        scan = observation.scan if observation.scan is not None else motion.scan
+        if self._matcher is not None and scan is not None and self._steps % s.match_every == 0:
+            self._state = replace(
+                self._state, guesses=tuple(laid_on_map(g, scan, self._matcher) for g in self._state.guesses))
         self._steps += 1
         return self._belief(details)
 

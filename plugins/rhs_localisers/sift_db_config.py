@@ -27,6 +27,13 @@ class SiftDb:
     p_true: float = 0.9
     # Chance per view that somebody carries the robot elsewhere.
     kidnap_rate: float = 0.0001
+    # The scan is laid onto the map every so many views, so that the walls hold the robot where no place is recognised (a
+    # corridor driven the other way round); 0: never.
+    match_every: int = 3
+    # Drift assumed beside the odometry's own covariance, metres per metre (visual odometry: 0.002 to 0.02) ...
+    drift_m_per_m: float = 0.02
+    # ... and radians per metre.
+    drift_rad_per_m: float = 0.003
     # Above this chance of being right the robot calls itself tracking ...
     tracking_above: float = 0.9
     # ... and below this one lost.
@@ -40,6 +47,9 @@ class SiftDb:
         check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
         check_range(owner, "p_true", self.p_true, low=0.5, high=0.9999)
         check_range(owner, "kidnap_rate", self.kidnap_rate, low=1e-9, high=0.5)
+        check_range(owner, "match_every", self.match_every, low=0, high=10000)
+        check_range(owner, "drift_m_per_m", self.drift_m_per_m, low=0.0, high=1.0)
+        check_range(owner, "drift_rad_per_m", self.drift_rad_per_m, low=0.0, high=1.0)
         check_range(owner, "tracking_above", self.tracking_above, low=0.5, high=0.9999)
         check_range(owner, "lost_below", self.lost_below, low=0.0, high=self.tracking_above)
 

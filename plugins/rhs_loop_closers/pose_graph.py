@@ -1,10 +1,12 @@
-"""Loop closer `pose_graph`: loops anywhere on the route, four tests before one is believed, then least squares.
+"""Loop closer `pose_graph`: loops anywhere on the route, tested before one is believed, then least squares.
 
 1. Appearance: VLAD likeness of all pairs of stored views far apart along the way; the likeliest are checked.
 2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show (rhs.sighting).
 3. Odometry over a window: the loop moves no pose further than the odometry can have drifted; neighbouring views close the
    same loop; all accepted loops agree pairwise round the cycles they make (rhs.consistency).
-4. Graph: after solving (rhs.posegraph), a loop that stays unhappy or bends the odometry between its neighbours is thrown
+4. Scans: where a corridor is walked back the other way round no camera recognises anything; its walls on the way there
+   and on the way back are laid onto one another (rhs.scanloops), which stand the same tests.
+5. Graph: after solving (rhs.posegraph), a loop that stays unhappy or bends the odometry between its neighbours is thrown
    out and the rest is solved again.
 """
 
@@ -22,6 +24,7 @@ from rhs.loops import closing_gap, edge_between, poses_of, travelled_m
 from rhs.posegraph import Edges, Solution, chain, joined, optimise
 from rhs.records import Closure, LoopEdge, View
 from rhs.retrieval import Vlad
+from rhs.scanloops import ScanLoopSettings, scan_edges
 from rhs.sighting import SightingSettings
 
 from .pose_graph_config import PoseGraph
@@ -44,11 +47,24 @@ class PoseGraphCloser:
         pairs = likely_pairs(views, poses, way_m, self._settings, self._rng)
         found = [edge_between(views, i, j, settings=self._sighting, rng=self._rng) for i, j in pairs]
         edges = self._judged([edge for edge in found if edge is not None], poses, way_m)
-        edges, poses = self._solved(edges, views, poses, way_m)
+        solved = self._solved(edges, views, poses, poses, way_m)
+        edges, poses = self._walked_back(solved, views, poses, way_m)
         accepted = sum(edge.accepted for edge in edges)
-        details = {"closures": float(accepted), "closures_refused": float(len(edges) - accepted),
+        details = {"closures": float(accepted), "closures_by_scan": float(sum(e.accepted for e in edges[len(solved[0]):])),
+                   "closures_refused": float(len(edges) - accepted),
                    "pairs_checked": float(len(pairs))}  # fmt: skip
         return Closure(poses, tuple(edges), details)
+
+    def _walked_back(self, solved: tuple[list[LoopEdge], np.ndarray], views: Sequence[View], believed, way_m: np.ndarray):
+        """The edges and poses after the scans of corridors walked the other way round have been heard too."""
+        edges, poses = solved
+        if self._settings.scan_every_m <= 0 or len(views) < 2:
+            return edges, poses
+        found = scan_edges(views, poses, way_m, ScanLoopSettings(self._settings.scan_every_m))
+        more = self._judged(found, poses, way_m)
+        if not any(edge.accepted for edge in more):
+            return edges + more, poses
+        return self._solved(edges + more, views, poses, believed, way_m)
 
     def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray) -> list[LoopEdge]:
         """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others."""
@@ -73,9 +89,10 @@ class PoseGraphCloser:
             return edge
         return _refused(edge, f"moves the later view by {shift_m:.1f} m after {way:.1f} m of way")
 
-    def _solved(self, edges: list[LoopEdge], views: Sequence[View], poses: np.ndarray, way_m: np.ndarray):
-        """The edges, with those refused that the graph does not bear, and the poses that follow from the rest."""
-        odometry = _odometry_edges(views, poses, way_m, self._settings) if len(views) > 1 else None
+    def _solved(self, edges: list[LoopEdge], views: Sequence[View], poses: np.ndarray, believed, way_m: np.ndarray):
+        """The edges, with those refused that the graph does not bear, and the poses that follow from the rest; solved from
+        `poses` on, with the odometry that led to the `believed` ones (both (N, 4, 4))."""
+        odometry = _odometry_edges(views, believed, way_m, self._settings) if len(views) > 1 else None
         while any(edge.accepted for edge in edges):
             assert odometry is not None
             alive = [k for k, edge in enumerate(edges) if edge.accepted]
@@ -85,7 +102,7 @@ class PoseGraphCloser:
             if worst is None:
                 return edges, solution.poses
             edges[alive[worst]] = _refused(edges[alive[worst]], "bends the graph: its residual stays outside the gate")
-        return edges, poses
+        return edges, believed
 
 
 def likely_pairs(

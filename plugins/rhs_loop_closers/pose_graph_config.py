@@ -30,6 +30,8 @@ class PoseGraph:
     window_m: float = 3.0
     # A loop may not move a pose by more than this share of the way between its ends (plus half a metre).
     max_drift_share: float = 0.15
+    # Where a corridor is walked back the other way round its scans are tried every so many metres; 0: never.
+    scan_every_m: float = 1.0
     # Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a step) ...
     drift_m_per_m: float = 0.03
     # ... and radians per metre.
@@ -46,6 +48,7 @@ class PoseGraph:
         check_range(owner, "support", self.support, low=1, high=1000)
         check_range(owner, "window_m", self.window_m, low=0.1, high=1000.0, unit="m")
         check_range(owner, "max_drift_share", self.max_drift_share, low=0.0, high=10.0)
+        check_range(owner, "scan_every_m", self.scan_every_m, low=0.0, high=1000.0, unit="m")
         check_range(owner, "drift_m_per_m", self.drift_m_per_m, low=1e-5, high=1.0)
         check_range(owner, "drift_rad_per_m", self.drift_rad_per_m, low=1e-5, high=1.0)
         check_range(owner, "kernel_sigma", self.kernel_sigma, low=0.1, high=1000.0)

@@ -12,6 +12,7 @@ from rhs.grid import OccupancyGrid, frame_of
 from rhs.rays import cast
 from rhs.records import Belief, Knowing, Motion, Observation, Scan, Tracking
 from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan
+from rhs_localisers.particle_places import Hearing, Rumour
 
 
 def _house() -> OccupancyGrid:
@@ -122,7 +123,40 @@ def test_places_find_the_robot_and_find_it_again_after_it_was_carried_off():
         assert metres < 0.15 and radians < 0.06 and belief.status is Knowing.TRACKING
 
 
-@pytest.mark.parametrize("wrong", [{"particles_min": 0}, {"particles_min": 5000}, {"scan_trust": 2.0}, {"p_true": 0.1}])
+def _barred(state, reach_m):
+    scan = _scan(state)
+    return Scan(scan.bearings_rad, np.minimum(scan.ranges_m, reach_m), 8.0)
+
+
+def test_something_new_in_the_way_does_not_move_a_robot_that_knows_where_it_is():
+    """A board half a metre away fills the view: nothing of the map fits, and walls elsewhere would fit better."""
+    part = ParticleFilter().build(context())
+    part.learn([], HOUSE)
+    start = (2.0, 1.5, 0.0)
+    part.start(Belief(se2(*start), np.diag([1e-3] * 6)))
+    for k in range(12):
+        seen = Observation(k, 0.1 * k, context().camera, scan=_barred(start, 0.8))
+        belief = part.update(seen, Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK))
+    metres, radians = _wrong(belief, se2(*start))
+    assert belief.status is Knowing.TRACKING and metres < 0.25 and radians < 0.1
+
+
+def test_a_place_named_elsewhere_is_looked_at_three_times_before_a_sharp_belief_heeds_it():
+    there = Hearing(((np.array([4.0, 0.0, 0.0]), np.diag([0.01] * 3), 1.0),), 20.0, 0.9)
+    further = Hearing(((np.array([4.2, 0.0, 0.0]), np.diag([0.01] * 3), 1.0),), 20.0, 0.9)
+    other = Hearing(((np.array([9.0, 3.0, 1.0]), np.diag([0.01] * 3), 1.0),), 20.0, 0.9)
+    rumour = Rumour()
+    assert rumour.convinces(there, contradicts=False)
+    heard = []
+    last = Hearing(((np.array([4.4, 0.0, 0.0]), np.eye(3), 1.0),), 20.0, 0.9)
+    for hearing in (there, further, other, there, further, last):
+        rumour.move(np.array([0.2, 0.0, 0.0]))
+        heard.append(rumour.convinces(hearing, contradicts=True))
+    assert heard == [False, False, False, False, False, True]
+
+
+@pytest.mark.parametrize("wrong", [
+    {"surprise": -1.0}, {"particles_min": 0}, {"particles_min": 5000}, {"scan_trust": 2.0}, {"p_true": 0.1}])
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError, match="localiser.particle_filter"):
         ParticleFilter(**wrong)

@@ -6,8 +6,10 @@ from painted_survey import SMALL, context, look, ring, survey
 
 from rhs.errors import ConfigError
 from rhs.geometry import inverse, log_se3, se2
+from rhs.grid import OccupancyGrid
 from rhs.hypotheses import Claim, Trust, begin, predict, update
-from rhs.records import Belief, Knowing, Motion, Tracking
+from rhs.rays import cast
+from rhs.records import Belief, Knowing, Motion, Observation, Scan, Tracking
 from rhs_localisers.sift_db_config import SiftDb
 
 
@@ -58,7 +60,35 @@ def test_carried_away_it_recovers():
     assert beliefs[-1].status is Knowing.TRACKING
 
 
-@pytest.mark.parametrize("wrong", [{"every": 0}, {"retrieval": "magic"}, {"p_true": np.nan}, {"lost_below": 0.95}])
+def _corridor_walk(match_every):
+    """A corridor 2 m wide seen by a camera that recognises nothing; odometry turns 0.3 degrees too far at each step."""
+    probability = np.full((22, 200), 0.02, np.float32)
+    probability[[0, 20]] = probability[:, [0, 199]] = 0.98
+    grid = OccupancyGrid(probability, 0.1, (0.0, 0.0))
+    part = SiftDb(match_every=match_every).build(context())
+    part.learn([], grid)
+    part.start(Belief(se2(17.0, 1.05, np.pi), SMALL))
+    bearings = np.linspace(-0.5, 0.5, 161)
+    wrong_m = []
+    for k in range(60):
+        truth = se2(17.0 - 0.2 * k, 1.05, np.pi)
+        ranges = cast(grid.occupied(), grid, truth[:2, 3], bearings + np.pi, 8.0) + 0.05
+        seen = Observation(k, 0.1 * k, context().camera, scan=Scan(bearings, ranges, 8.0))
+        step = se2(0.2, 0.0, 0.005) if k else np.eye(4)
+        belief = part.update(seen, Motion(step, SMALL, Tracking.OK))
+        wrong_m.append(_wrong_m(belief, truth))
+    return wrong_m, belief
+
+
+def test_where_nothing_is_recognised_the_walls_hold_the_robot():
+    by_odometry, _ = _corridor_walk(match_every=0)
+    by_walls, belief = _corridor_walk(match_every=3)
+    assert by_odometry[-1] > 1.0  # out of the corridor
+    assert max(by_walls) < 0.25 and belief.status is Knowing.TRACKING
+
+
+@pytest.mark.parametrize("wrong", [
+    {"match_every": -1}, {"every": 0}, {"retrieval": "magic"}, {"p_true": np.nan}, {"lost_below": 0.95}])
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError, match="localiser.sift_db"):
         SiftDb(**wrong)

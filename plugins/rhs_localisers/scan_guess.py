@@ -1,0 +1,33 @@
+"""A guess of the pose corrected by laying the scan onto the map (rhs.scanmatch), where no place is recognised."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.filtering import correct_information
+from rhs.geometry import exp_se3, orthonormal, planar, se2
+from rhs.hypotheses import PLANE, Guess
+from rhs.records import Scan
+from rhs.scanmatch import ScanMatcher
+
+
+def laid_on_map(guess: Guess, scan: Scan, matcher: ScanMatcher) -> Guess:
+    """The guess moved to where the scan fits, as far as the scan can tell; unchanged where it does not fit nearby."""
+    state = planar(guess.map_from_body)
+    found = matcher.match(scan, state, PLANE @ guess.covariance @ PLANE.T)
+    if found is None:
+        return guess
+    shift = planar(np.linalg.inv(se2(*state)) @ se2(*found.state))
+    pose = orthonormal(guess.map_from_body @ exp_se3(PLANE.T @ shift))
+    covariance = correct_information(guess.covariance, PLANE.T @ found.information @ PLANE, np.zeros(6)).covariance
+    return Guess(pose, covariance, guess.weight)
+
+
+STEADY_M = 5.0  # drift keeps its sign for about so long
+
+
+def drifted(covariance: np.ndarray, previous_from_body: np.ndarray, per_m: float, rad_per_m: float) -> np.ndarray:
+    """The (6, 6) covariance of a motion widened by a drift that keeps its sign for STEADY_M of way, which the covariance
+    of single motions does not say: after L metres it has grown to per_m sqrt(L STEADY_M)."""
+    way_m = float(np.hypot(*previous_from_body[:2, 3]))
+    return covariance + STEADY_M * way_m * np.diag([per_m**2] * 2 + [0.0] * 3 + [rad_per_m**2])
