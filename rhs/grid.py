@@ -78,3 +78,13 @@ def inflate(obstacle: np.ndarray, radius_cells: float) -> np.ndarray:
     from scipy.ndimage import distance_transform_edt
 
     return distance_transform_edt(~obstacle) <= radius_cells + 1e-9
+
+
+def nearest_open(grid: OccupancyGrid, blocked: np.ndarray, goal_m: np.ndarray, within_m: float) -> np.ndarray:
+    """(2,) the goal, or the middle of the nearest free cell that still counts as the place: at home nobody has seen what
+    lies behind the start. The goal itself where there is none."""
+    if grid.inside(goal_m[None])[0] and not blocked[tuple(grid.cells(goal_m[None])[0])]:
+        return goal_m
+    open_m = grid.centres(np.argwhere(~blocked))
+    gaps = np.linalg.norm(open_m - goal_m, axis=1)
+    return open_m[np.argmin(gaps)] if len(gaps) and gaps.min() <= within_m else goal_m

@@ -7,7 +7,7 @@ import numpy as np
 from .contracts import Localiser, Planner, Source
 from .control import Pace, ahead_on_path, closest_on_path, steer, turn
 from .geometry import planar, wrap
-from .grid import OccupancyGrid, inflate
+from .grid import OccupancyGrid, inflate, nearest_open
 from .kidnap import Kidnapper
 from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch
@@ -17,6 +17,7 @@ from .records import Belief, Capture, Knowing, Motion, Observation, Path, Planni
 LOST_VIEWS = 400
 LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
 COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
+GOAL_SLACK_M = 0.05  # a goal may be moved by the distance at which a place counts as visited, less this
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
@@ -135,8 +136,9 @@ class Sentinel:
         """The way with the most room that is hardly longer than the one with the least."""
         def ask(growth_cells: float, mapped: np.ndarray) -> Path:
             blocked = mapped | inflate(self.watch.cells, growth_cells)
+            near_m = nearest_open(self.grid, blocked, goal_m, self.settings.arrive_m - GOAL_SLACK_M)
             return self.planner.plan(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m,
-                                                     start_m.copy(), goal_m))
+                                                     start_m.copy(), near_m))
 
         least = ask(*self.grown[-1])
         for growth_cells, mapped in self.grown[:-1] if least.found else ():

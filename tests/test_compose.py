@@ -231,3 +231,20 @@ def test_another_hydra_in_the_same_process_is_left_alone(tmp_path):
     with hydra.initialize_config_dir(str(tmp_path), version_base="1.3"):
         compose_config(CHOICE)
         assert hydra.compose("mine").a == 1
+
+
+def test_an_experiment_may_change_the_cores_own_settings_and_a_word_has_the_last_say(tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "e.yaml").write_text("# @package _global_\nmission:\n  turn: arc\n  step_m: 0.1\n")
+    config = compose_config([*CHOICE, "experiment=e", "mission.step_m=0.15"], folders=(tmp_path,))
+    assert (config.mission.turn, config.mission.step_m) == ("arc", 0.15)
+
+
+def test_a_stack_may_change_the_cores_own_settings(tmp_path):
+    """An earlier order of composing lost what a stack said of the patrol."""
+    (tmp_path / "stack").mkdir()
+    (tmp_path / "stack" / "calm.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - /odometry: fake\n  - /loop_closer: fake\n  - /mapper: fake\n"
+        "  - /localiser: fake\nmission:\n  step_m: 0.1\n")
+    config = compose_config([*CHOICE, "stack=calm"], folders=(tmp_path,))
+    assert config.mission.step_m == 0.1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rhs.grid import OccupancyGrid, frame_of
+from rhs.grid import OccupancyGrid, frame_of, nearest_open
 
 
 def test_whole_decimetres_are_cell_centres():
@@ -22,3 +22,13 @@ def test_bounds_between_cells_are_covered():
     shape, origin_m = frame_of((-0.33, 0.27, 1.04, 2.0), 0.1)
     grid = OccupancyGrid(np.zeros(shape), 0.1, origin_m)
     assert grid.inside(np.array([[-0.33, 0.27], [1.04, 2.0]])).all()
+
+
+def test_a_goal_in_the_shadow_moves_to_the_nearest_open_cell_within_reach():
+    """Cells of 0.1 m; only the last of five is open. From the middle of the fourth it is 0.1 m away."""
+    grid = OccupancyGrid(np.zeros((1, 5), np.float32), 0.1, (0.0, 0.0))
+    blocked = np.array([[True, True, True, True, False]])
+    goal = np.array([0.35, 0.05])
+    assert np.allclose(nearest_open(grid, blocked, goal, 0.2), [0.45, 0.05])
+    assert np.allclose(nearest_open(grid, blocked, goal, 0.05), goal)
+    assert np.allclose(nearest_open(grid, ~blocked, goal, 0.2), goal)

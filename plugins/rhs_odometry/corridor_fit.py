@@ -14,11 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .corridor_kernels import BEHIND, free_points, points_on_planes
 from .corridor_state import Plane
 
 RHO_GUESSES = (0.02, 0.06, 0.12, 0.2, 0.35, 0.6, 1.0, 1.8)  # 1/m: 50 m to 0.55 m
-NEAREST_RHO = 5.0  # 1/m: nothing is nearer than 0.2 m
-BEHIND = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,23 +150,7 @@ def plane_rho(planes: list[Plane], angles: np.ndarray, anchor: np.ndarray):
 def fit_free(eyes: Eyes, rays: np.ndarray, seen: np.ndarray, sigma: float, iterations: int = 8) -> Fit:
     """Least-squares points: best of a few distances along the last ray, then Levenberg-Marquardt."""
     angles, anchor = start_angles(eyes, rays, seen)
-    costs = [_cost(eyes, angles, np.full(len(rays), g), anchor, rays, seen) for g in RHO_GUESSES]
-    x = np.concatenate([angles, np.array(RHO_GUESSES)[np.argmin(costs, axis=0)][:, None]], axis=1)
-    cost, damping = np.min(costs, axis=0), np.full(len(rays), 1e-3)
-    for _ in range(iterations):
-        _, p = seen_from(eyes, x[:, :2], x[:, 2], anchor)
-        jacobian = by_point(eyes, x[:, :2], anchor, by_camera_point(p)) * seen[..., None, None]
-        r = residuals(p, rays, seen)
-        normal = np.einsum("tnij,tnik->tjk", jacobian, jacobian)
-        ridge = damping[:, None] * np.einsum("tii->ti", normal) + 1e-12
-        step = np.linalg.solve(normal + ridge[:, :, None] * np.eye(3), np.einsum("tnij,tni->tj", jacobian, r)[..., None])
-        trial = x + step[..., 0]
-        trial[:, 2] = np.clip(trial[:, 2], -0.05, NEAREST_RHO)
-        new = _cost(eyes, trial[:, :2], trial[:, 2], anchor, rays, seen)
-        better = new < cost
-        x, cost = np.where(better[:, None], trial, x), np.where(better, new, cost)
-        damping = np.where(better, damping * 0.2, damping * 10.0)
-    spread = np.linalg.inv(normal + 1e-12 * np.eye(3))[:, 2, 2]
+    x, cost, spread = free_points(*_plain(eyes, rays, seen), anchor, angles, np.array(RHO_GUESSES), iterations)
     rho = np.where(np.abs(x[:, 2]) < 1e-6, 1e-6, x[:, 2])
     return Fit(x[:, :2], rho, anchor, sigma * np.sqrt(spread), cost / sigma**2, _in_front(eyes, x, anchor, seen))
 
@@ -177,23 +160,15 @@ def fit_on_planes(
 ) -> Fit:
     """Least-squares points that lie on the given planes (one per track), Gauss-Newton in azimuth and elevation."""
     angles, anchor = start_angles(eyes, rays, seen)
-    for _ in range(iterations):
-        rho, by_angles, _ = plane_rho(planes, angles, anchor)
-        _, p = seen_from(eyes, angles, rho, anchor)
-        full = by_point(eyes, angles, anchor, by_camera_point(p)) * seen[..., None, None]
-        jacobian = full[..., :2] + full[..., 2:] * by_angles[:, None, None, :]
-        normal = np.einsum("tnij,tnik->tjk", jacobian, jacobian) + 1e-12 * np.eye(2)
-        slope = np.einsum("tnij,tni->tj", jacobian, residuals(p, rays, seen))
-        angles = angles + np.clip(np.linalg.solve(normal, slope[..., None])[..., 0], -0.1, 0.1)
-    rho = plane_rho(planes, angles, anchor)[0]
-    cost = _cost(eyes, angles, rho, anchor, rays, seen) / sigma**2
-    x = np.concatenate([angles, rho[:, None]], axis=1)
-    return Fit(angles, rho, anchor, np.zeros(len(rays)), cost, _in_front(eyes, x, anchor, seen) & (rho > 1e-3))
+    normals, levels = np.stack([p.normal() for p in planes]), np.array([p.level() for p in planes])
+    x, cost = points_on_planes(*_plain(eyes, rays, seen), anchor, angles, normals, levels, iterations)
+    good = _in_front(eyes, x, anchor, seen) & (x[:, 2] > 1e-3)
+    return Fit(x[:, :2], x[:, 2], anchor, np.zeros(len(rays)), cost / sigma**2, good)
 
 
-def _cost(eyes, angles, rho, anchor, rays, seen):
-    _, p = seen_from(eyes, angles, rho, anchor)
-    return (residuals(p, rays, seen) ** 2).sum(axis=(1, 2))
+def _plain(eyes: Eyes, rays: np.ndarray, seen: np.ndarray):
+    """The arrays of the compiled loops, each in one piece."""
+    return tuple(np.ascontiguousarray(a) for a in (eyes.rotation, eyes.centre, rays, seen))
 
 
 def _in_front(eyes, x, anchor, seen):

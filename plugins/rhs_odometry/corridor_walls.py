@@ -9,7 +9,7 @@ import numpy as np
 
 from rhs.filtering import correct, nees
 
-from .corridor_fit import Fit, plane_rho
+from .corridor_fit import Fit
 from .corridor_state import BIN_M, CorridorState, Plane
 
 
@@ -51,24 +51,28 @@ def attach(state: CorridorState, fit: Fit, rules: WallRules) -> Attachment:
     strong = fit.good & (fit.rho > 0.05) & (fit.rho_sigma < 0.2 * fit.rho)
     some = fit.good & ~strong & (fit.rho_sigma < 0.1)
     wall, best, nearest = np.full(t, -1), np.full(t, np.inf), np.zeros(t)
-    upright = sum(not p.is_floor for p in state.planes)
+    upright, directions = sum(not p.is_floor for p in state.planes), fit.directions()
     for j, plane in enumerate(state.planes):
         if plane.is_floor and upright < rules.walls_before_floor:
             continue
-        rho, miss = _miss(state, j, fit, rules)
+        rho, miss = _miss(state, j, fit, directions, rules)
         take = (miss < 1.0) & np.where(strong, miss < best, some & (rho > nearest))
         wall[take], best[take], nearest[take] = j, miss[take], rho[take]
     return Attachment(wall, strong, strong & (wall < 0))
 
 
-def _miss(state: CorridorState, j: int, fit: Fit, rules: WallRules) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse distance (T,) at which each ray meets plane j, and by how much of the tolerance (T,) the track's own depth
-    misses it; infinite where the ray does not meet the plane within its reach."""
+def _miss(
+    state: CorridorState, j: int, fit: Fit, directions: np.ndarray, rules: WallRules
+) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse distance (T,) at which each ray (T, 3) meets plane j, and by how much of the tolerance (T,) the track's own
+    depth misses it; infinite where the ray does not meet the plane within its reach."""
     plane, block = state.planes[j], state.plane_slice(j).start
-    rho, _, by_plane = plane_rho([plane] * len(fit.rho), fit.angles, fit.anchor)
-    hit = fit.anchor + fit.directions() / np.where(rho > 0, rho, 1.0)[:, None]
+    gap = plane.level() - fit.anchor @ plane.normal()
+    gap = np.where(np.abs(gap) < 1e-6, 1e-6, gap)
+    rho = directions @ plane.normal() / gap
+    hit = fit.anchor + directions / np.where(rho > 0, rho, 1.0)[:, None]
     reachable = (rho > 0.03) & within(plane, hit, rules.reach_m)
-    plane_sigma = np.minimum(np.sqrt(state.covariance[block, block]) * np.abs(by_plane[:, 0]), np.abs(rho))
+    plane_sigma = np.minimum(np.sqrt(state.covariance[block, block]) * np.abs(rho / gap), np.abs(rho))
     tolerance = rules.agree_sigmas * np.hypot(fit.rho_sigma, plane_sigma) + 0.03 * np.abs(fit.rho)
     return rho, np.where(reachable, np.abs(rho - fit.rho) / tolerance, np.inf)
 
