@@ -103,7 +103,7 @@ def survey(file: Path, words: tuple[str, ...], seed: int, way: str) -> Tracks:
     """Tracks of the survey, rendered if the file is not there."""
     if file.exists():
         return load_tracks(file)
-    look = f"source.texture_seed={seed + 1}"
+    look = f"source.texture_seed={seed}"
     config = compose_config(["sensor=mono", f"seed={seed}", look, f"source.direction={way}", *words])
     with tempfile.TemporaryDirectory() as folder:
         parts = build_parts(config, load_world(config.world), Path(folder))
