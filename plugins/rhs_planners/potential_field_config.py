@@ -16,20 +16,22 @@ class PotentialField(PlannerSettings):
 
     repulsion_m3: float = 0.01  # gain: 0.5 * gain * (1/d - 1/reach)^2 at d metres from a blocked cell
     reach_m: float = 0.2  # blocked cells farther than this do not repel; two cells of 0.1 m
-    # added to the potential of a cell at each visit, in cell widths: 1 undoes one step to the goal; from 2 on the walk
-    # begins to wall itself in, below 1 it takes thousands of steps to leave a dead end
+    trail_step_m: float = 0.1  # way between two cones of the trail; one cell where cells are larger
+    # height of a cone, in steps of the trail: 1 undoes one step to the goal; from 2 on the walk begins to wall itself
+    # in, below 1 it takes thousands of steps to leave a dead end
     trail: float = 1.5
-    trail_radius_m: float = 0.3  # how far round the cell the trail is heaped, a cone; below 3 cells the walk takes long
-    steps: int = 20_000  # of the walk, from cell to cell, before the budget is spent
+    trail_radius_m: float = 0.3  # how far round the cell a cone reaches; below 3 steps the walk takes long
+    steps: int = 20_000  # of the trail, before the budget is spent: from cell to cell with cells of 0.1 m and larger
 
     def __post_init__(self):
         owner = "planner.potential_field"
         self.check(owner)
         check_range(owner, "repulsion_m3", self.repulsion_m3, low=0.0, high=1e3, unit="m^3")
         check_range(owner, "reach_m", self.reach_m, low=1e-3, high=100.0, unit="m")
-        check_range(owner, "trail", self.trail, low=0.0, high=1e3, unit="cells")
+        check_range(owner, "trail_step_m", self.trail_step_m, low=1e-3, high=100.0, unit="m")
+        check_range(owner, "trail", self.trail, low=0.0, high=1e3, unit="steps")
         check_range(owner, "trail_radius_m", self.trail_radius_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "steps", self.steps, low=1, high=100_000_000)
+        check_range(owner, "steps", self.steps, low=1, high=10_000_000)
 
     def build(self, context):
         from .potential_field import PotentialFieldPlanner

@@ -132,6 +132,16 @@ def test_potential_field_walks_as_many_steps_as_the_thesis_where_nothing_is_trap
     assert planner("potential_field").plan(thesis_problem(3)).details["walk_steps"] == 121
 
 
+def test_finer_cells_do_not_defeat_the_potential_field():
+    """Map 1 with every cell cut into 3 x 3, and map 4 into 10 x 10: the trail is heaped at the same distances."""
+    for number, times, most in ((1, 3, 2000), (4, 10, 2000)):
+        coarse = thesis_problem(number)
+        blocked = np.repeat(np.repeat(coarse.blocked, times, axis=0), times, axis=1)
+        task = problem(blocked, coarse.start_m, coarse.goal_m, coarse.resolution_m / times, coarse.origin_m)
+        path = planner("potential_field").plan(task)
+        assert path.found and path.details["walk_steps"] / times < most
+
+
 def test_shortening_reaches_the_optimum_where_all_ways_round_are_equal():
     path = planner("rrt_connect", 2).plan(thesis_problem(3))
     assert 10 * polyline_length(path.points_m) == pytest.approx(126.49268769, rel=1e-4)
