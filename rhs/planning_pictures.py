@@ -59,7 +59,7 @@ def draw_plan(axes: Axes, folder: FilePath, *, thin: float = 1.0) -> None:
 
 def panel(runs: dict[tuple[str, str], FilePath], maps: Sequence[str], planners: Sequence[str], target: FilePath) -> FilePath:
     """Maps from top to bottom, planners from left to right; runs: (map, planner) -> run folder. A gap where none is."""
-    figure = new_figure(1.9 * len(planners) + 0.4, 2.05 * len(maps) + 0.3)
+    figure = new_figure(1.9 * len(planners) + 0.4, 2.05 * len(maps) + 0.7)
     axes = figure.subplots(len(maps), len(planners), squeeze=False)
     for i, world in enumerate(maps):
         for j, name in enumerate(planners):
@@ -75,12 +75,15 @@ def panel(runs: dict[tuple[str, str], FilePath], maps: Sequence[str], planners: 
                 one.set_title(name, fontsize=8)
             if j == 0:
                 one.set_ylabel(world, fontsize=8)
+    drawn = {label: line for one in axes.flat for line, label in zip(*one.get_legend_handles_labels(), strict=True)}
+    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=5, fontsize=9, frameon=False)
     return _write(figure, target)
 
 
-def bars(groups: Sequence[tuple[str, str, float, float, float]], label: str, target: FilePath, *,
+def bars(groups: Sequence[tuple[str, str, float, float, float]], label: str, target: FilePath, *, title: str = "",
          log: bool = False) -> FilePath:
-    """Bars of one column: groups holds (map, planner, mean, low, high), NaN where nothing was found."""
+    """Bars of one column: groups holds (map, planner, mean, low, high), NaN where nothing was found; no line where there
+    is no interval."""
     maps, planners = _unique(g[0] for g in groups), _unique(g[1] for g in groups)
     figure = new_figure(max(6.0, 0.35 * len(planners) * len(maps) * 0.5 + 2.0), 3.6)
     axes = figure.add_subplot()
@@ -92,13 +95,16 @@ def bars(groups: Sequence[tuple[str, str, float, float, float]], label: str, tar
         at = np.arange(len(maps)) + (k - (len(planners) - 1) / 2) * wide
         hatch = "//" if k >= 10 else None
         axes.bar(at, mean, 0.9 * wide, color=colours[k], hatch=hatch, label=planner, zorder=2)
-        spread = np.clip(np.nan_to_num(np.stack([mean - low, high - mean])), 0.0, None)
-        axes.errorbar(at, mean, yerr=spread, fmt="none", ecolor="black", elinewidth=0.8, capsize=1.5, zorder=3)
+        known = np.isfinite(low)
+        spread = np.clip(np.stack([mean - low, high - mean])[:, known], 0.0, None)
+        axes.errorbar(at[known], mean[known], yerr=spread, fmt="none", ecolor="black", elinewidth=0.8, capsize=1.5, zorder=3)
     axes.set_xticks(np.arange(len(maps)), maps)
     axes.set_ylabel(label)
     axes.grid(axis="y", color="#dddddd", zorder=0)
+    axes.set_title(title, fontsize=8)
     if log:
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=7, frameon=False)
     return _write(figure, target)
 

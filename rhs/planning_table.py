@@ -1,12 +1,14 @@
 """The table of planning runs: per map and planner, success, validity, lengths, time, with n, failures and intervals.
 
-Shares of runs have Wilson's 95 % interval; means have a bootstrapped one (rhs.summary) and are over the runs that found
-a path, whose number stands beside them. A problem that one planner fails stays in every other planner's row. The thesis's
-table 3.1 stands beside ours where it has a figure: it counts cells of 0.1 m, evidently steps for the potential field.
+Shares of runs have Wilson's 95 % interval; means have a bootstrapped one (rhs.summary), medians (of times) that of their
+order statistics; both are over the runs that found a path, whose number stands beside them. A problem that one planner
+fails stays in every other planner's row. The thesis's table 3.1 stands beside ours where it has a figure: it counts cells
+of 0.1 m, evidently steps for the potential field.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -70,6 +72,8 @@ def _line(world: str, planner: str, part: pandas.DataFrame) -> dict[str, object]
         "length, cells": mean_text((_column(part, "plan_length_m") * cells)[found]),
         "optimum, cells": _least(_column(part, "plan_optimal_m") * cells),
         "above optimum %": mean_text(np.round(_column(part, "plan_above_optimum_pct")[found], 3)),
+        "clearance, cells": _mean((_column(part, "plan_clearance_min_m") * cells)[found]),
+        "smoothness, 1/m2": _mean(_column(part, "plan_smoothness")[found]),
         "learn ms": _median(_column(part, "plan_learn_ms")[found]),
         "plan ms": _median(_column(part, "plan_ms")[found]),
         "again ms": _median(_column(part, "plan_again_ms")[found]),
@@ -109,8 +113,17 @@ def publish(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
                                    ("plan_above_optimum_pct", "above the optimum [%]", False),
                                    ("plan_ms", "planning time [CPU ms]", True)):
             groups = [_bar(rows, world, planner, column) for world in worlds for planner in planners]
-            written.append(bars(groups, label, folder / f"bars_{column}.png", log=log))
+            written.append(bars(groups, label, folder / f"bars_{column}.png", title=_told(summary), log=log))
     return written
+
+
+def _told(summary: pandas.DataFrame) -> str:
+    """What the bars stand for, and who failed how often."""
+    least, most = summary["n"].min(), summary["n"].max()
+    failed = [f"{row['planner']} on {row['map']} {row['failed']}" for _, row in summary.iterrows() if row["failed"]]
+    runs = f"{most}" if least == most else f"{least} to {most}"
+    return (f"bar: mean of the paths found, line: its 95 % interval; {runs} runs a bar; failed: "
+            + (", ".join(failed[:6]) + (", ..." if len(failed) > 6 else "") if failed else "none"))
 
 
 def _bar(rows: pandas.DataFrame, world: str, planner: str, column: str) -> tuple[str, str, float, float, float]:
@@ -127,9 +140,27 @@ def _column(part: pandas.DataFrame, name: str) -> np.ndarray:
     return part[name].astype("float64").to_numpy()
 
 
+def _mean(values: np.ndarray) -> str:
+    return mean_text(values[~np.isnan(values)])
+
+
 def _median(values: np.ndarray) -> str:
-    values = values[np.isfinite(values)]
-    return f"{np.median(values):.3g}" if len(values) else "-"
+    """`median [low, high]`: from six runs on, the order statistics that hold it with 95 % (sign test)."""
+    values = np.sort(values[np.isfinite(values)])
+    if not len(values):
+        return "-"
+    rank = interval_rank(len(values))
+    text = f"{np.median(values):.3g}"
+    return text if rank is None else f"{text} [{values[rank]:.3g}, {values[-1 - rank]:.3g}]"
+
+
+def interval_rank(count: int) -> int | None:
+    """How many values may be cut off at either end so that the median of what `count` draws came from still lies between
+    with at least 95 %; None when there are too few."""
+    tail, rank = 0.0, 0
+    while (tail := tail + math.comb(count, rank) / 2.0**count) <= 0.025:
+        rank += 1
+    return rank - 1 if rank else None
 
 
 def _least(values: np.ndarray) -> str:

@@ -1,6 +1,6 @@
 """Cost against map size: map 1 drawn with 1, 2, 10 and 40 times finer cells, every planner, one picture.
 
-    python tests/benchmarks/planning_scale.py [--sizes 100,200,1000,4000] [--seeds 5] [--out results/tables]
+    python tests/benchmarks/planning_scale.py [--sizes 100,200,1000,4000] [--seeds 5] [--out FOLDER] [--picture FILE]
 
 The geometry stays the same, only the cells get finer; settings are the planners' own. Times are CPU milliseconds:
 `first` is the first question to a planner (set-up of the map and, for roadmaps, learning included), `plan` the median of
@@ -27,7 +27,6 @@ from rhs.judge import Optimum, path_valid, polyline_length
 from rhs.planning_task import problem_of
 from rhs.records import PlanningProblem
 
-LARGEST = {"theta_star": 1000, "potential_field": 1000}  # cells a side: beyond, one question takes minutes or fails
 CERTAIN = ("astar", "theta_star", "fast_marching", "potential_field")  # the same path every time
 
 
@@ -36,6 +35,7 @@ def main() -> None:
     parser.add_argument("--sizes", default="100,200,1000,4000")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--out", type=Path, default=Path("results/tables"))
+    parser.add_argument("--picture", type=Path, default=Path("results/pictures/planning_scale.png"))
     chosen = parser.parse_args()
     rows = []
     for size in map(int, chosen.sizes.split(",")):
@@ -45,7 +45,8 @@ def main() -> None:
         table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
-    save(picture(rows), chosen.out / "planning_scale.png")
+    chosen.picture.parent.mkdir(parents=True, exist_ok=True)
+    save(picture(rows), chosen.picture)
     print((chosen.out / "planning_scale.csv").read_text())
 
 
@@ -63,11 +64,9 @@ def one_size(size: int, seeds: int) -> list[dict]:
     optimum = Optimum(problem.blocked, problem.resolution_m, problem.origin_m).length_m([problem.start_m, problem.goal_m])
     variants = [(name, name, {}) for name in registry.names("planner") if registry.origins("planner", name)[0].distribution
                 .startswith("rhs ")]
-    variants.insert(0, ("rrt_connect native", "rrt_connect", {"backend": "native"}))
+    variants += [(f"{name}, OMPL", name, {"backend": "ompl"}) for name in ("rrt_connect", "prm", "prm_star")]
     rows = []
     for word, name, values in variants:
-        if size > LARGEST.get(word, size):
-            continue
         rows.append(measure(word, registry.load("planner", name)(**values), problem, (optimum, seeds)))
         print(size, rows[-1], flush=True)
     return rows
@@ -95,24 +94,34 @@ def measure(word: str, settings, problem: PlanningProblem, task: tuple[float, in
 
 
 def picture(rows: list[dict]):
-    """Time of a later question against cells a side, one line per planner; hollow where no path was found."""
-    figure = new_figure(8.5, 5.0)
-    axes = figure.add_subplot()
-    for k, word in enumerate(dict.fromkeys(row["planner"] for row in rows)):
-        mine = [row for row in rows if row["planner"] == word]
-        x, y = [row["cells_a_side"] for row in mine], [float(row["plan_ms"]) for row in mine]
-        style = "-" if k < 10 else "--"
-        axes.plot(x, y, style, color=f"C{k % 10}", label=word, zorder=2)
-        for row, a, b in zip(mine, x, y, strict=True):
-            axes.plot(a, b, "o", color=f"C{k % 10}", markersize=5, markerfacecolor=f"C{k % 10}" if row["found_valid"] else
-                      "white", zorder=3)
-    axes.set(xscale="log", yscale="log", xlabel="cells a side", ylabel="CPU ms per question, after the first")
-    sizes = sorted({row["cells_a_side"] for row in rows})
-    axes.set_xticks(sizes, labels=list(map(str, sizes)))
-    axes.minorticks_off()
-    axes.grid(color="#dddddd")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    """Time of the first and of a later question against cells a side, one line per planner; hollow where no path was
+    found."""
+    figure = new_figure(11.0, 5.2)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axes, key, title in ((left, "first_ms", "first question: set-up and learning included"),
+                             (right, "plan_ms", "later questions")):
+        for k, word in enumerate(dict.fromkeys(row["planner"] for row in rows)):
+            _line(axes, word, [row for row in rows if row["planner"] == word], (key, k))
+        axes.set(xscale="log", yscale="log", xlabel="cells a side")
+        axes.set_title(title, fontsize=10)
+        sizes = sorted({row["cells_a_side"] for row in rows})
+        axes.set_xticks(sizes, labels=list(map(str, sizes)))
+        axes.minorticks_off()
+        axes.grid(color="#dddddd")
+    left.set_ylabel("median CPU time [ms]")
+    left.yaxis.set_major_formatter("{x:g}")
+    right.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
     return figure
+
+
+def _line(axes, word: str, mine: list[dict], how: tuple[str, int]) -> None:
+    key, k = how
+    colour, style = f"C{k % 10}", "-" if k < 10 else "--"
+    x, y = [row["cells_a_side"] for row in mine], [float(row[key]) for row in mine]
+    axes.plot(x, y, style, color=colour, label=word, zorder=2)
+    for row, a, b in zip(mine, x, y, strict=True):
+        fill = colour if row["found_valid"] == row["n"] else "white"
+        axes.plot(a, b, "o", color=colour, markersize=5, markerfacecolor=fill, zorder=3)
 
 
 if __name__ == "__main__":

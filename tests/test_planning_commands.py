@@ -1,0 +1,62 @@
+"""The planning commands of the README, run as they are written; only the sweeps are given fewer jobs."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rhs import planner_arena
+from rhs.__main__ import main
+from rhs.grid import OccupancyGrid
+from rhs.maps import save_map
+from rhs.rowfile import read_row
+
+README = Path(__file__).resolve().parents[1] / "README.md"
+FEWER = {"experiment=table_3_1": ["world=map2", "planner=potential_field,rrt", "seed=0"]}  # added to a command
+SMALLER = {"seed=range(10)": "seed=0", "planner=glob(*)": "planner=glob(prm*)"}  # in place of a word
+
+
+def commands() -> list[list[str]]:
+    """The lines of the first block under "Planners alone", as words after `python -m`."""
+    text = README.read_text("utf-8").partition("## Planners alone")[2]
+    block = re.findall(r"^```\n(.*?)^```", text, re.M | re.S)[0]
+    return [shlex.split(line, comments=True)[2:] for line in block.splitlines() if line.startswith("python -m ")]
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A folder with the files that the page supposes: a map of a hall with a pillar, and a MovingAI map with problems."""
+    folder = tmp_path_factory.mktemp("desk")
+    hall = np.zeros((60, 100), np.float32)
+    hall[20:40, 40:50] = 1.0
+    save_map(folder / "hall", OccupancyGrid(hall, 0.1, (0.0, 0.0)))
+    (folder / "arena.map").write_text("type octile\nheight 4\nwidth 5\nmap\n..@..\n..@..\n..@..\n.....\n")
+    problem = "0\tarena.map\t5\t4\t0\t0\t4\t0\t8.82842712\n"
+    (folder / "arena.map.scen").write_text("version 1\n" + 8 * problem)
+    return folder
+
+
+@pytest.mark.slow
+def test_the_planning_block_of_the_readme_runs(desk, monkeypatch, capfd):
+    monkeypatch.chdir(desk)
+    assert len(commands()) >= 5
+    for module, *words in commands():
+        words = [SMALLER.get(word, word) for word in words]
+        for word in [word for word in words if word in FEWER]:
+            words += FEWER[word]
+        told = (planner_arena.main if module == "rhs.planner_arena" else main)(words)
+        assert told == 0, f"{module} {' '.join(words)}: {capfd.readouterr().err[-2000:]}"
+    found = [read_row(path) for path in desk.glob("results/**/row.json")]
+    assert len(found) == 2 + 4 + 2
+    assert {row["planner"] for row in found} == {"potential_field", "rrt", "prm", "prm_star", "astar"}
+    assert all(row["plan_success"] == 1 and row["plan_valid"] == 1.0 for row in found)
+    (claimed,) = [row for row in found if row["octile_claimed_m"] is not None]
+    assert claimed["octile_claimed_m"] == 8.82842712 and claimed["plan_length_m"] <= 8.82842712
+    for sweep in (desk / "results/sweeps").iterdir():
+        names = {path.name for path in sweep.iterdir()}
+        assert {"planning_table.md", "planning_table.csv", "panel.png", "bars_plan_ms.png"} <= names
+    assert {path.stem for path in (desk / "logs").iterdir()} == {"map1", "map2", "map4"}
