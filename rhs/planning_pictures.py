@@ -46,7 +46,7 @@ def draw_plan(axes: Axes, folder: FilePath, *, thin: float = 1.0) -> None:
     if (folder / "sketch.npy").is_file():
         lines = np.load(folder / "sketch.npy", allow_pickle=False)
         axes.add_collection(LineCollection(list(lines), colors=TREE, linewidths=0.5 * thin, zorder=1))
-        axes.plot([], [], color=TREE, linewidth=1.0, label="searched")
+        axes.plot([], [], color=TREE, linewidth=1.0, label="tree, roadmap or field")
     if path.found:
         axes.plot(*path.raw_m.T, color=RAW, linewidth=1.3 * thin, label="raw", zorder=2)
         axes.plot(*path.points_m.T, color=SHORT, linewidth=1.8 * thin, label="shortened", zorder=3)

@@ -17,6 +17,7 @@ from scipy.ndimage import distance_transform_edt
 from rhs.jit import typed
 from rhs.records import Path, PlanningProblem
 
+from .contours import contours
 from .heap import pop, push
 from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, Task, begin, finish
@@ -50,9 +51,10 @@ class FastMarchingPlanner:
             self._times, self._key = arrival_times(task.grid, self._speed, task.goal[0], task.goal[1], i, j), key
         raw = None
         if np.isfinite(self._times[j, i]):
-            raw = descend(task.grid, self._times, np.stack([task.start, task.goal]))
+            raw = descend(task.grid, self._times, task.ends)
         rounds = 0 if self._settings.comfort_m > 0.0 else self._settings.shorten_rounds  # pulling would undo the comfort
-        return finish(task, raw, rounds=rounds, learn_ms=learn_ms, extras={"field_reused": float(reused)})
+        return finish(task, raw, rounds=rounds, learn_ms=learn_ms, extras={"field_reused": float(reused)},
+                      sketch=lambda: contours(self._times))
 
     def _speeds(self, task: Task) -> np.ndarray:
         """(H, W) speed of the wave in cells per unit time, 1 away from walls."""

@@ -14,16 +14,18 @@ import numpy as np
 from rhs.jit import typed
 from rhs.records import Path, PlanningProblem
 
+from .contours import branches
 from .heap import pop, push
 from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, begin, finish
 
 _DIAGONAL = np.sqrt(2.0) - 1.0
-_RESULT = nb.types.Tuple((NEW_POINTS, nb.int64))
+_RESULT = nb.types.Tuple((NEW_POINTS, nb.int64, nb.types.Array(nb.int64, 1, "C")))
 
 
 class GridSearch:
-    """search(grid, ends, budget) gives the path (N, 2) in cells, empty for none, and the number of cells taken up."""
+    """search(grid, ends, budget) gives the path (N, 2) in cells, empty for none, the number of cells taken up, and every
+    cell's predecessor."""
 
     def __init__(self, settings, search: Callable):
         self._settings, self._search, self._ground = settings, search, Ground()
@@ -32,9 +34,10 @@ class GridSearch:
         task = begin(problem, self._ground, self._settings.start_radius_m)
         if isinstance(task, Path):
             return task
-        cells, expanded = self._search(task.grid, np.stack([task.start, task.goal]), self._settings.expansions)
+        cells, expanded, parent = self._search(task.grid, task.ends, self._settings.expansions)
         raw = cells if len(cells) else None
-        return finish(task, raw, rounds=self._settings.shorten_rounds, extras={"expanded": float(expanded)})
+        return finish(task, raw, rounds=self._settings.shorten_rounds, extras={"expanded": float(expanded)},
+                      sketch=lambda: branches(parent, task.grid.shape[1]))
 
 
 @typed(nb.float64(nb.int64, nb.int64, nb.int64, nb.int64))
@@ -79,7 +82,7 @@ def astar(grid, ends, budget):
         closed[u] = 1
         expanded += 1
         if u == goal:
-            return _trace(parent, u, columns, ends), expanded
+            return _trace(parent, u, columns, ends), expanded, parent
         i, j = u % columns, u // columns
         if size + 8 > len(keys):
             keys, items = np.append(keys, np.empty(len(keys))), np.append(items, np.empty(len(items), np.int64))
@@ -92,7 +95,7 @@ def astar(grid, ends, budget):
                 if through < cost[v]:
                     cost[v], parent[v] = through, u
                     size = push(keys, items, size, through + octile(a, b, gi, gj), v)
-    return np.empty((0, 2)), expanded
+    return np.empty((0, 2)), expanded, parent
 
 
 @typed(nb.types.UniTuple(nb.float64, 2)(nb.int64, nb.int64, nb.int64, nb.int64, POINTS))
@@ -124,7 +127,7 @@ def theta_star(grid, ends, budget):
         closed[u] = 1
         expanded += 1
         if u == goal:
-            return _trace(parent, u, columns, ends), expanded
+            return _trace(parent, u, columns, ends), expanded, parent
         i, j, above = u % columns, u // columns, parent[u]
         ux, uy = _place(u, columns, start, goal, ends)
         px, py = _place(above, columns, start, goal, ends)
@@ -144,4 +147,4 @@ def theta_star(grid, ends, budget):
                 if through < cost[v]:
                     cost[v], parent[v] = through, via
                     size = push(keys, items, size, through + np.hypot(vx - ends[1, 0], vy - ends[1, 1]), v)
-    return np.empty((0, 2)), expanded
+    return np.empty((0, 2)), expanded, parent

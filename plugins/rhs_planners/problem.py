@@ -11,16 +11,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from scipy.ndimage import label
 
 from rhs.errors import ContractError
-from rhs.jit import typed
 from rhs.records import Path, PlanningProblem, PlanReason
 
-from .line import NEW_POINTS, POINTS
-from .shorten import pulled
+from .shorten import scaled, settled
 
 _EMPTY = np.empty((0, 2))
 
@@ -62,15 +59,14 @@ class Ground:
         return bool(self._free[j, i] == self._free[m, k])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Task:
-    """A problem whose ends are usable. start, goal: (2,) cells, in free cells. moved_m: how far the start was set off
-    to leave a blocked cell, metres. began_s: CPU clock when planning began."""
+    """A problem whose ends are usable. ends (2, 2): start and goal, cells, in free cells. moved_m: how far the start was
+    set off to leave a blocked cell, metres. began_s: CPU clock when planning began."""
 
     problem: PlanningProblem
     ground: Ground
-    start: np.ndarray
-    goal: np.ndarray
+    ends: np.ndarray
     moved_m: float
     began_s: float
 
@@ -79,14 +75,17 @@ class Task:
         return self.ground.grid
 
     @property
-    def ends(self) -> np.ndarray:
-        """(2, 2) cells: start, goal."""
-        return np.array((self.start, self.goal))
+    def start(self) -> np.ndarray:
+        return self.ends[0]
+
+    @property
+    def goal(self) -> np.ndarray:
+        return self.ends[1]
 
     def metres(self, cells: np.ndarray) -> np.ndarray:
         """(..., 2) metres in the map frame of (..., 2) padded cells."""
         step, (x, y) = self.problem.resolution_m, self.problem.origin_m
-        return _scaled(cells.reshape(-1, 2), step, x - step, y - step).reshape(cells.shape)
+        return scaled(cells.reshape(-1, 2), step, x - step, y - step).reshape(cells.shape)
 
 
 def begin(problem: PlanningProblem, ground: Ground, start_radius_m: float) -> Task | Path:
@@ -100,21 +99,21 @@ def begin(problem: PlanningProblem, ground: Ground, start_radius_m: float) -> Ta
     start, goal = _cells(problem, problem.start_m), _cells(problem, problem.goal_m)
     if not (_inside(ground.grid, start) and _inside(ground.grid, goal)):
         return failure(PlanReason.OUTSIDE, began)
-    settled, moved = start, 0.0
+    moved = 0.0
     if ground.grid[int(start[1]), int(start[0])]:
-        settled = _nearest_free(ground.grid, start, start_radius_m / problem.resolution_m)
-        if settled is None:
+        free = _nearest_free(ground.grid, np.array(start), start_radius_m / problem.resolution_m)
+        if free is None:
             return failure(PlanReason.START_BLOCKED, began)
-        moved = float(np.hypot(*(settled - start))) * problem.resolution_m
+        moved = math.dist(free, start) * problem.resolution_m
+        start = tuple(free)
     if ground.grid[int(goal[1]), int(goal[0])]:
         return failure(PlanReason.GOAL_BLOCKED, began)
-    return Task(problem, ground, settled, goal, moved, began)
+    return Task(problem, ground, np.array((start, goal)), moved, began)
 
 
 def already_there(task: Task) -> np.ndarray | None:
     """(2, 2) cells when start and goal are one point, which sampling planners need not be troubled with; else None."""
-    apart = math.hypot(task.start[0] - task.goal[0], task.start[1] - task.goal[1])
-    return np.stack([task.start, task.goal]) if apart < 1e-6 else None
+    return task.ends if math.dist(*task.ends.tolist()) < 1e-6 else None
 
 
 def finish(task: Task, raw: np.ndarray | None, *, rounds: int, learn_ms: float = 0.0, extras: dict | None = None,
@@ -129,10 +128,7 @@ def finish(task: Task, raw: np.ndarray | None, *, rounds: int, learn_ms: float =
     if raw is None:
         reason = PlanReason.BUDGET_SPENT if task.ground.connected(task.start, task.goal) else PlanReason.DISCONNECTED
     else:
-        short, free = pulled(task.grid, raw, rounds)
-        if not free:
-            raise ContractError("planner returned a path through blocked cells; expected every segment to be free")
-        points, lines = _exact(task, short), _exact(task, raw)
+        points, lines = _in_metres(task, raw, rounds)
     plan_ms = 1e3 * (time.process_time() - task.began_s) - learn_ms
     drawing = None if sketch is None else task.metres(sketch())
     return Path(reason, points, lines, learn_ms, plan_ms, drawing, extras)
@@ -143,38 +139,34 @@ def failure(reason: PlanReason, began_s: float) -> Path:
     return Path(reason, _EMPTY, _EMPTY, 0.0, 1e3 * (time.process_time() - began_s))
 
 
-def _exact(task: Task, cells: np.ndarray) -> np.ndarray:
-    """Metres, with the ends exactly as the problem gave them; a start that was set off stays as a second point."""
-    points = task.metres(cells)
-    points[-1] = task.problem.goal_m
+def _in_metres(task: Task, raw: np.ndarray, rounds: int) -> tuple[np.ndarray, np.ndarray]:
+    """The path shortened and the raw path in metres, with the ends exactly as the problem gave them; a start that was set
+    off stays as a second point."""
+    (x, y), step = task.problem.origin_m, task.problem.resolution_m
+    short, raw, free = settled(task.grid, raw, rounds, (step, x - step, y - step))
+    if not free:
+        raise ContractError("planner returned a path through blocked cells; expected every segment to be free")
+    start, goal = task.problem.start_m, task.problem.goal_m
     if task.moved_m > 0.0:
-        return np.vstack([np.asarray(task.problem.start_m, float), points])
-    points[0] = task.problem.start_m
-    return points
+        short, raw = np.vstack([np.asarray(start, float), short]), np.vstack([np.asarray(start, float), raw])
+    for points in (short, raw):
+        points[0], points[-1] = start, goal
+    return short, raw
 
 
-@typed(NEW_POINTS(POINTS, nb.float64, nb.float64, nb.float64))
-def _scaled(points, step, x, y):
-    """(N, 2) times step plus (x, y)."""
-    out = np.empty(points.shape)
-    for k in range(len(points)):
-        out[k, 0], out[k, 1] = points[k, 0] * step + x, points[k, 1] * step + y
-    return out
-
-
-def _cells(problem: PlanningProblem, point_m) -> np.ndarray:
-    """(2,) padded cells of a point; within 1e-9 of a border it counts as on it, as OccupancyGrid.cells does."""
+def _cells(problem: PlanningProblem, point_m) -> tuple[float, float]:
+    """x, y in padded cells of a point; within 1e-9 of a border it counts as on it, as OccupancyGrid.cells does."""
     step, (x, y) = problem.resolution_m, problem.origin_m
-    return np.array((_on_border((float(point_m[0]) - x) / step + 1.0), _on_border((float(point_m[1]) - y) / step + 1.0)))
+    return _on_border((float(point_m[0]) - x) / step + 1.0), _on_border((float(point_m[1]) - y) / step + 1.0)
 
 
 def _on_border(cell: float) -> float:
     return float(round(cell)) if math.isfinite(cell) and abs(cell - round(cell)) < 1e-9 else cell
 
 
-def _inside(grid: np.ndarray, point: np.ndarray) -> bool:
+def _inside(grid: np.ndarray, point: tuple[float, float]) -> bool:
     rows, columns = grid.shape
-    return bool(1.0 <= point[0] < columns - 1 and 1.0 <= point[1] < rows - 1)
+    return 1.0 <= point[0] < columns - 1 and 1.0 <= point[1] < rows - 1
 
 
 def _nearest_free(grid: np.ndarray, point: np.ndarray, radius: float) -> np.ndarray | None:

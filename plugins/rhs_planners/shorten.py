@@ -109,8 +109,18 @@ def shorten(grid, points, rounds):
     return best[::-1].copy() if flipped else best
 
 
-@typed(nb.types.Tuple((NEW_POINTS, nb.boolean))(GRID, POINTS, nb.int64))
-def pulled(grid, points, rounds):
-    """The path shortened, and whether both paths are free: one crossing for both."""
+@typed(NEW_POINTS(POINTS, nb.float64, nb.float64, nb.float64))
+def scaled(points, step, x, y):
+    """(N, 2) times step plus (x, y)."""
+    out = np.empty(points.shape)
+    for k in range(len(points)):
+        out[k, 0], out[k, 1] = points[k, 0] * step + x, points[k, 1] * step + y
+    return out
+
+
+@typed(nb.types.Tuple((NEW_POINTS, NEW_POINTS, nb.boolean))(GRID, POINTS, nb.int64, nb.types.UniTuple(nb.float64, 3)))
+def settled(grid, points, rounds, frame):
+    """The path shortened and as it was, both times frame[0] plus frame[1:], and whether both were free: one crossing."""
     short = shorten(grid, points, rounds)
-    return short, polyline_free(grid, points) and polyline_free(grid, short)
+    free = polyline_free(grid, points) and polyline_free(grid, short)
+    return scaled(short, frame[0], frame[1], frame[2]), scaled(points, frame[0], frame[1], frame[2]), free

@@ -12,6 +12,7 @@ from rhs.errors import ConfigError, ContractError
 from rhs.judge import path_valid, polyline_length
 from rhs.records import PlanReason
 from rhs_planners.chance import uniform
+from rhs_planners.contours import contours
 
 
 @pytest.mark.parametrize("name", PLANNERS)
@@ -186,3 +187,23 @@ def test_malformed_grids_are_refused():
 def test_settings_out_of_range_are_refused_by_name(name, key, value):
     with pytest.raises(ConfigError, match=f"planner.{name}.{key}"):
         settings(name, **{key: value})
+
+
+def test_contours_of_a_cone_are_circles():
+    y, x = np.mgrid[0:41, 0:41]
+    lines = contours(np.hypot(x - 20.0, y - 20.0))
+    radius = np.hypot(*(lines - 20.5).reshape(-1, 2).T)
+    middle = np.hypot(*(lines.mean(axis=1) - 20.5).T)
+    steps = np.hypot(20.0, 20.0) / 31  # 30 levels between the least and the largest value
+    off = np.abs(middle / steps - np.rint(middle / steps)) * steps
+    assert len(lines) > 1000 and np.median(off) < 0.05 and radius.max() < np.hypot(20.0, 20.0)
+    assert len(contours(np.full((3, 3), np.inf))) == 0
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_every_planner_shows_what_it_searched(name):
+    task = thesis_problem(1)
+    lines = planner(name).plan(task).sketch
+    assert len(lines) > 5 and lines.shape[1:] == (2, 2)
+    low = np.array(task.origin_m)  # on the map, in metres
+    assert (lines >= low - 1e-9).all() and (lines <= low + 10.0 + 1e-9).all()
