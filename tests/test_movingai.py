@@ -47,7 +47,8 @@ def test_scenarios_give_start_goal_and_claimed_length(files):
 
 @pytest.mark.parametrize(("text", "words"), [
     (MAP.replace("height 4", "height 5"), "rows"), (MAP.replace("..T..", "..T."), ":7: 4 cells"),
-    (MAP.replace("map\n", ""), "expected type"), (MAP.replace("width 5", "width -5"), "width"), ("", "no line"),
+    (MAP.replace("map\n", ""), "expected type"), (MAP.replace("width 5", "width -5"), "width"),
+    (MAP.replace("width 5", "width 99999").replace("height 4", "height 99999"), "are more than the"), ("", "no line"),
 ])
 def test_broken_maps_are_refused_with_their_line(tmp_path, text, words):
     (tmp_path / "a.map").write_text(text)

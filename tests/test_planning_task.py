@@ -20,11 +20,15 @@ def run(folder, *words):
     return run_config(compose_config(["task=planning", *words]), folder)
 
 
+COLUMNS = {"plan_success", "plan_valid", "plan_reason", "plan_steps", "plan_length_m", "plan_length_raw_m",
+           "plan_above_optimum_pct", "plan_clearance_min_m", "plan_smoothness", "plan_learn_ms", "plan_ms", "homotopy"}
+
+
 def test_one_run_leaves_a_row_that_follows_from_its_files(tmp_path):
     row = run(tmp_path / "a", "world=map3", "planner=rrt_connect", "seed=3")
     assert row["status"] == "ok" and row["plan_success"] == 1 and row["plan_valid"] == 1.0
     assert 10 * row["plan_optimal_m"] == pytest.approx(126.49268769)
-    assert row["homotopy"] in ("above", "below")
+    assert row["homotopy"] in ("above", "below") and set(row) >= COLUMNS
     names = {path.name for path in (tmp_path / "a").iterdir()}
     assert {"config.yaml", "map.yaml", "map.pgm", "plan.json", "plan.png", "row.json"} <= names
     stored = read_row(tmp_path / "a" / "row.json")
@@ -51,7 +55,7 @@ def test_a_map_server_file_by_path_with_typed_ends_and_radius(tmp_path):
 def test_a_failed_plan_is_a_row_with_its_reason(tmp_path):
     row = run(tmp_path / "a", "world=map4", "goal=[4.8,8.0]", "planner=astar")
     assert (row["status"], row["plan_success"], row["plan_reason"]) == ("ok", 0, "goal_blocked")
-    assert np.isnan(row["plan_length_m"]) and np.isnan(row["plan_valid"])
+    assert np.isnan(row["plan_length_m"]) and np.isnan(row["plan_valid"]) and set(row) >= COLUMNS
 
 
 def test_a_scenario_carries_its_claimed_octile_optimum_and_astar_agrees(tmp_path):
