@@ -15,16 +15,17 @@ from rhs.jit import typed
 from .line import GRID, NEW_POINTS, POINTS, polyline_free, segment_free
 
 _HALVINGS = 12  # bisection steps: a bend is placed to 2e-4 of its segment in one round, and better by the next
+_AHEAD = 4  # points looked ahead after a round: what comes into sight by it is near, and long looks cost most
 _ENOUGH = 1e-5  # stop when a round gains less than this share of the length
 
 
-@typed(NEW_POINTS(GRID, POINTS))
-def skip_points(grid, points):
-    """From each point go on to the farthest later one in sight (greedy)."""
+@typed(NEW_POINTS(GRID, POINTS, nb.int64))
+def skip_points(grid, points, ahead):
+    """From each point go on to the farthest in sight of the `ahead` next ones (greedy)."""
     keep = np.empty(len(points), np.int64)
     keep[0], count, at = 0, 1, 0
     while at < len(points) - 1:
-        to = len(points) - 1
+        to = min(len(points) - 1, at + ahead)
         while to > at + 1 and not segment_free(grid, points[at, 0], points[at, 1], points[to, 0], points[to, 1]):
             to -= 1
         keep[count] = to
@@ -95,12 +96,12 @@ def shorten(grid, points, rounds):
     """At most `rounds` rounds of pulling, towards the goal and towards the start by turns; never longer than given."""
     if len(points) < 3 or rounds <= 0:
         return points.copy()
-    best = skip_points(grid, points)
+    best = skip_points(grid, points, len(points))
     before, idle, flipped = length(best), 0, False
     for _ in range(rounds):
         if len(best) < 3 or idle >= 2:
             break
-        trial = skip_points(grid, _pull_once(grid, best))
+        trial = skip_points(grid, _pull_once(grid, best), _AHEAD)
         after = length(trial)
         idle = 0 if after < before * (1.0 - _ENOUGH) else idle + 1
         if after < before:
