@@ -36,6 +36,8 @@ PATCH_DIAMETERS = 1.5
 # cluttered view they are too many to lose (measured: half the drift in the square, a third more error on a desk).
 FEW_OVER_EDGES = 0.1
 
+ORB_RATIO = 1.2  # of the sizes of two levels of ORB's pyramid
+
 _shared: WeakKeyDictionary[Observation, dict[Any, Features]] = WeakKeyDictionary()
 
 
@@ -101,15 +103,18 @@ def depth_at(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def occlusion_distance(depth: np.ndarray) -> np.ndarray:
-    """(H, W) float32 pixels from each pixel to the nearest occlusion edge of an (H, W) depth image."""
+    """(H, W) float32 pixels, within a few per cent, from each pixel to the nearest occlusion edge of an (H, W) depth
+    image."""
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(depth > 0, 1.0 / depth, np.nan).astype(np.float32)
-        edge = np.zeros(depth.shape, np.uint8)
-        edge[:, 1:-1] |= np.abs(inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2]) > OCCLUSION_INVERSE_DEPTH
-        edge[1:-1] |= np.abs(inverse[2:] - 2 * inverse[1:-1] + inverse[:-2]) > OCCLUSION_INVERSE_DEPTH
-    if not edge.any():
+        smooth = np.ones(depth.shape, np.uint8)
+        for rho, inner in ((inverse, smooth[1:-1]), (inverse.T, smooth.T[1:-1])):
+            bend = rho[2:] + rho[:-2]
+            bend -= 2.0 * rho[1:-1]
+            inner &= ~(np.abs(bend, out=bend) > OCCLUSION_INVERSE_DEPTH)
+    if smooth.all():
         return np.full(depth.shape, np.inf, np.float32)
-    return _cv2().distanceTransform(1 - edge, _cv2().DIST_L2, _cv2().DIST_MASK_PRECISE)
+    return _cv2().distanceTransform(smooth, _cv2().DIST_L2, _cv2().DIST_MASK_5)
 
 
 def _over_edges(depth: np.ndarray, pixels: np.ndarray, sizes: np.ndarray) -> np.ndarray:
@@ -157,19 +162,28 @@ def _sift(observation: Observation, settings: FeatureSettings) -> Features:
 
 
 def _orb(observation: Observation, count: int) -> Features:
-    found = _detect(observation, _detector("orb", count, 0.0), np.empty((0, 32), np.uint8))
+    found = _detect(observation, _detector("orb", count, 0.0), np.empty((0, 32), np.uint8), ratio=ORB_RATIO)
     return _lifted(observation, *found)
 
 
-def _detect(observation: Observation, detector: Any, none: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels (N, 2) float32, diameters (N,) in pixels, descriptors (N, D); `none`: the descriptors of an empty view."""
+def _detect(
+    observation: Observation, detector: Any, none: np.ndarray, *, ratio: float = 1.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels (N, 2) float32, diameters (N,) in pixels, descriptors (N, D); `none`: the descriptors of an empty view.
+
+    ratio: of the sizes of two levels of a pyramid whose pixels the detector scales from the corner of the image; the
+    middle of a pixel lies elsewhere, so key-points of coarse levels are put right: without it ORB drifts in yaw."""
     empty = np.empty((0, 2), np.float32), np.empty(0), none
     if observation.image is None:
         return empty
     key_points, descriptors = detector.detectAndCompute(gray(observation.image), None)
     if not key_points:  # KeyPoint_convert returns a tuple then, and the descriptors are None
         return empty
-    return _cv2().KeyPoint_convert(key_points), np.array([point.size for point in key_points]), descriptors
+    pixels = _cv2().KeyPoint_convert(key_points)
+    if ratio != 1.0:
+        level = np.array([point.octave for point in key_points])
+        pixels = pixels + (0.5 * (ratio**level - 1.0))[:, None].astype(np.float32)
+    return pixels, np.array([point.size for point in key_points]), descriptors
 
 
 def _lifted(observation: Observation, pixels: np.ndarray, sizes: np.ndarray, descriptors: np.ndarray) -> Features:
@@ -190,7 +204,7 @@ def _lifted(observation: Observation, pixels: np.ndarray, sizes: np.ndarray, des
 @cache
 def _detector(kind: str, count: int, contrast: float) -> Any:
     if kind == "orb":
-        return _cv2().ORB_create(nfeatures=count)
+        return _cv2().ORB_create(nfeatures=count, scaleFactor=ORB_RATIO)
     return _cv2().SIFT_create(nfeatures=count, contrastThreshold=contrast, enable_precise_upscale=True)
 
 

@@ -128,3 +128,24 @@ def test_depth_at_an_edge_is_unknown():
     found = vision.depth_at(depth, np.array([[20.0, 20.0], [10.0, 20.0], [30.0, 20.0]]))
     assert np.isnan(found[0])
     assert np.allclose(found[1:], [2.0, 4.0])
+
+
+def test_orb_sees_the_same_points_in_a_mirror():
+    """OpenCV scales coarse key-points from the corner of the image, which moves them a pixel to the left and up; mirrored
+    the other way. Put right, both agree (compared at the coarse levels, 60 pixels of diameter and more)."""
+    seen = view()
+    mirrored = Observation(1, 0.1, CAMERA, np.ascontiguousarray(seen.image[:, ::-1]), seen.depth)
+    found = []
+    for observation in (seen, mirrored):
+        detector = vision._detector("orb", 500, 0.0)
+        pixels, sizes, _ = vision._detect(observation, detector, np.empty((0, 32), np.uint8), ratio=vision.ORB_RATIO)
+        found.append((pixels.astype(float), sizes))
+    (straight, sizes), (other, other_sizes) = found
+    other[:, 0] = CAMERA.width - 1 - other[:, 0]
+    off = []
+    for pixel, size in zip(straight[sizes > 60], sizes[sizes > 60], strict=True):
+        away = other[np.abs(other_sizes - size) < 1e-3] - pixel
+        nearest = away[np.hypot(*away.T).argmin()]
+        if np.hypot(*nearest) < 4:
+            off.append(nearest[0])
+    assert len(off) > 50 and abs(np.mean(off)) < 0.5

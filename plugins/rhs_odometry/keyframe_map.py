@@ -14,6 +14,7 @@ from rhs import posegraph
 from rhs.geometry import inverse
 
 from .reprojection import Sightings, at_middle
+from .surface import warps
 
 # Errors of a depth camera are the same from view to view (Kinect: a smooth distortion), so averaging has a floor.
 SHARPEST = 0.5  # share of one reading's deviation
@@ -78,23 +79,8 @@ class KeyframeMap:
 
     def warps(self, ids: np.ndarray, camera_from_map: np.ndarray, camera) -> np.ndarray:
         """(N, 2, 2) d pixel in the anchor / d pixel in a camera, the surface taken to be flat around the point."""
-        step = 4.0
-        out = np.empty((len(ids), 2, 2))
-        pixels = self.pixels[ids].astype(float)
         poses = camera_from_map @ self.poses[self.anchor[ids]]
-        for axis in range(2):
-            ends = []
-            for sign in (-step, step):
-                moved = pixels.copy()
-                moved[:, axis] += sign
-                rho = np.maximum(self.rho[ids] + sign * self.slopes[ids, axis], 1e-3)
-                local = camera.rays(moved) / rho[:, None]
-                ends.append(camera.project(np.einsum("nij,nj->ni", poses[:, :3, :3], local) + poses[:, :3, 3]))
-            out[:, :, axis] = (ends[1] - ends[0]) / (2.0 * step)
-        good = np.abs(np.linalg.det(np.nan_to_num(out))) > 1e-3
-        out[~good] = np.nan
-        out[good] = np.linalg.inv(out[good])
-        return out
+        return warps(self.pixels[ids], self.rho[ids], self.slopes[ids], now_from_then=poses, camera=camera)
 
     def sightings(self, ids: np.ndarray, rays: np.ndarray, depth_m: np.ndarray, rows: np.ndarray) -> Sightings:
         """What an image that sees points `ids` along rays (N, 3) at depths (N,) on rows (N,) says."""

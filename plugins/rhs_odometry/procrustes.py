@@ -65,9 +65,8 @@ class ProcrustesOdometry:
         if self._reference is None:
             self._reference = Reference(current)
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, reason="first view")
-        p, q, matches = self._pairs(self._reference.features, current)
-        found = self._rigid(p, q)
-        motion = self._judge(observation, found, {"matches": float(matches), "pairs": float(len(p))})
+        found, details = self._estimate(self._reference.features, current)
+        motion = self._judge(observation, found, details)
         self._reference = self._next_reference(current, motion)
         self._last = motion.previous_from_body
         return motion
@@ -92,16 +91,21 @@ class ProcrustesOdometry:
     def _ratio(self) -> float:
         return self._feature_settings.ratio
 
-    def _pairs(self, previous: Features, current: Features) -> tuple[np.ndarray, np.ndarray, int]:
-        """Matched points with known depth in the current (p) and the previous (q) camera frame, and all matches."""
+    def _estimate(self, previous: Features, current: Features) -> tuple[Rigid | None, dict[str, float]]:
+        """The motion between two views, and how many matches, pairs with depth it is from."""
         rows = vision.match(current, previous, self._ratio)
+        matches = len(rows)
+        rows = rows[np.isfinite(current.points[rows[:, 0], 2]) & np.isfinite(previous.points[rows[:, 1], 2])]
         p, q = current.points[rows[:, 0]].astype(float), previous.points[rows[:, 1]].astype(float)
-        known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
-        return p[known], q[known], len(rows)
-
-    def _rigid(self, p: np.ndarray, q: np.ndarray) -> Rigid | None:
         found = ransac_rigid(p, q, noise=self._noise, rng=self._rng, settings=self._ransac)
-        if found is None or self._settings.refine == "none":
+        if found is not None:
+            found = self._refined(found, p, q, (previous, current, rows))
+        return found, {"matches": float(matches), "pairs": float(len(p))}
+
+    def _refined(self, found: Rigid, p: np.ndarray, q: np.ndarray, seen: tuple[Features, Features, np.ndarray]) -> Rigid:
+        """A better motion from the one the pairs agree on. seen: the previous and the current view, and the rows (M, 2)
+        of the current and of the previous one that the pairs are from."""
+        if self._settings.refine == "none":
             return found
         return refine_reprojection(found, p, q, noise=self._noise, gate_sigma=self._settings.gate_sigma)
 

@@ -23,6 +23,29 @@ def surfaces(depth: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndar
     return out[:, 0], out[:, 1:]
 
 
+def warps(
+    pixels: np.ndarray, inverse_depth: np.ndarray, slopes: np.ndarray, *, now_from_then: np.ndarray, camera
+) -> np.ndarray:
+    """(N, 2, 2) d pixel then / d pixel now of surfaces seen at pixels (N, 2) with inverse depths (N,) and slopes (N, 2),
+    when the camera has moved: now_from_then (4, 4), or (N, 4, 4) from as many views. NaN where it is seen edge on."""
+    step = 4.0
+    out = np.empty((len(pixels), 2, 2))
+    rotation, centre = now_from_then[..., :3, :3], now_from_then[..., :3, 3]
+    for axis in range(2):
+        ends = []
+        for sign in (-step, step):
+            moved = pixels.astype(float)
+            moved[:, axis] += sign
+            rho = np.maximum(inverse_depth + sign * slopes[:, axis], 1e-3)
+            local = camera.rays(moved) / rho[:, None]
+            ends.append(camera.project((rotation @ local[:, :, None])[:, :, 0] + centre))
+        out[:, :, axis] = (ends[1] - ends[0]) / (2.0 * step)
+    good = np.abs(np.linalg.det(np.nan_to_num(out))) > 1e-3
+    out[~good] = np.nan
+    out[good] = np.linalg.inv(out[good])
+    return out
+
+
 @compiled
 def _fit(depth, pixels, half, least_known, rough, out):
     height, width = depth.shape
