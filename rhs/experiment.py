@@ -135,6 +135,8 @@ def draw(config: RunConfig, folder: Path) -> None:
     from . import report
 
     report.overview(folder)
+    if config.mission.kidnap:
+        report.knowing(folder)
     if config.video:
         report.video(folder)
 

@@ -15,6 +15,7 @@ import numpy as np
 from .accuracy import Pairing, absolute_errors_m, apart, consecutive, pair, relative_errors, rmse
 from .errors import RhsError
 from .grid import OccupancyGrid
+from .knowing import knowing_values
 from .map_metrics import map_agreement
 from .trajectory import Trajectory, aligned, read_tum
 
@@ -36,7 +37,8 @@ def evaluate(folder: Path) -> Values:
     folder = Path(folder)
     steps = _steps(folder / "steps.csv")
     survey, patrol = survey_values(folder, steps), patrol_values(folder, steps)
-    return {**survey, **patrol, **map_values(folder), **stage_values(folder, steps)}
+    knowing = knowing_values([row for row in steps if row["phase"] == "patrol"])
+    return {**survey, **patrol, **knowing, **map_values(folder), **stage_values(folder, steps)}
 
 
 # --- survey ----------------------------------------------------------------------------------------------------------

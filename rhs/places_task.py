@@ -1,6 +1,6 @@
 """The places task: one survey stored, another lap queried view by view; how often is the place right? (thesis 5.2, T3)
 
-Files of the run folder: config.yaml, places.csv (a row per method), precision_recall.csv, places.npz (the memory),
+Files of the run folder: config.yaml, places.csv (a row per method), precision_recall.csv and .png, places.npz (the memory),
 row.json. Stored views stand at their true poses, so that the score is that of recognition and not of odometry.
 """
 
@@ -18,6 +18,7 @@ from .contracts import FeatureSettings
 from .errors import ConfigError
 from .files import replacing
 from .geometry import planar, se2
+from .knowing_pictures import precision_recall_picture
 from .memory import Memory, memory_of
 from .parts import Parts, build
 from .patrol import Led, steps
@@ -66,6 +67,7 @@ def run_places(config: RunConfig, folder: Path) -> dict[str, Any]:
     answers = trial(memory, queries, checks=config.places.checks, seed=config.seed)
     answers["sequence"] = sequences(parts, views, queried, config)
     write_tables(folder, answers)
+    precision_recall_picture(folder)
     return columns(memory, answers)
 
 

@@ -40,6 +40,13 @@ def overview(folder: Path) -> Path:
     return write_whole(folder / "overview.png", lambda path: save(figure, path))
 
 
+def knowing(folder: Path) -> Path | None:
+    """knowing.png: what followed each kidnap, and how reliable the stated chances of being right were."""
+    from .knowing_pictures import knowing_picture
+
+    return knowing_picture(Path(folder))
+
+
 def html(folder: Path) -> Path:
     """report.html of one run: numbers, pictures, missions, settings; the video too when it is there and not large."""
     import pandas as pd
@@ -51,7 +58,7 @@ def html(folder: Path) -> Path:
     overview_png = folder / "overview.png" if (folder / "overview.png").exists() else overview(folder)
     page = _page("run").render(
         title=title(row).splitlines()[0] or folder.name, row=_shown(row), overview=embed(overview_png), places=pictures,
-        charts=[embed_figure(f) for f in _charts(steps)], missions=json_of(folder / "missions.json") or [],
+        charts=_pictures(folder, steps), missions=json_of(folder / "missions.json") or [],
         config=_text(folder / "config.yaml"), video=_video(folder))
     return _write(folder / "report.html", page)
 
@@ -91,6 +98,11 @@ def embed_figure(figure: Figure) -> str:
 def _charts(steps: Any) -> list[Figure]:
     made = () if steps is None or steps.empty else (errors_over_time(steps), stage_times(steps))
     return [figure for figure in made if figure is not None]
+
+
+def _pictures(folder: Path, steps: Any) -> list[str]:
+    known = [folder / "knowing.png"] if (folder / "knowing.png").exists() else []
+    return [*(embed_figure(figure) for figure in _charts(steps)), *(embed(path) for path in known)]
 
 
 def _shown(row: dict[str, object]) -> list[tuple[str, str]]:
@@ -150,7 +162,7 @@ def _make(folder: Path, *, with_video: bool) -> list[Path]:
         raise ConfigError(f"{folder} is not a folder; give a run or sweep folder")
     if not (folder / "row.json").exists():
         return [sweep(folder)]
-    made = [overview(folder)]
+    made = [overview(folder), *filter(None, [knowing(folder)])]
     return [*made, *([video(folder)] if with_video else []), html(folder)]
 
 

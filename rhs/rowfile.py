@@ -16,7 +16,7 @@ from .files import replacing
 KEYS = ("world", "source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed")
 TEXT = ("status", "reason", *KEYS[:-1], "ate_alignment")
 INTEGERS = ("seed", "places_total", "places_visited", "missions", "replans", "collisions", "survey_steps",
-            "patrol_steps")
+            "patrol_steps", "kidnaps")
 PATROL = ("clearance_min_m", "path_length_m", "path_optimal_m", "arrival_error_max_m", "patrol_rmse_m")
 SURVEY = (
     "distance_m", "ate_rmse_m", "ate_before_closing_m", "ate_unaligned_m", "ate_mean_m", "ate_median_m", "ate_max_m",
@@ -25,11 +25,13 @@ SURVEY = (
     "ate_tolerance_s", "matched_share", "covered_share", "tracked_share", "degenerate_share", "lost_share",
 )
 MAP = ("map_agreement", "map_observed_share")
-FLOATS = (*PATROL, *SURVEY, *MAP)
+KNOWING = ("kidnap_recovered_share", "kidnap_recovery_m", "kidnap_recovery_p90_m", "kidnap_recovery_s",
+           "kidnap_recovery_p90_s", "kidnap_wrong_sure_share", "belief_wrong_sure_share", "belief_ece")
+FLOATS = (*PATROL, *KNOWING, *SURVEY, *MAP)
 MACHINE = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms", "wall_ms", "real_time_factor",
            "peak_memory_mb")
 # The order of a table; columns it does not name follow in alphabetical order, machine-dependent ones last.
-ORDER = ("status", "reason", *KEYS, *INTEGERS[1:6], *PATROL, *SURVEY, "ate_alignment", *MAP, *INTEGERS[6:])
+ORDER = ("status", "reason", *KEYS, *INTEGERS[1:6], *PATROL, *KNOWING, *SURVEY, "ate_alignment", *MAP, *INTEGERS[6:])
 NOT_REPEATABLE = ("real_time_factor", "peak_memory_mb", "folder", "run", "date", "commit", "version", "versions",
                   "platform", "python", "host")
 

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import pandas
 
 SHOWN = ("places_visited", "collisions", "ate_rmse_m", "rpe_trans_m", "end_error_m", "tracked_share", "map_agreement",
-         "path_length_m", "plan_length_m", "plan_above_optimum_pct", "odometry_ms", "real_time_factor")
+         "path_length_m", "kidnap_recovered_share", "kidnap_wrong_sure_share",
+         "plan_length_m", "plan_above_optimum_pct", "odometry_ms", "real_time_factor")
 DRAWS = 2000
 
 

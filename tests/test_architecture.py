@@ -24,11 +24,11 @@ LEVELS = [
     "contracts mission control obstacles sighting support loops scanloops places place_files place_trial"
     " ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
-    "patrol survey sentinel kidnap steps progress metrics map_metrics testing_room testing_estimators"
-    " testing_planners testing_sources testing",
-    "varied evaluate compare drawing page summary table report charts film registry parts overrides hydra_sources hydra_glue"
-    " compose help_text convert convert_tum planning_metrics planning_pictures planning_task planning_table planner_arena"
-    " places_task",
+    "patrol survey sentinel kidnap steps progress knowing metrics map_metrics testing_room"
+    " testing_estimators testing_planners testing_sources testing",
+    "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
+    " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
+    " planning_pictures planning_task planning_table planner_arena places_task",
     "experiment",
     "launcher sweep __init__",
     "__main__",
