@@ -24,14 +24,14 @@ TREE, RAW, SHORT, START, GOAL = "#9bbfd9", "#e0912f", "#b03a9c", "#2a9d5c", "#c1
 
 def plan_picture(folder: FilePath) -> FilePath:
     """plan.png: the map, the tree, roadmap or walk, the raw and the shortened path, start and goal."""
-    figure = new_figure(7.8, 6.6)
+    figure = new_figure(9.2, 6.6)
     axes = figure.add_subplot()
     draw_plan(axes, folder)
     row = read_row(folder / "row.json")
     axes.set_title(_title(row), fontsize=10)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     return _write(figure, folder / "plan.png")
 
 
@@ -111,7 +111,7 @@ def bars(groups: Sequence[tuple[str, str, float, float, float]], label: str, tar
 
 
 def _title(row: dict[str, Any]) -> str:
-    head = f"{row.get('world')} · {row.get('planner')} · seed {row.get('seed')}"
+    head = f"{FilePath(str(row.get('world'))).name} · {row.get('planner')} · seed {row.get('seed')}"
     return f"{head}\n{_caption(row)}"
 
 
