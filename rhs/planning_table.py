@@ -94,7 +94,7 @@ def as_markdown(table: pandas.DataFrame) -> str:
 
 def publish(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
     """planning_table.csv and .md, panel.png, and bars of length and time, from the rows of a sweep; the files written."""
-    from .planning_pictures import bars, panel
+    from .planning_pictures import panel
 
     rows = planning_rows(table)
     summary = planning_table(rows)
@@ -109,11 +109,21 @@ def publish(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
     written = [folder / "planning_table.csv", folder / "planning_table.md"]
     if len(worlds) <= 12:
         written.append(panel(runs, worlds, planners, folder / "panel.png"))
-        for column, label, log in (("plan_length_raw_m", "raw length [m]", False), ("plan_length_m", "length [m]", False),
-                                   ("plan_above_optimum_pct", "above the optimum [%]", False),
-                                   ("plan_ms", "planning time [CPU ms]", True)):
-            groups = [_bar(rows, world, planner, column) for world in worlds for planner in planners]
-            written.append(bars(groups, label, folder / f"bars_{column}.png", title=_told(summary), log=log))
+        written += draw_bars(rows, folder)
+    return written
+
+
+def draw_bars(rows: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
+    """bars_COLUMN.png of lengths and times into an existing folder, from planning rows."""
+    from .planning_pictures import bars
+
+    worlds, planners, title = sorted(rows["world"].unique()), order(rows["planner"].unique()), _told(planning_table(rows))
+    written = []
+    for column, label, log in (("plan_length_raw_m", "raw length [m]", False), ("plan_length_m", "length [m]", False),
+                               ("plan_above_optimum_pct", "above the optimum [%]", False),
+                               ("plan_ms", "planning time [CPU ms]", True)):
+        groups = [_bar(rows, world, planner, column) for world in worlds for planner in planners]
+        written.append(bars(groups, label, folder / f"bars_{column}.png", title=title, log=log))
     return written
 
 

@@ -1,6 +1,6 @@
 """The planning table with many seeds, in one process and without pictures: maps 1 to 4, every planner.
 
-    python tests/benchmarks/planning_figures.py [--seeds 30] [--out results/tables]
+    python tests/benchmarks/planning_figures.py [--seeds 30] [--out FOLDER] [--pictures FOLDER]
 
 planning_goals.txt says which of the goals are reached. The same columns as `python -m rhs -m experiment=table_3_1`, which
 keeps a folder per run; the planners and seeds give the same paths there. Times are CPU milliseconds.
@@ -21,7 +21,7 @@ from rhs.arena import load_arena
 from rhs.judge import Optimum
 from rhs.parts import generator
 from rhs.planning_metrics import path_values
-from rhs.planning_table import as_markdown, order, planning_table
+from rhs.planning_table import as_markdown, draw_bars, order, planning_table
 from rhs.planning_task import context_of, problem_of, warm_up
 from rhs.table import frame
 
@@ -35,6 +35,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=30)
     parser.add_argument("--out", type=Path, default=Path("results/tables"))
+    parser.add_argument("--pictures", type=Path, default=Path("results/pictures"))
     chosen = parser.parse_args()
     names = [name for name in registry.names("planner")
              if registry.origins("planner", name)[0].distribution.startswith("rhs ")]
@@ -50,6 +51,9 @@ def main() -> None:
     (chosen.out / "planning_figures.md").write_text(as_markdown(table))
     table.to_csv(chosen.out / "planning_figures.csv", index=False)
     (chosen.out / "planning_goals.txt").write_text("\n".join(goals(runs)) + "\n")
+    chosen.pictures.mkdir(parents=True, exist_ok=True)
+    for picture in draw_bars(runs, chosen.pictures):
+        picture.rename(picture.with_name(f"planning_{picture.name}"))
     print(as_markdown(table), *goals(runs), sep="\n")
 
 
