@@ -79,7 +79,7 @@ class CloudOdometry:
         return "same again", self._last, spread
 
     def _judge(self, cloud: Cloud, pose: np.ndarray, guess: np.ndarray) -> Motion:
-        seen = observability(cloud, self._maker)
+        seen = observability(cloud, self._maker, on_floor=self._on_floor)
         information = seen.information / CORRELATED + 1e-3 * np.eye(6)
         if self._on_floor:
             pose, _ = on_floor(pose, information)

@@ -60,7 +60,7 @@ class CloudMaker:
         return Cloud(points[known] @ rotation.T + centre, normals[known] @ rotation.T, depth_sigma(z[known]), depth)
 
     def supports(self, cloud: Cloud, axes: np.ndarray) -> np.ndarray:
-        """(3,) share of the points that hold each of the directions, the columns of `axes` (3, 3), in the body frame."""
+        """(K,) share of the points that hold each of the directions, the columns of `axes` (3, K), in the body frame."""
         with np.errstate(invalid="ignore"):
             leaning = np.abs(cloud.normals @ axes) > LEAN
         off = np.stack([self._leaving(cloud, SLIDE_M * axis) for axis in axes.T], axis=1)
@@ -140,14 +140,17 @@ class Observability:
     support: float
 
 
-def observability(cloud: Cloud, maker: CloudMaker) -> Observability:
-    """How well an alignment can know a motion in each direction of the body frame."""
+def observability(cloud: Cloud, maker: CloudMaker, *, on_floor: bool = False) -> Observability:
+    """How well an alignment can know a motion in each direction of the body frame; of a robot on a floor, which is held
+    up by it, in each horizontal direction."""
     known = np.isfinite(cloud.normals).all(axis=1)
     n, p, s = cloud.normals[known], cloud.points[known], cloud.sigma[known]
     if len(n) < 6:
         return Observability(np.zeros((6, 6)), np.array([1.0, 0.0, 0.0]), 0.0)
     j = np.hstack([n, np.cross(p, n)]) / s[:, None]
-    _, axes = np.linalg.eigh(n.T @ n)
+    free = 2 if on_floor else 3
+    axes = np.zeros((3, free))
+    axes[:free] = np.linalg.eigh((n.T @ n)[:free, :free])[1]
     support = maker.supports(cloud, axes)
     weakest = int(np.argmin(support))
     return Observability(j.T @ j, axes[:, weakest], float(support[weakest]))

@@ -119,6 +119,19 @@ def test_the_weakest_direction_of_a_flat_corridor_is_its_axis():
     assert across[0] < 0.02 * across[1]  # the eigenvalue along the axis is next to nothing
 
 
+def test_two_walls_hold_a_robot_on_its_floor_but_not_a_camera_in_the_hand():
+    """A corner that fills the view says nothing about the height; a robot's floor does, seen or not."""
+    maker = CloudMaker(ROOM_CAMERA, stride=2, min_range_m=0.3, max_range_m=8.0)
+    v, u = np.mgrid[0:120, 0:160].astype(float)
+    rays = ROOM_CAMERA.rays(np.stack([u.ravel(), v.ravel()], axis=1))
+    walls = np.array([[0.7, 0.0, 0.7], [-0.7, 0.0, 0.7]])
+    depth = (1.4 / (rays @ walls.T).max(axis=1)).reshape(120, 160).astype(np.float32)
+    cloud = maker.cloud(depth)
+    held, loose = observability(cloud, maker, on_floor=True), observability(cloud, maker)
+    assert held.support > 0.3
+    assert loose.support < 0.01 and abs(loose.weakest[2]) > 0.99
+
+
 def test_iterations_stay_bounded():
     with pytest.raises(ConfigError, match="iterations=500"):
         KissIcp(iterations=500)
