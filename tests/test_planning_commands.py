@@ -9,14 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rhs import planner_arena
+from rhs import planner_arena, registry
 from rhs.__main__ import main
+from rhs.arena import load_arena
 from rhs.grid import OccupancyGrid
 from rhs.maps import save_map
+from rhs.parts import generator
+from rhs.plan_files import read_plan
+from rhs.planning_task import context_of
 from rhs.rowfile import read_row
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-FEWER = {"experiment=table_3_1": ["world=map2", "planner=potential_field,rrt", "seed=0"]}  # added to a command
+FEWER = {"experiment=table_3_1": ["world=map2", "seed=3"]}  # added to a command: every planner, once
+NAMES = registry.names("planner")
 SMALLER = {"seed=range(10)": "seed=0", "planner=glob(*)": "planner=glob(prm*)"}  # in place of a word
 
 
@@ -51,12 +56,23 @@ def test_the_planning_block_of_the_readme_runs(desk, monkeypatch, capfd):
         told = (planner_arena.main if module == "rhs.planner_arena" else main)(words)
         assert told == 0, f"{module} {' '.join(words)}: {capfd.readouterr().err[-2000:]}"
     found = [read_row(path) for path in desk.glob("results/**/row.json")]
-    assert len(found) == 2 + 4 + 2
-    assert {row["planner"] for row in found} == {"potential_field", "rrt", "prm", "prm_star", "astar"}
+    assert len(found) == len(NAMES) + 4 + 2
+    assert {row["planner"] for row in found} == set(NAMES)
     assert all(row["plan_success"] == 1 and row["plan_valid"] == 1.0 for row in found)
     (claimed,) = [row for row in found if row["octile_claimed_m"] is not None]
     assert claimed["octile_claimed_m"] == 8.82842712 and claimed["plan_length_m"] <= 8.82842712
+    _same_alone(desk)
     for sweep in (desk / "results/sweeps").iterdir():
         names = {path.name for path in sweep.iterdir()}
         assert {"planning_table.md", "planning_table.csv", "panel.png", "bars_plan_ms.png"} <= names
     assert {path.stem for path in (desk / "logs").iterdir()} == {"map1", "map2", "map4"}
+
+
+def _same_alone(desk: Path) -> None:
+    """Every path of the sweeps again, bit for bit, by a planner in this process that plans nothing else."""
+    for folder in sorted(path.parent for path in desk.glob("results/sweeps/*/*/plan.json")):
+        stored, problem, _ = read_plan(folder)
+        row = read_row(folder / "row.json")
+        arena, rng = load_arena(row["world"]), generator(int(row["seed"]), "planner")
+        path = registry.load("planner", row["planner"])().build(context_of(arena, folder, rng)).plan(problem)
+        assert np.array_equal(path.points_m, stored.points_m) and np.array_equal(path.raw_m, stored.raw_m), folder.name
