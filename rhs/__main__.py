@@ -136,7 +136,9 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
 TOLD = ("status", "reason", "world", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed",
         "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m", "path_length_m",
         "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share",
-        "map_agreement", "plan_success", "plan_reason", "plan_valid", "plan_length_m", "plan_length_raw_m", "plan_optimal_m",
+        "map_agreement", "strips", "strips_registered_share",
+        "mosaic_correlation", "along_error_pct",
+        "plan_success", "plan_reason", "plan_valid", "plan_length_m", "plan_length_raw_m", "plan_optimal_m",
         "plan_above_optimum_pct", "plan_steps", "plan_learn_ms", "plan_ms", "plan_again_ms", "homotopy", "wall_ms",
         "real_time_factor", "peak_memory_mb")
 

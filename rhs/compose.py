@@ -24,8 +24,9 @@ from .live import check_live
 from .mission import MissionSettings
 from .parts import Chosen, Parts, build, check_combination
 from .strict_yaml import load_yaml
+from .unroll_settings import Unroll
 
-TASKS = ("patrol", "survey", "planning", "places")
+TASKS = ("patrol", "survey", "planning", "places", "unroll")
 OUTPUTS = ("output", "overwrite", "recording", "video", "live")  # what is kept of a run; no number depends on these
 
 
@@ -95,7 +96,7 @@ class RunConfig:
     """Everything one run depends on."""
 
     # what to do: patrol (map, then patrol), survey (map only), planning (planners alone on a map), places (recognise
-    # single views)
+    # single views), unroll (the wall of a tube as one flat picture)
     task: str = "patrol"
     # a world of worlds/, or the path of a world file
     world: str = "square"
@@ -119,6 +120,7 @@ class RunConfig:
     goal: list[float] = field(default_factory=list)
     planning: Planning = field(default_factory=Planning)
     places: Places = field(default_factory=Places)
+    unroll: Unroll = field(default_factory=Unroll)
     features: Features = field(default_factory=Features)
     mission: MissionSettings = field(default_factory=MissionSettings)
     source: Any = None

@@ -7,7 +7,8 @@ defaults, units in the names), checks their ranges in `__post_init__`, declares
     provides: ClassVar[frozenset[str]]   what it offers to the parts after it
 
 and has `build(context) -> part`, where heavy libraries are imported. Words used by needs/provides:
-`image`, `depth`, `scan`, `wheel`, `command`, `driving` (the source can be driven), `teleport`, `walls`, `gray`.
+`image`, `depth`, `scan`, `wheel`, `command`, `driving` (the source can be driven), `teleport`, `walls`, `gray`, `texture`
+(the source has `texture(along_m, around_m)`, the true grey of its wall, for the judge of task=unroll).
 
 Parts get randomness only from `context.rng`, and never see a true pose. Arrays they receive are read-only.
 """

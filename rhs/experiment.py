@@ -79,6 +79,10 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
         from .places_task import run_places_config
 
         return run_places_config(config, folder)
+    if config.task == "unroll":
+        from .unroll_task import run_unroll_config
+
+        return run_unroll_config(config, folder)
     begin = time.perf_counter()
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)

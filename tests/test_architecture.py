@@ -18,9 +18,10 @@ PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 
 LEVELS = [
     "errors sealing geometry jit paths provenance mcap_records meanings",
-    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles",
+    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
-    " consistency structure memory likelihood heaps scanmatch",
+    " consistency structure memory likelihood heaps scanmatch mosaic unrolling"
+    " unroll_folder",
     "contracts mission control obstacles sighting support loops scanloops places place_files place_trial"
     " ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
@@ -28,7 +29,8 @@ LEVELS = [
     " testing_estimators testing_planners testing_sources testing",
     "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
     " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
-    " planning_pictures planning_task planning_table planner_arena places_task",
+    " planning_pictures planning_task planning_table planner_arena places_task"
+    " unroll_task unroll_pictures",
     "experiment",
     "launcher sweep __init__",
     "__main__",
