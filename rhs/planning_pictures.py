@@ -45,7 +45,8 @@ def draw_plan(axes: Axes, folder: FilePath, *, thin: float = 1.0) -> None:
                 interpolation="nearest", zorder=0)
     if (folder / "sketch.npy").is_file():
         lines = np.load(folder / "sketch.npy", allow_pickle=False)
-        lines = lines[:: max(1, round(len(lines) / (4000 * thin**2)))]
+        if np.median(np.hypot(*(lines[:, 1] - lines[:, 0]).T)) > 0.02 * (extent(grid)[1] - extent(grid)[0]):  # no dots
+            lines = lines[:: max(1, round(len(lines) / (4000 * thin**2)))]
         axes.add_collection(LineCollection(list(lines), colors=TREE, linewidths=0.5 * thin, zorder=1))
         axes.plot([], [], color=TREE, linewidth=1.0, label="tree, roadmap or field")
     if path.found:

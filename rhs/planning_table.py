@@ -72,7 +72,7 @@ def _line(world: str, planner: str, part: pandas.DataFrame) -> dict[str, object]
         "length, cells": mean_text((_column(part, "plan_length_m") * cells)[found]),
         "optimum, cells": _least(_column(part, "plan_optimal_m") * cells),
         "above optimum %": mean_text(np.round(_column(part, "plan_above_optimum_pct")[found], 3)),
-        "clearance, cells": _mean((_column(part, "plan_clearance_min_m") * cells)[found]),
+        "clearance, cells": _mean(np.round(_column(part, "plan_clearance_min_m") * cells, 3)[found]),
         "smoothness, 1/m2": _mean(_column(part, "plan_smoothness")[found]),
         "learn ms": _median(_column(part, "plan_learn_ms")[found]),
         "plan ms": _median(_column(part, "plan_ms")[found]),
