@@ -38,7 +38,10 @@ def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cell
     joined = np.arange(count + 1)
     for a, b in np.unique(np.stack([names[:, :, 0], names[:, :, turns]], axis=-1)[taken[:, :, 0]], axis=0):
         joined[joined == joined[b]] = joined[a]
-    return np.unique(joined[names[at[:, 0], at[:, 1], heading]], return_inverse=True)[1]
+    label_of = joined[names[at[:, 0], at[:, 1], heading]]
+    present = np.zeros(count + 1, int)
+    present[label_of] = 1
+    return (np.cumsum(present) - 1)[label_of]  # without gaps
 
 
 @dataclass(frozen=True)

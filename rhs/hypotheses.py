@@ -107,6 +107,11 @@ def update(state: Guesses, claims: Sequence[Claim], areas: float, trust: Trust) 
     return _normalised(_merged(kept, trust), state.elsewhere * miss, trust)
 
 
+def silent(state: Guesses, ratio: float, trust: Trust) -> Guesses:
+    """No place was recognised where the best guess expects one: `ratio` times likelier elsewhere."""
+    return _normalised(list(state.guesses), state.elsewhere * ratio, trust)
+
+
 def confirms(state: Guesses, claims: Sequence[Claim], trust: Trust) -> bool:
     """Whether any claim agrees with the best guess."""
     return state.best is not None and bool(_corrected(state.best, claims, trust)[0])

@@ -120,18 +120,9 @@ class Peak:
 
 def peak(cloud: Cloud, *, near_m: float, near_rad: float, heap_m: float = 1.0, heap_rad: float = 0.5) -> Peak:
     """Find the densest spot: start in the heaviest bin, then mean-shift over the particles within heap_m, heap_rad."""
-    mean = cloud.states[_densest(cloud)]
-    for _ in range(3):
-        local = _in_frame(cloud.states, mean)
-        inside = (np.hypot(local[:, 0], local[:, 1]) < heap_m) & (np.abs(local[:, 2]) < heap_rad)
-        weights = np.where(inside, cloud.weights, 0.0)
-        mass = weights.sum()
-        mean = _compose(mean, (weights @ local) / mass)
-    local = _in_frame(cloud.states, mean)
-    centred = local * inside[:, None]
-    covariance = (centred * weights[:, None]).T @ centred / mass + 1e-8 * np.eye(3)
-    close = (np.hypot(local[:, 0], local[:, 1]) < near_m) & (np.abs(local[:, 2]) < near_rad)
-    return Peak(mean, covariance, float(mass), float(cloud.weights[close].sum()))
+    states, weights = np.ascontiguousarray(cloud.states), cloud.weights
+    mean, mass, spread, near = _shifted(states, weights, states[_densest(cloud)].copy(), heap_m, heap_rad, near_m, near_rad)
+    return Peak(mean, spread + 1e-8 * np.eye(3), float(mass), float(near))
 
 
 def _densest(cloud: Cloud, cell_m: float = 0.5, cell_rad: float = np.radians(20.0)) -> int:
@@ -141,19 +132,6 @@ def _densest(cloud: Cloud, cell_m: float = 0.5, cell_rad: float = np.radians(20.
     _, bins = np.unique((keys[:, 0] * 1_000_003 + keys[:, 1]) * 1_009 + keys[:, 2], return_inverse=True)
     heaviest = int(np.bincount(bins, weights=cloud.weights).argmax())
     return int(np.where(bins == heaviest, cloud.log_weights, -np.inf).argmax())
-
-
-def _in_frame(states: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """(N, 3) states seen from a planar pose (3,)."""
-    c, s = np.cos(mean[2]), np.sin(mean[2])
-    dx, dy = states[:, 0] - mean[0], states[:, 1] - mean[1]
-    yaw = (states[:, 2] - mean[2] + np.pi) % (2.0 * np.pi) - np.pi
-    return np.stack([c * dx + s * dy, -s * dx + c * dy, yaw], axis=1)
-
-
-def _compose(mean: np.ndarray, step: np.ndarray) -> np.ndarray:
-    c, s = np.cos(mean[2]), np.sin(mean[2])
-    return np.array([mean[0] + c * step[0] - s * step[1], mean[1] + s * step[0] + c * step[1], mean[2] + step[2]])
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
@@ -172,6 +150,33 @@ def _displace(states, travel, noise):
         out[k, 1] = states[k, 1] + s * dx + c * dy
         out[k, 2] = (states[k, 2] + travel[2] + noise[k, 2] + np.pi) % (2.0 * np.pi) - np.pi
     return out
+
+
+@compiled
+def _shifted(states, weights, mean, heap_m, heap_rad, near_m, near_rad, rounds=3):
+    """Mean (3,), mass and covariance (3, 3) of the heap that mean-shift ends in, and the mass near its mean."""
+    mass, near, spread, moved = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3)
+    for turn in range(rounds + 1):
+        c, s = np.cos(mean[2]), np.sin(mean[2])
+        total, new_spread, new_moved, local = 0.0, np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+        for k in range(len(states)):
+            dx, dy = states[k, 0] - mean[0], states[k, 1] - mean[1]
+            local[0], local[1] = c * dx + s * dy, -s * dx + c * dy
+            local[2] = (states[k, 2] - mean[2] + np.pi) % (2.0 * np.pi) - np.pi
+            gap, angle = np.sqrt(dx * dx + dy * dy), abs(local[2])
+            if turn == rounds and gap < near_m and angle < near_rad:
+                near += weights[k]
+            if gap < heap_m and angle < heap_rad:
+                total += weights[k]
+                for i in range(3):
+                    new_moved[i] += weights[k] * local[i]
+                    for j in range(3):
+                        new_spread[i, j] += weights[k] * local[i] * local[j]
+        mass, spread, moved = total, new_spread / total, new_moved / total
+        if turn < rounds:
+            x, y = mean[0] + c * moved[0] - s * moved[1], mean[1] + s * moved[0] + c * moved[1]
+            mean = np.array([x, y, mean[2] + moved[2]])
+    return mean, mass, spread, near
 
 
 @compiled

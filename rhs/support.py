@@ -20,6 +20,11 @@ PIXELS = 5.0  # a key-point is found within this distance of where it is drawn .
 LIKENESS = 0.75  # ... with at least this cosine of the descriptors ...
 DEPTH_SHARE, DEPTH_M = 0.08, 0.05  # ... at the same depth up to this share and constant, where it is known
 
+TELLING = 60  # a view with fewer key-points says nothing by not being recognised
+# How much likelier it is that no place is recognised somewhere else than where one ought to be: of views beside the
+# surveyed way 1 to 10 % are not recognised, of views that look the other way nearly all.
+SILENCE = 5.0
+
 
 @dataclass(frozen=True)
 class Support:
@@ -62,6 +67,17 @@ def nearest_views(memory: Memory, map_from_body: np.ndarray, count: int) -> np.n
     cost = np.where((gap <= NEAR_M) & (turn <= NEAR_RAD), gap + 2.0 * turn, np.inf)
     order = np.argsort(cost, kind="stable")[:count]
     return order[np.isfinite(cost[order])]
+
+
+def expected(memory: Memory, query: Features, map_from_body: np.ndarray) -> bool:
+    """Whether a view with so many key-points, taken from this pose (4x4), ought to be recognised: a stored view stands
+    within 0.8 m and 20 degrees. That it is not is evidence too (`SILENCE`)."""
+    if len(query.pixels) < TELLING or len(memory) == 0:
+        return False
+    x_m, y_m, yaw_rad = planar(map_from_body)
+    gap = np.hypot(memory.stands[:, 0] - x_m, memory.stands[:, 1] - y_m)
+    turn = np.abs(wrap(memory.stands[:, 2] - yaw_rad))
+    return bool(np.any((gap < 0.8) & (turn < np.radians(20.0))))
 
 
 def _drawn(memory: Memory, near: np.ndarray, camera: Camera, map_from_body: np.ndarray):

@@ -32,12 +32,14 @@ from rhs.particles import (
     reweighted,
 )
 from rhs.records import Belief, Knowing, Motion, Observation, View
+from rhs.support import SILENCE
 
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import Places, Rumour
 
 CAUTION = Caution()
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
+SHAKEN = 0.75  # below this mass a robot with places has to hear of one before it tracks again: scans fit every corridor
 LONG_SURE = 10  # views of knowing its place after which a robot takes what is not on the map for something new
 BASE_SIGMA = np.array([0.005, 0.005, 0.003])  # least motion noise: metres, metres, radians
 
@@ -54,6 +56,7 @@ class ParticleLocaliser:
         self._peak: Peak | None = None
         self._rumour = Rumour()
         self._sure_views = 0
+        self._vouched = places is None
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
@@ -74,7 +77,9 @@ class ParticleLocaliser:
         self._cloud = even(states)
         self._peak = None
         self._rumour = Rumour()
-        self._sure_views = LONG_SURE if belief is not None and belief.probability > 0.9 else 0
+        told = belief is not None and belief.probability > 0.9
+        self._sure_views = LONG_SURE if told else 0
+        self._vouched = told or self._places is None
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Move, weigh, let the places speak, resample, and say what is believed."""
@@ -86,6 +91,8 @@ class ParticleLocaliser:
         if effective_size(self._cloud) < 0.5 * len(self._cloud):
             self._cloud = resampled_by_heaps(self._cloud, self._law, self._rng)
         self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
+        if self._peak.mass * (1.0 - self._elsewhere) < SHAKEN:
+            self._vouched = self._places is None
         self._sure_views = self._sure_views + 1 if self._status() is Knowing.TRACKING else 0
         return self._belief(self._peak)
 
@@ -145,9 +152,14 @@ class ParticleLocaliser:
             return
         hearing = self._places.hear(observation, believed(self._cloud))
         if not hearing.claims:
+            if self._peak is not None and self._places.expects(observation, self._peak.mean):
+                self._places.doubt(True)
+                odds = SILENCE * self._elsewhere / (1.0 - self._elsewhere)
+                self._elsewhere = self._bounded(odds / (1.0 + odds))
             return
         if self._peak is not None:
             contradicted = not hearing.confirms(self._peak.mean)
+            self._vouched = self._vouched or not contradicted
             self._places.doubt(contradicted)
             if not self._rumour.convinces(hearing, contradicted and self._status() is Knowing.TRACKING):
                 return
@@ -164,7 +176,7 @@ class ParticleLocaliser:
         if self._peak is None:
             return Knowing.LOST
         mass = self._peak.mass * (1.0 - self._elsewhere)
-        if mass >= self._settings.tracking_above:
+        if mass >= self._settings.tracking_above and self._vouched:
             return Knowing.TRACKING
         return Knowing.CONVERGING if mass >= self._settings.lost_below else Knowing.LOST
 
@@ -173,7 +185,8 @@ class ParticleLocaliser:
         covariance[PLANE] = heap.covariance
         assert self._cloud is not None
         details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "heap_mass": heap.mass}
-        probability = heap.near * (1.0 - self._elsewhere)
+        probability = heap.near * (1.0 - self._elsewhere) * 0.5**self._rumour.pending  # named elsewhere: even odds a time
+        probability *= 1.0 if self._vouched else 0.5
         return Belief(se2(*heap.mean), covariance, self._status(), probability, details)
 
 

@@ -26,7 +26,7 @@ class ParticleFilter:
     # How much a view's likeness to the stored view nearest a particle counts (0: not at all).
     likeness_trust: float = 6.0
     # Views between two geometric checks while the robot knows its place; while it does not, every view is checked.
-    check_every: int = 5
+    check_every: int = 3
     # Candidates checked by geometry.
     checks: int = 5
     # Key-points that must agree on one motion between the views.

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.contracts import Context
-from rhs.geometry import planar, wrap
+from rhs.geometry import planar, se2, wrap
 from rhs.memory import Memory, memory_of
 from rhs.particles import around, displaced
 from rhs.places import PlaceDatabase, PlaceSettings, shares
 from rhs.records import Observation, View
 from rhs.retrieval import Vlad
 from rhs.sighting import SightingSettings
+from rhs.support import expected
 from rhs.vision import features
 
 from .particle_filter_config import ParticleFilter
@@ -82,6 +83,11 @@ class Rumour:
         self._repeats, self._count = repeats, 0
         self._means = np.empty((0, 3))
 
+    @property
+    def pending(self) -> int:
+        """Checked views in a row that have named another place than the one believed in."""
+        return self._count
+
     def move(self, travel: np.ndarray) -> None:
         """The robot has moved by `travel` (3,) in its own frame, and so would the named places have."""
         if len(self._means):
@@ -139,6 +145,10 @@ class Places:
         """After a contradiction the next view is checked as well."""
         if contradicted:
             self._since_check = self._settings.check_every
+
+    def expects(self, observation: Observation, mean: np.ndarray) -> bool:
+        """Whether this view, taken from a planar pose (3,), ought to be recognised."""
+        return expected(self._database.memory, features(observation, self._context.features), se2(*mean))
 
     def hear(self, observation: Observation, believed: Sequence[np.ndarray]) -> Hearing:
         """Ask the database where this was seen; the poses believed in (4x4) are checked as well."""

@@ -16,12 +16,13 @@ import numpy as np
 from rhs.belief import chance_right
 from rhs.contracts import Context
 from rhs.grid import OccupancyGrid
-from rhs.hypotheses import Claim, Guesses, Trust, begin, confirms, predict, update
+from rhs.hypotheses import Claim, Guesses, Trust, begin, confirms, predict, silent, update
 from rhs.memory import memory_of
 from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, shares
 from rhs.records import Belief, Knowing, Motion, Observation, View
 from rhs.scanmatch import ScanMatcher
 from rhs.sighting import SightingSettings
+from rhs.support import SILENCE, expected
 from rhs.vision import features
 
 from .scan_guess import drifted, laid_on_map
@@ -70,7 +71,10 @@ class PlaceLocaliser:
         if self._due():
             answer = self._ask(observation)
             claims = _claims(answer)
-            self._contradicted = bool(claims) and not confirms(self._state, claims, self._trust)
+            missed = not claims and self._expects(observation)
+            self._contradicted = missed or (bool(claims) and not confirms(self._state, claims, self._trust))
+            if missed:
+                self._state = silent(self._state, SILENCE, self._trust)
             self._state = update(self._state, claims, self._areas, self._trust)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
         scan = observation.scan if observation.scan is not None else motion.scan
@@ -88,6 +92,12 @@ class PlaceLocaliser:
         assert self._database is not None, "learn() comes before update()"
         believed = [guess.map_from_body for guess in self._state.guesses[:3]]
         return self._database.ask(features(observation, self._context.features), observation.camera, believed)
+
+    def _expects(self, observation: Observation) -> bool:
+        """Whether the best guess says that this view ought to be recognised."""
+        assert self._database is not None, "learn() comes before update()"
+        best, seen = self._state.best, features(observation, self._context.features)
+        return best is not None and expected(self._database.memory, seen, best.map_from_body)
 
     def _belief(self, details: dict[str, float]) -> Belief:
         best = self._state.best

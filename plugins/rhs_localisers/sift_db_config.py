@@ -24,7 +24,7 @@ class SiftDb:
     # Key-points that must agree on one motion between the views.
     min_inliers: int = 15
     # Chance that a verified answer is right; with 8 unique paintings of 71 about 97 % are.
-    p_true: float = 0.9
+    p_true: float = 0.95
     # Chance per view that somebody carries the robot elsewhere.
     kidnap_rate: float = 0.0001
     # The scan is laid onto the map every so many views, so that the walls hold the robot where no place is recognised (a

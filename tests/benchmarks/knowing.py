@@ -6,8 +6,10 @@ Per world one survey (seed 0, closed by pose_graph) and one lap 0.2 m and 5 degr
 same way round; a lap is led in the simulator once and kept (tests/benchmarks/laps.py). A kidnap: the localiser tracks 8
 views of the lap from a known start, then the views go on from another, drawn place of the lap, and it is judged over 5 m
 of way as rhs.knowing judges it. ece: expected calibration error of the stated chance over ten bins, all views after a
-kidnap. `tracked`: the same localisers led round without a kidnap, on that lap and, where there is one, on a lap the other
-way round (seed 2). Writes results/tables/kidnaps.csv, tracked.csv and results/pictures/reliability.png.
+kidnap (reliability.csv holds the bins). `tracked`: the same
+localisers led round without a kidnap, on that lap and, where there is one, on a lap the other way round (seed 2). Writes
+results/tables/kidnaps.csv, tracked.csv, reliability.csv and results/pictures/reliability.png; rows of other worlds that
+stand in these tables are kept.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from rhs.charts import new_figure, save
 from rhs.compose import compose_config
 from rhs.contracts import Context
 from rhs.geometry import inverse, planar, wrap
-from rhs.knowing import WITHIN_M, Beliefs, calibration_error, kidnaps
+from rhs.knowing import WITHIN_M, Beliefs, calibration_error, kidnaps, reliability
 from rhs.knowing_pictures import draw_reliability
 from rhs.parts import generator
 from rhs.records import Belief, Knowing, Motion, Tracking
@@ -37,6 +39,7 @@ STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
 TRACKED_BEFORE = 8
 KIDNAPS = ("world,localiser,kidnaps,recovered,recovery_m,recovery_p90_m,recovery_s,recovery_p90_s,wrong_sure,honest_lost,"
            "ece,update_cpu_ms")
+BINS = "world,localiser,stated_chance,share_right,views"
 TRACKED = "world,lap,localiser,views,tracking,right,wrong_sure,rmse_m,worst_m,ece"
 
 
@@ -49,7 +52,7 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, default=RESULTS / "laps")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
-    lines, tracked, curves = [KIDNAPS], [TRACKED], {}
+    lines, tracked, bins = [], [], []
     for world in options.worlds:
         survey = taken(Lap(world, options.first_seed), options.keep)
         bank = taken(Lap(world, options.first_seed + 1, "ccw", (), 0.2, 5.0), options.keep)
@@ -61,17 +64,36 @@ def main() -> int:
             after, spent_ms = kidnapped(part, bank, options.kidnaps)
             lines.append(f"{world},{name}," + kidnap_line(after, spent_ms))
             chance, right = (np.concatenate([getattr(b, word) for b in after]) for word in ("probability", "right"))
-            curves[f"{world}, {name}"] = (chance, right)
+            bins += [f"{world},{name},{c:.4f},{r:.4f},{n:.0f}" for c, r, n in reliability(chance, right)]
             for word, lap in laps.items():
                 tracked.append(f"{world},{word},{name}," + tracked_line(part, lap))
             sys.stdout.write("\n".join([lines[-1], *tracked[-len(laps):]]) + "\n")
             sys.stdout.flush()
-    (options.out / "tables" / "kidnaps.csv").write_text("\n".join(lines) + "\n")
-    (options.out / "tables" / "tracked.csv").write_text("\n".join(tracked) + "\n")
+    kept(options.out / "tables" / "kidnaps.csv", KIDNAPS, lines, options.worlds)
+    kept(options.out / "tables" / "tracked.csv", TRACKED, tracked, options.worlds)
+    all_bins = kept(options.out / "tables" / "reliability.csv", BINS, bins, options.worlds)
     figure = new_figure(6.5, 5.5)
-    draw_reliability(figure.add_subplot(), curves)
+    draw_reliability(figure.add_subplot(), curves_of(all_bins))
     save(figure, options.out / "pictures" / "reliability.png")
     return 0
+
+
+def kept(path: Path, head: str, lines: list[str], worlds: list[str]) -> list[str]:
+    """Write a table whose rows of other worlds stay; all its rows."""
+    old = path.read_text().splitlines() if path.exists() else []
+    stay = [line for line in old[1:] if old[0] == head and line.split(",")[0] not in worlds]
+    path.write_text("\n".join([head, *stay, *lines]) + "\n")
+    return [*stay, *lines]
+
+
+def curves_of(bins: list[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """World and localiser -> chances and outcomes that fall into these bins."""
+    out: dict[str, list[np.ndarray]] = {}
+    for line in bins:
+        world, name, chance, share, count = line.split(",")
+        outcomes = np.arange(int(count)) < round(float(share) * int(count))
+        out.setdefault(f"{world}, {name}", []).append(np.stack([np.full(int(count), float(chance)), outcomes]))
+    return {name: (np.hstack(parts)[0], np.hstack(parts)[1] > 0) for name, parts in out.items()}
 
 
 def _back(world: str, options) -> Lap:
@@ -127,7 +149,7 @@ def kidnap_line(after: list[Beliefs], spent_ms: float) -> str:
     wrong = np.mean([one.wrong_sure for one in judged])
     lost = np.mean([not one.sure[-1] for one in judged])
     chance, right = (np.concatenate([getattr(beliefs, word) for beliefs in after]) for word in ("probability", "right"))
-    numbers = [np.median(metres), np.percentile(metres, 90), np.median(seconds), np.percentile(seconds, 90)]
+    numbers = [np.percentile(values, q) if len(values) else np.nan for values in (metres, seconds) for q in (50, 90)]
     return (f"{len(judged)},{len(metres) / len(judged):.3f}," + ",".join(f"{x:.2f}" for x in numbers)
             + f",{wrong:.3f},{lost:.3f},{calibration_error(chance, right):.3f},{spent_ms:.1f}")
 

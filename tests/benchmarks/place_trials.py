@@ -1,0 +1,108 @@
+"""The single-image score of thesis 5.2 on recorded laps of several seeds, and sequences: the places task without rendering.
+
+    python tests/benchmarks/place_trials.py --keep results/laps --seeds 4 --sequences 125
+
+The same functions as `python -m rhs experiment=places` (rhs.places_task, rhs.place_trial), over laps that are led once and
+kept. Per seed: every third view of a survey of square_alike at its true pose is stored, every third view of another lap,
+0.3 m and 8 degrees rms off the route, is asked alone. `sequence`: the particle filter started from nothing and led 3 m.
+Writes results/tables/places.csv, places_abstained.csv (every query not answered rightly, with its reason) and
+results/pictures/precision_recall.png.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from knowing import STILL
+from laps import SETTINGS, Lap, Taken, taken
+
+from rhs.compose import compose_config
+from rhs.contracts import Context
+from rhs.geometry import planar
+from rhs.knowing_pictures import precision_recall_picture
+from rhs.memory import memory_of
+from rhs.parts import generator
+from rhs.place_trial import CORRECT, Answered, Query, judge_pose, trial
+from rhs.places import PlaceDatabase, PlaceSettings
+from rhs.places_task import write_tables
+from rhs.records import Knowing
+from rhs.survey import draw
+from rhs.world import load_world
+
+RESULTS = Path(__file__).resolve().parents[2] / "results"
+WORLD, SEQUENCE_M, ASK_EVERY = "square_alike", 3.0, 3
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--keep", type=Path, default=RESULTS / "laps")
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--sequences", type=int, default=125)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    answers: dict[str, list[Answered]] = {}
+    missed = ["seed,view,x_m,y_m,yaw_deg,key_points,outcome,reason,best_score,second_score,best_is\n"]
+    for seed in range(options.first_seed, options.first_seed + options.seeds):
+        stored = taken(Lap(WORLD, seed), options.keep)
+        asked = taken(Lap(WORLD, 1000 + seed, "ccw", (), 0.3, 8.0), options.keep)
+        memory = memory_of(stored.views("procrustes", true_poses=True))
+        queries = [Query(asked.features[k], asked.camera, asked.truth[k]) for k in range(0, len(asked), ASK_EVERY)]
+        for method, given in trial(memory, queries, checks=5, seed=seed).items():
+            answers.setdefault(method, []).extend(given)
+        missed += misses(seed, memory, asked)
+        answers.setdefault("sequence", []).extend(sequences(stored, asked, options.sequences))
+        sys.stdout.write(f"seed {seed}: {len(queries)} queries\n")
+        sys.stdout.flush()
+    write_tables(options.out / "tables", answers)
+    (options.out / "tables" / "places_abstained.csv").write_text("".join(missed))
+    precision_recall_picture(options.out / "tables").replace(options.out / "pictures" / "precision_recall.png")
+    sys.stdout.write((options.out / "tables" / "places.csv").read_text())
+    return 0
+
+
+def misses(seed: int, memory, asked: Taken) -> list[str]:
+    """A line per query that VLAD with the check did not answer rightly; what a query costs goes to the screen."""
+    database, out, spent_s, count = PlaceDatabase(memory, PlaceSettings(), np.random.default_rng(seed)), [], 0.0, 0
+    for k in range(0, len(asked), ASK_EVERY):
+        begin = time.process_time()
+        answer = database.ask(asked.features[k], asked.camera)
+        spent_s, count = spent_s + time.process_time() - begin, count + 1
+        outcome = judge_pose(answer.best.map_from_body if answer.best else None, asked.truth[k])
+        if outcome != CORRECT:
+            x, y, yaw = planar(asked.truth[k])
+            scores = [item.score for item in answer.distinct] + [0.0, 0.0]
+            top = judge_pose(answer.distinct[0].map_from_body, asked.truth[k]) if answer.distinct else "-"
+            out.append(f"{seed},{k},{x:.2f},{y:.2f},{np.degrees(yaw):.0f},{len(asked.features[k].pixels)},{outcome},"
+                       f"{answer.reason},{scores[0]:.3f},{scores[1]:.3f},{top}\n")
+    sys.stdout.write(f"seed {seed}: a query with its check takes {1e3 * spent_s / count:.1f} ms of CPU time\n")
+    return out
+
+
+def sequences(stored: Taken, asked: Taken, count: int) -> list[Answered]:
+    """The particle filter from nothing, led SEQUENCE_M: right, wrong and sure of it, or honest about not knowing."""
+    context = Context(generator(0, "particle_filter"), stored.camera, load_world(WORLD).facts(), Path(), SETTINGS)
+    part = compose_config(["localiser=particle_filter"]).localiser.settings.build(context)
+    views = stored.views("procrustes", true_poses=True)
+    part.learn(views, draw(tuple(views), compose_config(["mapper=occupancy"]).mapper.settings.build(context)))
+    out = []
+    for begin in np.linspace(0, 0.9 * (len(asked) - 1), count).astype(int).tolist():
+        part.start(None)
+        way_m, k = 0.0, begin
+        belief = part.update(asked.observations[k], STILL)
+        while way_m < SEQUENCE_M and k < len(asked) - 1:
+            k += 1
+            motion = asked.motions["procrustes"][k]
+            way_m += float(np.hypot(*planar(motion.previous_from_body)[:2]))
+            belief = part.update(asked.observations[k], motion)
+        sure = belief.status is Knowing.TRACKING
+        out.append(Answered(judge_pose(belief.map_from_body if sure else None, asked.truth[k]), belief.probability))
+    return out
+
+
+if __name__ == "__main__":
+    sys.exit(main())
