@@ -40,6 +40,7 @@ from .particle_places import Places, Rumour
 CAUTION = Caution()
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 SHAKEN = 0.75  # below this mass a robot with places has to hear of one before it tracks again: scans fit every corridor
+SILENCES = 6  # views in which a place was expected and none recognised, after which it has to hear of one as well
 LONG_SURE = 10  # views of knowing its place after which a robot takes what is not on the map for something new
 BASE_SIGMA = np.array([0.005, 0.005, 0.003])  # least motion noise: metres, metres, radians
 
@@ -56,7 +57,7 @@ class ParticleLocaliser:
         self._peak: Peak | None = None
         self._rumour = Rumour()
         self._sure_views = 0
-        self._vouched = places is None
+        self._vouched, self._silences = places is None, 0
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
@@ -79,7 +80,7 @@ class ParticleLocaliser:
         self._rumour = Rumour()
         told = belief is not None and belief.probability > 0.9
         self._sure_views = LONG_SURE if told else 0
-        self._vouched = told or self._places is None
+        self._vouched, self._silences = told or self._places is None, 0
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Move, weigh, let the places speak, resample, and say what is believed."""
@@ -154,12 +155,15 @@ class ParticleLocaliser:
         if not hearing.claims:
             if self._peak is not None and self._places.expects(observation, self._peak.mean):
                 self._places.doubt(True)
+                self._silences += 1
+                self._vouched = self._vouched and self._silences < SILENCES
                 odds = SILENCE * self._elsewhere / (1.0 - self._elsewhere)
                 self._elsewhere = self._bounded(odds / (1.0 + odds))
             return
         if self._peak is not None:
             contradicted = not hearing.confirms(self._peak.mean)
             self._vouched = self._vouched or not contradicted
+            self._silences = self._silences if contradicted else 0
             self._places.doubt(contradicted)
             if not self._rumour.convinces(hearing, contradicted and self._status() is Knowing.TRACKING):
                 return

@@ -4,15 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from painted_survey import SMALL, context, look, ring, survey
+from painted_survey import FEATURES, SMALL, context, look, ring, survey
 
 from rhs.errors import ConfigError
 from rhs.geometry import inverse, planar, se2
 from rhs.grid import OccupancyGrid, frame_of
 from rhs.rays import cast
-from rhs.records import Belief, Knowing, Motion, Observation, Scan, Tracking
+from rhs.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
+from rhs.vision import features, share
 from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan
 from rhs_localisers.particle_places import Hearing, Rumour
+from rhs_localisers.sift_db_config import SiftDb
 
 
 def _house() -> OccupancyGrid:
@@ -160,3 +162,28 @@ def test_a_place_named_elsewhere_is_looked_at_three_times_before_a_sharp_belief_
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError, match="localiser.particle_filter"):
         ParticleFilter(**wrong)
+
+
+def _blinded(pose):
+    """A view with as many key-points as the room's, none of which is in the memory."""
+    seen, rng = look(pose), np.random.default_rng(5)
+    known = features(seen, FEATURES)
+    other = np.abs(rng.standard_normal((len(known.pixels), 128))).astype(np.float32)
+    other /= np.linalg.norm(other, axis=1, keepdims=True)
+    blind = Observation(0, 0.0, seen.camera)
+    share(blind, FEATURES, Features(known.pixels, other, known.points))
+    return blind
+
+
+@pytest.mark.parametrize("settings", [ParticleFilter(), SiftDb(match_every=0)])
+def test_a_robot_that_recognises_nothing_where_it_should_says_that_it_doubts(settings):
+    part = settings.build(context())
+    part.learn(survey(ring(24)), _blank_grid())
+    path = [se2(1.5 * np.cos(a), 1.5 * np.sin(a), a + np.pi / 2) for a in 0.1 * np.arange(20)]
+    part.start(Belief(path[0], SMALL))
+    steps = [np.eye(4)] + [inverse(a) @ b for a, b in zip(path[:-1], path[1:], strict=True)]
+    seeing = [part.update(look(pose), Motion(step, SMALL, Tracking.OK)) for pose, step in zip(path, steps, strict=True)]
+    assert all(belief.status is Knowing.TRACKING for belief in seeing)
+    part.start(Belief(path[0], SMALL))
+    blind = [part.update(_blinded(pose), Motion(step, SMALL, Tracking.OK)) for pose, step in zip(path, steps, strict=True)]
+    assert blind[-1].status is not Knowing.TRACKING and blind[-1].probability <= 0.5
