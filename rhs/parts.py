@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,14 @@ def check_combination(chosen: Mapping[str, Chosen]) -> None:
         missing = chosen[kind].settings.needs - offered(kind, chosen)
         if missing:
             raise ConfigError(_misfit(kind, min(missing), chosen))
+
+
+def really_there(chosen: Chosen, source: Any) -> Chosen:
+    """The source with what it turned out to provide, if it says so: not every recording holds all that a recording can."""
+    provides = getattr(source, "provides", None)
+    if provides is None:
+        return chosen
+    return Chosen(chosen.name, SimpleNamespace(needs=chosen.settings.needs, provides=chosen.settings.provides & provides))
 
 
 def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
@@ -102,6 +111,8 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: Any, folder: Path, 
     source = _build("source", chosen, SourceContext(generator(seed, "source"), world, folder))
     built: dict[str, Any] = {"source": source}
     try:
+        chosen = {**chosen, "source": really_there(chosen["source"], source)}
+        check_combination(chosen)
         for kind in KINDS[1:]:
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
             built[kind] = _build(kind, chosen, context)

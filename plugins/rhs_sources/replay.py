@@ -33,6 +33,7 @@ class ReplaySource:
         self.camera = recording.camera
         self.views_expected = recording.total  # None when only reading tells
         self.facts = recording.facts or _facts(settings)
+        self.provides = recording.provides  # what this recording holds
         self.rejected = recording.rejected  # what the rules for stamps threw away: reason -> count; grows in a bag
         self._path = settings.path
         self._lost = recording.lost
@@ -116,6 +117,10 @@ FORMATS = {
 
 def _found(path: Path) -> str:
     if path.is_file():
-        return f"found a file of {path.stat().st_size} bytes"
+        packed = path.name.lower().endswith((".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".7z"))
+        return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
     names = sorted(p.name for p in path.iterdir())
+    inner = [p for p in sorted(path.iterdir()) if p.is_dir() and _format_of(p) != "unknown"]
+    if inner:
+        return f"found no recording but one in it; type source.path={inner[0]}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

@@ -36,6 +36,12 @@ class Topics:
     scan: str = ""
     wheel: str = ""
 
+    def provide(self) -> frozenset[str]:
+        """What the views will hold, in the words of a part's needs."""
+        held = {"image": self.color, "gray": self.color, "depth": self.depth or self.cloud, "scan": self.scan,
+                "wheel": self.wheel}
+        return frozenset(word for word, topic in held.items() if topic)
+
     def used(self) -> set[str]:
         return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel) if t}
 
@@ -73,7 +79,8 @@ def open_bag(path: Path, settings) -> Recording:
 
     total = reader.topics[topics.color or topics.scan].msgcount
     expected = max(0, -(-(total - settings.start) // settings.stride))
-    return Recording(camera, captures(), min(expected, settings.count) if settings.count else expected, counts)
+    expected = min(expected, settings.count) if settings.count else expected
+    return Recording(camera, captures(), expected, counts, provides=topics.provide())
 
 
 def choose_topics(found: dict[str, str], settings, where: str) -> Topics:

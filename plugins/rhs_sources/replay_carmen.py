@@ -44,7 +44,8 @@ def open_carmen(path: Path, settings) -> Recording:
             travel = None if index == 0 else planar(inverse(poses[kept[index - 1]]) @ poses[i])
             yield Capture(index, stamps[i], travel=travel, scan=scans[i], sensed=True), None
 
-    return Recording(NO_CAMERA, views(), len(kept), rejected, _facts(path, [poses[i] for i in kept], scans[0].max_range_m))
+    facts = _facts(path, [poses[i] for i in kept], scans[0].max_range_m)
+    return Recording(NO_CAMERA, views(), len(kept), rejected, facts, frozenset({"scan", "wheel"}))
 
 
 def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFacts:

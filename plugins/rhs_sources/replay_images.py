@@ -11,6 +11,10 @@ from rhs.errors import ConfigError
 MAX_PIXELS = 64_000_000  # a bound on what a damaged or hostile file can make us allocate
 
 
+class UnreadableImage(ConfigError):
+    """A file that holds no image; what else the recording holds may be whole."""
+
+
 def read_color(path: Path) -> np.ndarray:
     """(H, W, 3) uint8 RGB of an image file; a grey image becomes three equal channels."""
     import cv2
@@ -78,6 +82,6 @@ def _table(scale: float, max_depth_m: float) -> np.ndarray:
     return _TABLES[(scale, max_depth_m)]
 
 
-def _unreadable(path: Path, expected: str) -> ConfigError:
+def _unreadable(path: Path, expected: str) -> UnreadableImage:
     found = "no such file" if not path.is_file() else f"{path.stat().st_size} bytes that are no image"
-    return ConfigError(f"{path}: found {found}; expected {expected}")
+    return UnreadableImage(f"{path}: found {found}; expected {expected}")

@@ -26,7 +26,7 @@ def open_run(path: Path, settings) -> Recording:
                           "recording=full to replay")
     facts = head.facts and dataclasses.replace(head.facts, places=())  # a recording cannot be driven to a place
     lost: list[str] = []
-    return Recording(head.camera, _views(path, settings, lost), None, Counter(), facts, lost)
+    return Recording(head.camera, _views(path, settings, lost), None, Counter(), facts, settings.provides, lost)
 
 
 def _views(path: Path, settings, lost: list[str]):

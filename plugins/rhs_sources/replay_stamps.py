@@ -38,6 +38,17 @@ def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
     return kept, +counts
 
 
+def in_order(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
+    """As `ascending` for a list that may have been written in any order: when more than half of it would be rejected as
+    backward, it is put in order of time first, and all of it counted as `reordered`."""
+    kept, counts = ascending(stamps_s, max_jump_s)
+    if counts["backward"] <= len(stamps_s) // 2:
+        return kept, counts
+    order = np.argsort(np.asarray(stamps_s, float), kind="stable")
+    kept, counts = ascending(np.asarray(stamps_s, float)[order], max_jump_s)
+    return [int(order[i]) for i in kept], counts + Counter(reordered=len(stamps_s))
+
+
 def associate(a_s: np.ndarray, b_s: np.ndarray, max_difference_s: float) -> list[tuple[int, int]]:
     """Pairs (i, j) of nearest stamps, one to one, closest pairs first (TUM's rule), sorted by i. O(n log n)."""
     order = np.argsort(b_s, kind="stable")
@@ -60,7 +71,11 @@ def associate(a_s: np.ndarray, b_s: np.ndarray, max_difference_s: float) -> list
 def rows(path) -> list[tuple[int, list[str]]]:
     """(line number, words) of a text list; `#` begins a comment, commas count as spaces."""
     out = []
-    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: found {path.stat().st_size} bytes that are no text; expected lines of words") from None
+    for number, line in enumerate(text.splitlines(), start=1):
         words = line.split("#", 1)[0].replace(",", " ").split()
         if words:
             out.append((number, words))
@@ -104,19 +119,22 @@ def between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
 
 
 def read_tum_truth(path, settings) -> Truth:
-    """A TUM trajectory (stamp tx ty tz qx qy qz qw) as Truth. Raises ConfigError with file and line."""
-    stamps, poses = [], []
+    """A TUM trajectory (stamp tx ty tz qx qy qz qw) as Truth; poses that hold NaN or infinity are
+    counted and left out. Raises ConfigError with file and line."""
+    stamps, poses, unknown = [], [], 0
     for number, words in rows(path):
         where = f"{path.name}:{number}"
         if len(words) < 8:
             raise ConfigError(f"{where}: found {len(words)} columns; expected stamp tx ty tz qx qy qz qw")
         values = [number_of(w, where) for w in words[:8]]
-        if not np.all(np.isfinite(values)):
-            raise ConfigError(f"{where}: the pose holds NaN or infinity; expected finite numbers")
+        if not np.all(np.isfinite(values)):  # how some systems write that they saw nothing
+            unknown += 1
+            continue
         try:
             poses.append(se3(rotation_of_quaternion(np.array(values[4:])), np.array(values[1:4])))
         except ValueError as error:
             raise ConfigError(f"{where}: {error}") from None
         stamps.append(values[0])
-    kept, rejected = ascending(stamps, settings.max_jump_s)
+    kept, rejected = in_order(stamps, settings.max_jump_s)
+    rejected = rejected + Counter(unknown=unknown)
     return Truth(np.array(stamps)[kept], np.array(poses).reshape(-1, 4, 4)[kept], settings.max_truth_gap_s, rejected)

@@ -17,24 +17,26 @@ from rhs.geometry import Camera, inverse
 from rhs.records import Capture, WorldFacts
 
 from .replay_cameras import chosen_camera
-from .replay_images import check_depth, check_pair, read_color, read_depth
-from .replay_stamps import Truth, ascending, associate, number_of, read_tum_truth, rows
+from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
+from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What a format hands to the source: its camera, the views with their true poses (None unknown), and its counts."""
+    """What a format hands to the source: its camera, the views with their true poses (None unknown), its counts, and
+    what its views hold."""
 
     camera: Camera
     views: Iterator[tuple[Capture, np.ndarray | None]]
     total: int | None
     rejected: Counter
     facts: WorldFacts | None = None
+    provides: frozenset[str] = frozenset({"image", "gray", "depth"})
     lost: list[str] = field(default_factory=list)  # filled while reading: what a damaged file no longer holds
 
 
 def is_tum(path: Path) -> bool:
-    return any((path / name).is_file() for name in ("associations.txt", "rgb.txt"))
+    return any((path / name).is_file() for name in ("associations.txt", "rgb.txt", "depth.txt"))
 
 
 def open_tum(path: Path, settings) -> Recording:
@@ -53,7 +55,9 @@ def open_tum(path: Path, settings) -> Recording:
 
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter) -> Recording:
-    """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early."""
+    """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early.
+
+    Later views that cannot be read are left out and said to be lost."""
     scale = settings.depth_scale or default_scale
     folder = str(pairs[0][1].parent.parent)
     first = _read(pairs[0], scale, settings)
@@ -63,14 +67,23 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
 
+    lost: list[str] = []
+
     def views():
-        for index, pair in enumerate(wanted):
-            color, depth = _read(pair, scale, settings)
+        index = unreadable = 0
+        for pair in wanted:
+            try:
+                color, depth = _read(pair, scale, settings)
+            except UnreadableImage as error:
+                unreadable += 1
+                lost[:] = [f"{unreadable} of {len(wanted)} views cannot be read, the last: {error}"]
+                continue
             capture = Capture(index, pair[0], image=color, depth=depth, sensed=True)
             pose = truth.at(pair[0]) if truth is not None else None
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
+            index += 1
 
-    return Recording(camera, views(), len(wanted), rejected)
+    return Recording(camera, views(), len(wanted), rejected, lost=lost)
 
 
 def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray]:
@@ -91,6 +104,8 @@ def _pairs(path: Path, settings) -> tuple[list[tuple[float, Path, Path]], Counte
         pairs = associate(color_s, depth_s, settings.max_difference_s)
         lost = lost_a + lost_b + Counter(unpaired=len(color_s) - len(pairs))
         return [(float(color_s[i]), colors[i], depths[j]) for i, j in pairs], +lost
+    if not (path / "associations.txt").is_file():
+        raise ConfigError(f"{path}: depth.txt is there but rgb.txt is not; replay needs both, or associations.txt")
     return _associations(path / "associations.txt", settings)
 
 
@@ -105,7 +120,7 @@ def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
         files.append(_inside(path.parent, words[1], where))
     if not stamps:
         raise ConfigError(f"{path}: the list is empty; expected lines of stamp and file name")
-    kept, rejected = ascending(stamps, settings.max_jump_s)
+    kept, rejected = in_order(stamps, settings.max_jump_s)
     return np.array(stamps)[kept], [files[i] for i in kept], rejected
 
 
@@ -119,13 +134,13 @@ def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path]],
         entries.append(
             (number_of(stamp, where), _inside(path.parent, color, where), _inside(path.parent, depth, where))
         )
-    kept, rejected = ascending([e[0] for e in entries], settings.max_jump_s)
+    kept, rejected = in_order([e[0] for e in entries], settings.max_jump_s)
     return [entries[i] for i in kept], rejected
 
 
 def _inside(folder: Path, name: str, where: str) -> Path:
     """The file `name` of `folder`; a name that leads out of the folder is refused."""
-    path = folder / name
-    if Path(name).is_absolute() or ".." in Path(name).parts:
+    path = folder / name  # an absolute name replaces the folder
+    if not path.resolve().is_relative_to(folder.resolve()) or ".." in Path(name).parts:
         raise ConfigError(f"{where}: {name!r} leads out of the recording; expected a file inside {folder}")
     return path

@@ -109,13 +109,61 @@ def test_missing_paths_and_foreign_folders_say_what_was_found(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("pose", "words"), [("0 0 0 0", "has no direction"), ("0 0 nan 1", "NaN"), ("0 0 one 1", "where a number")]
+    ("pose", "words"), [("0 0 0 0", "has no direction"), ("0 0 one 1", "where a number")]
 )
 def test_a_truth_that_is_no_rotation_is_refused_with_its_line(tmp_path, pose, words):
     folder = write_folder(tmp_path)
     (folder / "groundtruth.txt").write_text(f"# truth\n0.0 1 2 3 {pose}\n")
     with pytest.raises(ConfigError, match=f"groundtruth.txt:2.*{words}"):
         replay(folder)
+
+
+def test_true_poses_that_hold_nan_are_unknown_and_counted(tmp_path):
+    folder = write_folder(tmp_path)
+    lines = (folder / "groundtruth.txt").read_text().splitlines()
+    lines[2] = "0.100000 nan nan nan nan nan nan nan"
+    (folder / "groundtruth.txt").write_text("\n".join(lines) + "\n")
+    source = replay(folder, max_truth_gap_s=0.06)
+    assert source.rejected == {"truth_unknown": 1}
+    assert [truth is not None for _, truth in all_views(source)] == [True, False, True]
+
+
+def test_a_list_in_any_order_is_put_in_order_of_time(tmp_path):
+    folder = write_folder(tmp_path)
+    for name in ("rgb.txt", "depth.txt"):
+        (folder / name).write_text("\n".join((folder / name).read_text().splitlines()[::-1]))
+    source = replay(folder)
+    assert source.rejected == {"reordered": 6}
+    assert [capture.stamp_s for capture, _ in all_views(source)] == [0.0, 0.1, 0.2]
+
+
+def test_a_later_view_that_cannot_be_read_is_left_out_and_said_to_be_lost(tmp_path):
+    folder = write_folder(tmp_path)
+    (folder / "rgb/0.100000.png").write_bytes(b"\x89PNG cut")
+    source = replay(folder)
+    assert [(c.index, c.stamp_s) for c, _ in all_views(source)] == [(0, 0.0), (1, 0.2)]
+    assert "1 of 3 views cannot be read" in source.lost and "0.100000.png" in source.lost
+
+
+def test_a_list_that_is_no_text_and_a_folder_too_high_are_refused_in_one_line(tmp_path):
+    above = tmp_path / "above"
+    (above / "sequence").mkdir(parents=True)
+    folder = write_folder(above / "sequence")
+    with pytest.raises(ConfigError, match=f"found no recording but one in it; type source.path={folder}"):
+        replay(above)
+    (folder / "rgb.txt").write_bytes(bytes(range(128, 256)))
+    with pytest.raises(ConfigError, match="that are no text"):
+        replay(folder)
+    (folder / "rgb.txt").unlink()
+    with pytest.raises(ConfigError, match="depth.txt is there but rgb.txt is not"):
+        replay(folder)
+
+
+def test_absolute_names_inside_the_recording_are_taken(tmp_path):
+    folder = write_folder(tmp_path)
+    lines = [line.split() for line in (folder / "rgb.txt").read_text().splitlines()[1:]]
+    (folder / "rgb.txt").write_text("\n".join(f"{stamp} {folder / name}" for stamp, name in lines))
+    assert len(all_views(replay(folder))) == 3
 
 
 def test_file_names_may_not_lead_out_of_the_recording(tmp_path):
@@ -154,3 +202,14 @@ def test_the_real_recording_gives_sixty_pairs_with_truth(real_data):
     assert len(views) == 60
     assert all(truth is not None for _, truth in views)
     assert all(0.4 < np.nanmedian(c.depth) < 5.0 for c, _ in views)
+
+
+def test_a_recording_provides_only_what_it_holds(tmp_path):
+    """A TUM folder has no wheels: asked for them, one line says so before anything runs."""
+    import rhs
+
+    folder = write_folder(tmp_path)
+    assert replay(folder).provides == {"image", "gray", "depth"}
+    words = ["source=replay", f"source.path={folder}", f"source.camera={INTRINSICS}".replace(" ", "")]
+    with pytest.raises(ConfigError, match="odometry=wheel needs wheel, which source=replay does not provide"):
+        rhs.run([*words, "odometry=wheel", "recording=off", f"output={tmp_path / 'run'}"])
