@@ -139,6 +139,7 @@ def draw(config: RunConfig, folder: Path) -> None:
     from . import report
 
     report.overview(folder)
+    report.motion(folder)
     if config.mission.kidnap:
         report.knowing(folder)
     if config.video:

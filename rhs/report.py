@@ -47,6 +47,30 @@ def knowing(folder: Path) -> Path | None:
     return knowing_picture(Path(folder))
 
 
+def motion(folder: Path) -> Path | None:
+    """motion.png: the error of the belief in x, y and heading, view by view, with its band; None where nobody knows the
+    truth."""
+    import csv
+
+    import numpy as np
+
+    from .charts import errors_by_axis
+
+    folder = Path(folder)
+    if not (folder / "steps.csv").exists():
+        return None
+    with (folder / "steps.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    names = ("x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad")
+    steps = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
+    steps["trusted"] = np.array([row["motion_status"] == "ok" for row in rows], bool)
+    figure = errors_by_axis(steps) if rows else None
+    if figure is None:
+        return None
+    figure.suptitle(title(json_of(folder / "row.json") or {}), fontsize=10)
+    return write_whole(folder / "motion.png", lambda path: save(figure, path))
+
+
 def html(folder: Path) -> Path:
     """report.html of one run: numbers, pictures, missions, settings; the video too when it is there and not large."""
     import pandas as pd
@@ -162,7 +186,7 @@ def _make(folder: Path, *, with_video: bool) -> list[Path]:
         raise ConfigError(f"{folder} is not a folder; give a run or sweep folder")
     if not (folder / "row.json").exists():
         return [sweep(folder)]
-    made = [overview(folder), *filter(None, [knowing(folder)])]
+    made = [overview(folder), *filter(None, [motion(folder), knowing(folder)])]
     return [*made, *([video(folder)] if with_video else []), html(folder)]
 
 

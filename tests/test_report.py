@@ -10,7 +10,7 @@ from helpers.synthetic_run import CAMERA, FACTS, make_run, make_steps
 from rhs.errors import RhsError
 from rhs.film import count_frames, video
 from rhs.recording import Recorder
-from rhs.report import html, main, overview, sweep
+from rhs.report import html, main, motion, overview, sweep
 from rhs.rowfile import write_row
 
 SCRIPT = "<script>alert(1)</script>"
@@ -39,6 +39,13 @@ def test_the_overview_is_drawn_and_equal_again(run):
     for colour in ((28, 18, 193), (31, 128, 209)):  # places red, the believed survey orange (blue, green, red)
         assert (np.abs(picture.astype(int) - colour).sum(axis=2) < 12).sum() > 20
     assert overview(run).read_bytes() == first
+
+
+def test_the_errors_view_by_view_are_drawn_with_their_band(run, tmp_path):
+    picture = cv2.imread(str(motion(run)))
+    for colour in ((28, 18, 193), (242, 227, 207)):  # the error red, the band light blue (blue, green, red)
+        assert (np.abs(picture.astype(int) - colour).sum(axis=2) < 12).sum() > 100
+    assert motion(tmp_path) is None  # no steps, no picture
 
 
 def test_the_overview_of_almost_nothing(tmp_path):

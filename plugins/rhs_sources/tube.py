@@ -37,8 +37,7 @@ class TubeSource:
         self._aside, self._above = Wobble(strays, share), Wobble(strays, share)
         self._tilts = [Wobble(tilts, math.radians(settings.wobble_deg)) for _ in range(3)]
         self._bias = self._rng.normal(0.0, settings.command_bias_percent / 100)
-        extent = settings.length_m + DARK_BEYOND * settings.size_m
-        self.facts = WorldFacts("tube", (0.0, 0.0, 0.0), (), (-extent, -extent, extent, extent), 0.3 * settings.size_m)
+        self.facts = WorldFacts("tube", (0.0, 0.0, 0.0), (), bounds_of(self.tube, settings), 0.3 * settings.size_m)
         self._paint = Paint(settings, self.tube.section, rng)
         self._rays = unit_rays(self.camera)
         self.views_expected: int | None = int(settings.length_m / settings.step_m + 1e-9) + 1
@@ -121,6 +120,14 @@ def tube_of(settings: Tube) -> tubes.Tube:
                else tubes.RectangularSection(settings.size_m, settings.aspect))
     pairs = zip(settings.pieces[::2], settings.pieces[1::2], strict=True)
     return tubes.Tube(section, tuple((length_m, math.radians(bend) / length_m) for length_m, bend in pairs))
+
+
+def bounds_of(tube: tubes.Tube, settings: Tube) -> tuple[float, float, float, float]:
+    """x_min, y_min, x_max, y_max of the tube as far as the camera looks into it."""
+    ahead = np.linspace(0.0, settings.length_m + 12.0 * settings.size_m, 60)
+    line, rim = np.array([tube.pose(s)[:2, 3] for s in ahead]), 2.0 * settings.size_m
+    (x_min, y_min), (x_max, y_max) = line.min(axis=0) - rim, line.max(axis=0) + rim
+    return float(x_min), float(y_min), float(x_max), float(y_max)
 
 
 def camera_of(settings: Tube, height_m: float) -> Camera:

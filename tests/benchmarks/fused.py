@@ -65,7 +65,8 @@ def one_run(world: str, seed: int, direction: str, words: list[str]) -> list[dic
     config = compose_config([*PACE, *look, *WORLDS[world]])
     with tempfile.TemporaryDirectory() as name:
         parts = build_parts(config, load_world(config.world), Path(name))
-        context = Context(generator(seed, "odometry"), parts.source.camera, parts.source.facts, Path(name), FeatureSettings())
+        source = parts.source
+        context = Context(generator(seed, "odometry"), source.camera, source.facts, Path(name), FeatureSettings())
         followed = [Followed(odometry(word, replace(context, rng=generator(seed, "odometry")))) for word in words]
         truth = []
         while (capture := parts.source.lead()) is not None:
