@@ -42,6 +42,8 @@ def test_the_overview_is_drawn_and_equal_again(run):
 
 
 def test_the_errors_view_by_view_are_drawn_with_their_band(run, tmp_path):
+    import cv2
+
     picture = cv2.imread(str(motion(run)))
     for colour in ((28, 18, 193), (242, 227, 207)):  # the error red, the band light blue (blue, green, red)
         assert (np.abs(picture.astype(int) - colour).sum(axis=2) < 12).sum() > 100
