@@ -18,6 +18,7 @@ from .surface import warps
 
 # Errors of a depth camera are the same from view to view (Kinect: a smooth distortion), so averaging has a floor.
 SHARPEST = 0.5  # share of one reading's deviation
+PICTURES = 1000  # of the latest key frames are kept, a bound on memory: 0.4 MB each at 640x480
 ROUNDS = 15  # most steps of the pose graph when a key frame is found again
 
 
@@ -39,7 +40,7 @@ class KeyframeMap:
     def __init__(self, inverse_depth_sigma: float) -> None:
         self._sigma = inverse_depth_sigma
         self.poses = np.zeros((0, 4, 4))  # map_from_camera of each key frame
-        self.pictures: list[list[np.ndarray]] = []  # their gray image pyramids
+        self.pictures: list[list[np.ndarray]] = []  # their gray image pyramids; of the oldest nothing
         self.edges: list[Edge] = []
         self.anchor = np.zeros(0, int)  # key frame of each point
         self.pixels = np.zeros((0, 2), np.float32)  # where its key frame saw it
@@ -51,6 +52,8 @@ class KeyframeMap:
     def add_keyframe(self, map_from_camera: np.ndarray, picture: list[np.ndarray]) -> int:
         self.poses = np.concatenate([self.poses, map_from_camera[None]])
         self.pictures.append(picture)
+        if len(self.pictures) > PICTURES:
+            self.pictures[-PICTURES - 1] = []  # its points cannot be found any more
         return len(self.poses) - 1
 
     def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
@@ -118,7 +121,8 @@ class KeyframeMap:
 
         A point is in view when it projects into the image and the depth there is about its own (nothing before it).
         """
-        allowed = ~np.isin(self.anchor, list(exclude))
+        blind = range(max(len(self.pictures) - PICTURES, 0))
+        allowed = ~np.isin(self.anchor, [*exclude, *blind])
         ids = np.flatnonzero(allowed)
         if len(ids) == 0:
             return []

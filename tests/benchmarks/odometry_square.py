@@ -116,8 +116,8 @@ def measure(name: str, seed: int, views: list[Observation], truth: Trajectory, c
     steps_m, steps_rad = relative_errors(both, consecutive(len(poses)))
     distance = float(truth.travelled_m[-1])
     end = float(np.linalg.norm(poses[-1][:2, 3] - truth.poses[-1][:2, 3]))
-    flags = np.array([m.status is not Tracking.OK for m in motions])
-    is_held = np.array([held(v, t, relief) for v, t in zip(views, truth.poses, strict=True)])
+    flags = np.array([m.status is not Tracking.OK for m in motions[1:]])  # the first view moves nothing
+    is_held = np.array([held(v, t, relief) for v, t in zip(views[1:], truth.poses[1:], strict=True)])
     return {
         "views": len(views), "distance_m": distance, "ate_m": rmse(absolute_errors_m(both, "se3")),
         "completeness": len(poses) / len(truth), "rpe_m": rmse(steps_m), "rpe_rad": rmse(steps_rad),

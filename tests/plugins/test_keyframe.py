@@ -124,6 +124,17 @@ def test_covariances_are_symmetric_positive_and_the_numbers_repeat():
         assert np.linalg.eigvalsh(motion.covariance).min() > 0
 
 
+def test_memory_is_bounded_and_following_goes_on(monkeypatch):
+    """With pictures of three key frames only, a turn to and fro is still followed; it finds no old ones again."""
+    monkeypatch.setattr("rhs_odometry.keyframe_map.PICTURES", 3)
+    poses = [START @ se2(0, 0, yaw) for yaw in 0.5 * (1 - np.cos(np.linspace(0, 2 * np.pi, 31)))]
+    odometry = build(keep_turn_deg=3.0)
+    motions, believed = run(odometry, poses)
+    assert all(m.status is Tracking.OK for m in motions)
+    assert sum(bool(picture) for picture in odometry._map.pictures) == 3 < motions[-1].details["keyframes"]
+    assert np.linalg.norm(believed[-1][:3, 3] - poses[-1][:3, 3]) < 0.02
+
+
 def test_settings_out_of_range_are_refused():
     with pytest.raises(ConfigError, match="keep_share"):
         Keyframe(keep_share=float("nan"))
