@@ -31,7 +31,7 @@ class Rrt(PlannerSettings):
 class RrtConnect(PlannerSettings):
     """RRT-Connect (Kuffner and LaValle 2000): two trees that reach for each other. Stops at the first path."""
 
-    backend: str = "native"  # native: compiled whole, about ten times faster; ompl: the same method by OMPL
+    backend: str = "native"  # native: compiled whole, about five times faster; ompl: the same method by OMPL
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
     iterations: int = 10_000  # samples before the budget is spent
 
