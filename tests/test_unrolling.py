@@ -35,6 +35,12 @@ def test_the_texture_of_a_tube_comes_back(tmp_path):
         assert (tmp_path / name).stat().st_size > 100
 
 
+def test_a_lens_that_distorts_is_undone(tmp_path):
+    """Corners of this picture lie more than 20 pixels from where a pinhole has them."""
+    row = run_config(compose_config([*SMALL, "source.distortion=[-0.12,0.01,0.0,0.0]", "source.skew_px=2"]), tmp_path)
+    assert row["mosaic_correlation"] > 0.93
+
+
 def test_a_bend_that_nobody_told_of_shows_in_the_correlation(tmp_path):
     """The same tube bent: told, it unrolls; taken for straight, it does not."""
     bent = [*SMALL, "source.pieces=[0.2,0,0.8,30]"]
