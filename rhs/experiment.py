@@ -35,6 +35,7 @@ from .trajectory import Trajectory, write_tum
 from .world import load_world
 
 OBSTACLE_HEIGHT_M = 1.8
+START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
 Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
 
 
@@ -204,7 +205,8 @@ def patrol(parts: Parts, config: RunConfig, survey: Survey, notebook: Notebook) 
     free = surveying.known_free(survey.grid, survey.views, facts.robot_radius_m)
     parts.localiser.learn(survey.views, survey.grid)
     last = survey.views[-1]
-    parts.localiser.start(Belief(last.map_from_body, np.diag([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])))
+    sure = np.clip(np.diag(last.covariance), 1e-6, START_VARIANCE)
+    parts.localiser.start(Belief(last.map_from_body, np.diag(sure)))
     sentinel = Sentinel(parts.localiser, parts.planner, survey.grid, free, places=facts.places,
                         radius_m=facts.robot_radius_m, settings=config.mission)
     if config.mission.kidnap:

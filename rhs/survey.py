@@ -58,6 +58,8 @@ def revise(views: list[View], odometry: Odometry) -> tuple[View, ...]:
     revised = [replace(view, map_from_body=seal(first @ np.linalg.inv(revision.poses[0]) @ pose), scan=seal(scan),
                        features=_lifted(view, pose, revision.walls))
                for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
+    if revision.covariance is not None:
+        revised[-1] = replace(revised[-1], covariance=seal(revision.covariance))
     return tuple(revised)
 
 

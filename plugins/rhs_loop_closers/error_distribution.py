@@ -20,12 +20,13 @@ angles, and only the error of position that is left is spread by the equation.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rhs.contracts import Context
-from rhs.geometry import inverse, wrap
+from rhs.geometry import inverse, planar, se2, wrap
 from rhs.loops import closing_gap, ends_meet, poses_of, travelled_m
 from rhs.records import Closure, LoopEdge, View
 from rhs.sighting import SightingSettings
@@ -52,8 +53,15 @@ class ErrorSpreader:
         used = next((edge for edge in judged if edge.accepted), None)
         if used is None:
             return Closure(poses, tuple(judged), {"closures": 0.0})
+        if self._settings.trust == "both":
+            used = weighed(poses, used, views[-1].covariance, self._noise())
         corrected = spread(poses, used, turned=self._settings.positions == "turned")
         return Closure(corrected, tuple(judged), {"closures": 1.0, "closure_inliers": float(used.inliers)})
+
+    def _noise(self) -> np.ndarray:
+        """(3, 3) of x, y, yaw added to the covariance of every sighting."""
+        s = self._settings
+        return np.diag([s.sighting_sigma_m, s.sighting_sigma_m, np.radians(s.sighting_sigma_deg)]) ** 2
 
     def _judged(self, poses: np.ndarray, edge: LoopEdge) -> LoopEdge:
         """The edge, refused if the odometry cannot have been that wrong."""
@@ -64,6 +72,17 @@ class ErrorSpreader:
             return edge
         reason = f"moves the end by {shift_m:.1f} m after {way_m:.1f} m of way"
         return LoopEdge(edge.earlier, edge.later, edge.earlier_from_later, edge.covariance, edge.inliers, False, reason)
+
+
+def weighed(poses: np.ndarray, edge: LoopEdge, covariance: np.ndarray, noise: np.ndarray) -> LoopEdge:
+    """The edge with as much of the correction as the covariances allow: one Kalman update of the later pose on the floor.
+
+    covariance (6, 6): of the pose at the end as the odometry believes it; noise (3, 3): added to the edge's own."""
+    floor = np.ix_([0, 1, 5], [0, 1, 5])
+    believed, seen = covariance[floor], edge.covariance[floor] + noise
+    shift = believed @ np.linalg.solve(believed + seen, planar(closing_gap(poses, edge)))
+    moved = inverse(poses[edge.earlier]) @ poses[edge.later] @ se2(*shift)
+    return replace(edge, earlier_from_later=moved)
 
 
 def spread(poses: np.ndarray, edge: LoopEdge, *, turned: bool = False) -> np.ndarray:

@@ -17,6 +17,12 @@ class ErrorDistribution:
 
     # printed: the equation alone, axis by axis; turned: angles first, then the steps are walked again with them.
     positions: str = "turned"
+    # Whom to believe at the end. sighting: the recognised place alone (the thesis). both: place and odometry, each by its
+    # covariance; for an odometry whose covariance is that of its pose, as corridor_ekf's: it knows headings better.
+    trust: str = "sighting"
+    # trust=both: what the covariance of a sighting lacks, because points lifted on walls are themselves estimates (1 sigma).
+    sighting_sigma_m: float = 0.05
+    sighting_sigma_deg: float = 1.0
     # The last and the first so many stored views are compared.
     reach_views: int = 6
     # So many of their pairs, those with most matches, are checked by geometry.
@@ -30,6 +36,9 @@ class ErrorDistribution:
     def __post_init__(self) -> None:
         owner = "loop_closer.error_distribution"
         check_choice(owner, "positions", self.positions, ("printed", "turned"))
+        check_choice(owner, "trust", self.trust, ("sighting", "both"))
+        check_range(owner, "sighting_sigma_m", self.sighting_sigma_m, low=0.0, high=10.0, unit="m")
+        check_range(owner, "sighting_sigma_deg", self.sighting_sigma_deg, low=0.0, high=90.0, unit="degrees")
         check_range(owner, "reach_views", self.reach_views, low=1, high=1000)
         check_range(owner, "checks", self.checks, low=1, high=1000)
         check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.contracts import Context
-from rhs.geometry import Camera, se2
+from rhs.geometry import Camera, adjoint, inverse, se2
 from rhs.records import Revision, Scan, Wall
 from rhs.structure import cast_on_walls
 
@@ -21,6 +21,8 @@ from .track_frames import TrackFrame
 
 UNKNOWN_WIDTH = (2.6, 0.6)  # metres, prior of an unknown width: narrow corridors of houses to wide ones of offices
 UNKNOWN_HEIGHT_SIGMA_M = 0.5
+DOUBT = 2.0  # where the structure ends the filter's sigmas count so many times
+LEAST_STEP = np.diag([2e-4, 2e-4, 5e-5]) ** 2  # no motion is known better: metres, radians
 DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree is one cell, and no cell of a wall is missed
 
 
@@ -55,7 +57,8 @@ class CorridorCore:
     def __init__(self, core: CorridorFilter, camera: Camera, scan_range_m: float) -> None:
         self.filter = core
         self._bearings, self._range_m = beams(camera), scan_range_m
-        self._alarm = StructureAlarm()
+        self._alarm, self._ledger = StructureAlarm(), Ledger()
+        self._start = self.filter.state.clones[0, :3].copy()
 
     def step(self, frame: TrackFrame) -> Estimate:
         self.filter.step(frame)
@@ -74,9 +77,8 @@ class CorridorCore:
             "sigma_yaw_rad": float(np.sqrt(state.pose_covariance()[2, 2])),
         }
         trusted = not self._alarm.ringing
-        covariance = motion_covariance(state)
-        if not trusted:
-            covariance = covariance + self.filter.expected_noise()
+        doubt = 1.0 if trusted else DOUBT**2
+        covariance = self._ledger.motion(state.clones[-1, :3], doubt * self.pose_covariance())
         reason = "" if trusted else f"the structure ends: {share:.0%} of the points with depth lie on no known wall"
         return Estimate(se2(*state.clones[-1, :3]), embed(covariance), trusted, reason, details)
 
@@ -88,9 +90,14 @@ class CorridorCore:
         """Poses as they left the window, and all scans cast on the walls as they are now. Now that the walls are known,
         a scan covers the full circle: what the camera saw ahead before stands beside it later."""
         poses, walls = self.filter.poses(), self.walls()
+        poses[0, :3] = self._start  # others turn the whole survey so that it begins there; the walls know better
         circle, reach = np.linspace(-np.pi, np.pi, 720, endpoint=False), min(self._range_m, DRAWN_M)
         cast = [cast_on_walls(walls, se2(*p[:3]), circle, reach) if walls else None for p in poses]
-        return Revision(np.stack([se2(*p[:3]) for p in poses]), tuple(cast), walls)
+        return Revision(np.stack([se2(*p[:3]) for p in poses]), tuple(cast), walls, self._settled())
+
+    def _settled(self) -> np.ndarray:
+        """(6, 6) of the last pose, along its own axes."""
+        return embed(_turned(self.pose_covariance(), self.filter.state.clones[-1, 2]))
 
     def pose_covariance(self) -> np.ndarray:
         """(3, 3) of x, y, yaw of the present pose in the map."""
@@ -104,17 +111,34 @@ class CorridorCore:
         return cast_on_walls(walls, se2(*pose[:3]), self._bearings, self._range_m) if walls else None
 
 
-def motion_covariance(state: CorridorState) -> np.ndarray:
-    """(3, 3) of the motion x, y, yaw between the last two poses, in the frame of the last one."""
-    if state.window < 2:
-        return 1e-12 * np.eye(3)
-    last, before = state.clone_slice(-1), state.clone_slice(-2)
-    rows = np.r_[before.start : before.start + 3, last.start : last.start + 3]
-    joint = state.covariance[np.ix_(rows, rows)]
-    dx, dy = state.clones[-1, :2] - state.clones[-2, :2]
-    c, s = np.cos(state.clones[-1, 2]), np.sin(state.clones[-1, 2])
+class Ledger:
+    """Turns the covariance of a pose in the map into covariances of motions for those who add motions up.
+
+    The filter's pose is held by walls and right angles, so its errors of one step are partly taken back in later ones;
+    adding up what each step could be wrong by would claim several degrees where half a degree is true. Each motion is
+    given as little as keeps the sum at or above the covariance of the pose itself."""
+
+    def __init__(self) -> None:
+        self._pose: np.ndarray | None = None
+        self._sum = np.zeros((3, 3))
+
+    def motion(self, pose: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+        """(3, 3) for the motion to `pose` (x, y, yaw), in its own frame. covariance: (3, 3) of the pose in the map."""
+        own = _turned(covariance, pose[2])
+        if self._pose is None:
+            self._pose, self._sum = pose.copy(), own
+            return np.zeros((3, 3))
+        motion = inverse(se2(*self._pose)) @ se2(*pose)
+        carry = adjoint(inverse(motion))[np.ix_([0, 1, 5], [0, 1, 5])]
+        before = carry @ self._sum @ carry.T
+        values, axes = np.linalg.eigh(own - before)
+        step = axes @ np.diag(np.maximum(values, 0.0)) @ axes.T + LEAST_STEP
+        self._pose, self._sum = pose.copy(), before + step
+        return step
+
+
+def _turned(covariance: np.ndarray, yaw_rad: float) -> np.ndarray:
+    """A (3, 3) covariance of x, y, yaw in the map, seen along the axes of a body with that heading."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    # error of the later pose minus that of the earlier one carried along: a turn of the earlier pose swings the motion
-    carried = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-    jacobian = np.hstack([-back @ carried, back])
-    return jacobian @ joint @ jacobian.T
+    return back @ covariance @ back.T

@@ -16,7 +16,7 @@ from rhs.geometry import Camera
 
 from .corridor_fit import Eyes, Fit, eyes_of, fit_free, fit_on_planes
 from .corridor_motion import Inertia, Told
-from .corridor_state import WIDTH, BodyMotion, CorridorState, Plane
+from .corridor_state import WIDTH, CorridorState, Plane
 from .corridor_update import free_rows, plane_rows
 from .corridor_walls import Attachment, WallFinder, WallRules, attach, merge_one, record_hits
 from .corridor_width import agrees, find_pair, fits, use_pair
@@ -58,7 +58,6 @@ class CorridorFilter:
         self._tracks = TrackWindow(camera, settings.window)
         self._finder = WallFinder(settings.rules, camera.height_m)
         self._view, self._stamp_s, self._scaled = -1, 0.0, False
-        self._expected: BodyMotion | None = None
 
     def step(self, frame: TrackFrame) -> None:
         """One view: move, triangulate the tracks that fall due, update once, keep house of the walls."""
@@ -76,21 +75,14 @@ class CorridorFilter:
         """(views, 5) x, y, yaw, pitch, roll of all views so far: those left behind as they left the window."""
         return np.vstack([*self.history, self.state.clones])
 
-    def expected_noise(self) -> np.ndarray:
-        """(3, 3) covariance of the last motion in x, y, yaw as if no point had been seen."""
-        if self._expected is None:
-            return np.zeros((3, 3))
-        e, base = self._expected, self.state.covariance[:4, :4]
-        return e.by_base @ base @ e.by_base.T + e.noise
-
     def _move(self, frame: TrackFrame) -> None:
         seconds, self._stamp_s = frame.stamp_s - self._stamp_s, frame.stamp_s
         if self._view == 0:
             return
         if self.state.window == self._settings.window:
             self.history.append(self.state.drop_oldest_clone())
-        self._expected = self._motion.expect(frame, self.state.base, seconds)
-        self.state.append_clone(self._expected, self._settings.tilt_sigma_rad)
+        expected = self._motion.expect(frame, self.state.base, seconds)
+        self.state.append_clone(expected, self._settings.tilt_sigma_rad)
 
     def _measure(self, rays: np.ndarray, seen: np.ndarray) -> Tally:
         if not len(rays):

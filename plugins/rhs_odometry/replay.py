@@ -14,7 +14,7 @@ from rhs import settings
 from rhs.errors import ConfigError
 from rhs.filtering import nees
 from rhs.geometry import Camera, planar, se2, wrap
-from rhs.records import Tracking, Wall
+from rhs.records import Revision, Tracking, Wall
 from rhs.trajectory import read_tum
 
 from .corridor_ekf import corridor_core
@@ -36,7 +36,8 @@ AFTER_CORNER_M = 2.0  # the heading is looked at this far behind a corner
 @dataclass(frozen=True, eq=False)
 class Replay:
     """One filter over one run. errors, sigmas (N, 3): x m, y m, yaw rad in the map, sigma NaN where the filter has none
-    of its pose; poses, truth (N, 3); nees (N,); trusted (N,) bool; walls; cpu_ms per view (N,)."""
+    of its pose; poses, truth (N, 3); nees (N,); trusted (N,) bool; walls; cpu_ms per view (N,); revision: what the filter
+    says of the whole survey at its end, None if nothing."""
 
     poses: np.ndarray
     truth: np.ndarray
@@ -46,6 +47,7 @@ class Replay:
     trusted: np.ndarray
     walls: tuple[Wall, ...]
     cpu_ms: np.ndarray
+    revision: Revision | None = None
 
 
 def make_filter(name: str, values: dict[str, Any], tracks: Tracks) -> Any:
@@ -75,7 +77,7 @@ def replay(name: str, values: dict[str, Any], tracks: Tracks) -> Replay:
         trusted.append(motion.status is Tracking.OK)
     poses, truths, errors = (np.array(column) for column in zip(*rows, strict=True))
     return Replay(poses, truths, errors, np.array(sigmas), np.array(honesty), np.array(trusted), core.walls(),
-                  np.array(cost))
+                  np.array(cost), core.revise())
 
 
 def figures(run: Replay) -> dict[str, float]:

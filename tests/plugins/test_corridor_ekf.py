@@ -8,7 +8,7 @@ from rhs.filtering import nees
 from rhs.geometry import planar, se2, wrap
 from rhs.records import Tracking
 from rhs_odometry import synthetic
-from rhs_odometry.corridor_ekf import corridor_core
+from rhs_odometry.corridor_ekf import Ledger, corridor_core
 from rhs_odometry.corridor_ekf_config import CorridorEkf
 from rhs_odometry.one_eye import OneEye, StructureAlarm
 from rhs_odometry.track_frames import TrackFrame
@@ -134,3 +134,20 @@ def test_settings_that_fix_no_scale_are_refused():
         CorridorEkf(pixel_sigma_px=float("nan"))
     with pytest.raises(ConfigError, match="not one of"):
         CorridorEkf(motion="legs")
+
+
+def test_motions_add_up_to_no_less_than_the_covariance_of_the_pose_and_to_no_more_where_it_shrinks():
+    """A pose known to 0.1 m, then to 0.2 m, then to 0.1 m again: the sum stays at 0.2 m (headings without error)."""
+    ledger, total = Ledger(), np.zeros((3, 3))
+    for x, sigma in ((0.0, 0.1), (1.0, 0.2), (2.0, 0.1)):
+        total = total + ledger.motion(np.array([x, 0.0, 0.0]), np.diag([sigma, sigma, 0.0]) ** 2)
+    assert np.sqrt(total[0, 0] + 0.1**2) == pytest.approx(0.2, abs=0.001)
+
+
+def test_a_filter_that_doubts_says_so_with_a_wider_covariance():
+    ledgers = [Ledger(), Ledger()]
+    pose, own = np.array([1.0, 0.0, 0.3]), np.diag([0.1, 0.1, 0.01]) ** 2
+    for ledger in ledgers:
+        ledger.motion(np.zeros(3), own)
+    sure, doubting = ledgers[0].motion(pose, own), ledgers[1].motion(pose, 4 * own)
+    assert doubting[1, 1] > 10 * sure[1, 1]
