@@ -82,5 +82,5 @@ def precision_recall_picture(folder: Path) -> Path:
     axes.set_xlabel("recall: share of all queries answered correctly")
     axes.set_ylabel("precision: share of the answers given that are correct")
     axes.set_ylim(min(0.7, axes.get_ylim()[0]), 1.01)
-    axes.legend(fontsize=8, frameon=False, loc="lower left")
+    axes.legend(fontsize=8, frameon=False, loc="lower center")
     return write_whole(Path(folder) / "precision_recall.png", lambda partial: save(figure, partial))
