@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .accuracy import pair
 from .grid import OccupancyGrid
-from .trajectory import read_tum
+from .trajectory import Trajectory, aligned, read_tum
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = {"truth": "#222222", "estimate": "#d1801f", "corrected": "#1f6fb4", "patrol": "#2a9d5c", "plan": "#b03a9c",
            "place": "#c1121f"}
+PAIRED_S = 0.02  # a belief and a truth at most so far apart in time are of one moment
+MARGIN_M = 0.3  # round what is drawn
 
 
 def title(row: dict[str, Any]) -> str:
@@ -41,6 +44,8 @@ def draw_run(axes: Axes, folder: Path) -> None:
     draw_lines(axes, folder)
     draw_plans(axes, folder)
     draw_places(axes, folder)
+    if grid is not None:
+        show_what_is_known(axes, grid)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
@@ -66,17 +71,43 @@ def draw_walls(axes: Axes, true: OccupancyGrid) -> None:
 
 
 def draw_lines(axes: Axes, folder: Path) -> None:
-    """Trajectories: truth thin and dark, beliefs in colour."""
-    styles = (("truth_survey", "survey, true", COLOURS["truth"], 1.4, "-"),
-              ("estimate", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
-              ("corrected", "survey, loop closed", COLOURS["corrected"], 1.2, "-"),
-              ("truth_patrol", "patrol, true", COLOURS["truth"], 1.4, ":"),
-              ("patrol", "patrol, as believed", COLOURS["patrol"], 1.2, "-"))
-    for name, label, colour, width, style in styles:
+    """Trajectories: truth thin and dark, beliefs in colour. A truth measured in a frame of its own (a motion-capture
+    room) is laid onto the belief the way the row's ATE was."""
+    how = str((json_of(folder / "row.json") or {}).get("ate_alignment") or "none")
+    note = "" if how == "none" else f" ({how} aligned)"
+    styles = (("truth_survey", "estimate", f"survey, true{note}", COLOURS["truth"], 1.4, "-"),
+              ("estimate", "", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
+              ("corrected", "", "survey, loop closed", COLOURS["corrected"], 1.2, "-"),
+              ("truth_patrol", "patrol", f"patrol, true{note}", COLOURS["truth"], 1.4, ":"),
+              ("patrol", "", "patrol, as believed", COLOURS["patrol"], 1.2, "-"))
+    for name, onto, label, colour, width, style in styles:
         path = folder / f"{name}.tum"
         if path.exists():
-            xy = read_tum(path).positions_m
+            line = read_tum(path)
+            if onto and how != "none" and (folder / f"{onto}.tum").exists():
+                line = _laid_onto(line, read_tum(folder / f"{onto}.tum"), how)
+            xy = line.positions_m
             axes.plot(xy[:, 0], xy[:, 1], color=colour, linewidth=width, linestyle=style, label=label, zorder=3)
+
+
+def _laid_onto(truth: Trajectory, belief: Trajectory, how: str) -> Trajectory:
+    """The poses of the truth that have a belief, moved onto it."""
+    paired = pair(truth, belief, PAIRED_S)
+    return aligned(paired.estimate, paired.truth, how)
+
+
+def show_what_is_known(axes: Axes, grid: OccupancyGrid) -> None:
+    """Cut the axes down to the known cells and what is drawn over them; a large empty map leaves nothing to see."""
+    rows, columns = np.nonzero(~np.isnan(grid.probability))
+    cells = np.stack([columns, rows], axis=1)
+    corners = np.concatenate([cells, cells + 1]) * grid.resolution_m + np.asarray(grid.origin_m)
+    drawn = [np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float) for line in axes.get_lines()]
+    points = np.concatenate([corners, *(line for line in drawn if len(line))])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points):
+        (x0, y0), (x1, y1) = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+        axes.set_xlim(x0, x1)
+        axes.set_ylim(y0, y1)
 
 
 def draw_plans(axes: Axes, folder: Path) -> None:

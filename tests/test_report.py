@@ -89,3 +89,28 @@ def test_the_command(run, tmp_path, capsys):
     assert main([str(tmp_path / "nowhere")]) == 2
     (tmp_path / "empty").mkdir()
     assert main([str(tmp_path / "empty")]) == 2
+
+
+def test_a_truth_in_a_frame_of_its_own_is_laid_onto_the_belief_and_the_empty_map_is_cut_away(tmp_path):
+    """The same way measured in a room turned by a quarter and 40 m off; the map of 50 x 50 m knows one square metre."""
+    from matplotlib.figure import Figure
+
+    from rhs.drawing import draw_run
+    from rhs.geometry import se2
+    from rhs.grid import OccupancyGrid
+    from rhs.maps import save_map
+    from rhs.trajectory import Trajectory, write_tum
+
+    stamps = np.arange(20.0)
+    way = np.stack([se2(0.1 * k, 0.05 * k * k / 20, 0.0) for k in range(20)])
+    write_tum(tmp_path / "estimate.tum", Trajectory(stamps, way))
+    write_tum(tmp_path / "truth_survey.tum", Trajectory(stamps, se2(40.0, 0.0, np.pi / 2) @ way))
+    known = np.full((500, 500), np.nan, np.float32)
+    known[250:260, 250:260] = 0.0
+    save_map(tmp_path / "map", OccupancyGrid(known, 0.1, (-25.0, -25.0)))
+    write_row(tmp_path, {"ate_alignment": "se3"})
+    axes = Figure().subplots()
+    draw_run(axes, tmp_path)
+    true, believed = (np.column_stack(axes.get_lines()[k].get_data()) for k in (0, 1))
+    np.testing.assert_allclose(true, believed, atol=1e-6)
+    assert axes.get_xlim() == pytest.approx((-0.3, 2.2), abs=1e-6) and axes.get_ylim()[1] == pytest.approx(1.3, abs=1e-6)
