@@ -112,7 +112,8 @@ class Odometry(Protocol):
     """Estimates motion from one observation to the next. The first call returns the identity, status ok.
 
     Must survive images without features, empty depth and repeated views; must say `degenerate` or `lost` rather than
-    return a confident guess; the covariance must be symmetric and positive definite."""
+    return a confident guess; the covariance must be symmetric and positive definite. An odometry whose metres do not come
+    from depth or wheels may have `scale_from`, a few words for the row: what fixes its scale."""
 
     def update(self, observation: Observation) -> Motion: ...
 

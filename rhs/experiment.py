@@ -105,6 +105,8 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     if "driving" not in config.source.settings.provides:
         row["world"] = parts.source.facts.name  # of the recording
     row["renderer"] = getattr(parts.source, "renderer", "")
+    metric = sorted({"depth", "wheel"} & config.odometry.settings.needs)
+    row["scale_from"] = getattr(parts.odometry, "scale_from", " + ".join(metric))
     row["lost"] = getattr(parts.source, "lost", "")  # of a damaged recording
     write_row(folder, row)
     draw(config, folder)

@@ -28,7 +28,14 @@ DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree i
 
 def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
     core = corridor_core(settings, context.camera, np.array(context.world.start))
-    return one_eye(settings, context, core)
+    return one_eye(settings, context, core, scale_from(settings))
+
+
+def scale_from(settings: CorridorEkf) -> str:
+    """What the metres come from, strongest first; a command or wheels are believed to motion_scale_sigma only."""
+    sources = {"camera height": settings.height_known, f"width {settings.width_m:g} m": settings.width_m > 0,
+               settings.motion: settings.motion != "none"}
+    return " + ".join(name for name, used in sources.items() if used)
 
 
 def corridor_core(settings: CorridorEkf, camera: Camera, start: np.ndarray) -> CorridorCore:

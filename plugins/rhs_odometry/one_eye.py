@@ -53,6 +53,7 @@ class OneEye:
         self._front, self._filter = front, core
         self._pose, self._begun = start, False
         self.keep: list[TrackFrame] | None = None  # a list here collects the frames of the survey
+        self.scale_from = "nothing"  # for the row: what its metres come from
         self.at_end: Callable[[list[TrackFrame]], None] | None = None
 
     def update(self, observation: Observation) -> Motion:

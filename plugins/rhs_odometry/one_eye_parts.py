@@ -16,9 +16,10 @@ from .one_eye import OneEye, TrackFilter
 from .track_frames import TrackFrame, Tracks, save_tracks
 
 
-def one_eye(settings: Any, context: Context, core: TrackFilter) -> OneEye:
-    """settings: a config with `points` and `save_tracks`."""
+def one_eye(settings: Any, context: Context, core: TrackFilter, scale_from: str) -> OneEye:
+    """settings: a config with `points` and `save_tracks`. scale_from: what the filter's metres come from, for the row."""
     eye = OneEye(KltTracker(KltSettings(points=settings.points)), core, se2(*context.world.start))
+    eye.scale_from = scale_from
     if settings.save_tracks:
         eye.keep, eye.at_end = [], partial(_save, context)
     return eye

@@ -40,7 +40,7 @@ ALARM_VIEWS = 12  # views a point is followed before its own depth is compared w
 
 def build_section_ekf(settings: SectionEkf, context: Context) -> OneEye:
     core = section_core(settings, context.camera, np.array(context.world.start))
-    return one_eye(settings, context, core)
+    return one_eye(settings, context, core, f"half width {settings.half_size_m:g} m")
 
 
 def section_core(settings: SectionEkf, camera: Camera, start: np.ndarray) -> SectionCore:

@@ -151,3 +151,13 @@ def test_a_filter_that_doubts_says_so_with_a_wider_covariance():
         ledger.motion(np.zeros(3), own)
     sure, doubting = ledgers[0].motion(pose, own), ledgers[1].motion(pose, 4 * own)
     assert doubting[1, 1] > 10 * sure[1, 1]
+
+
+def test_what_fixes_the_scale_is_said():
+    """Of a camera nothing but these can: its height above the floor, the corridors' width, the motion it was told."""
+    from rhs_odometry.corridor_ekf import scale_from
+    from rhs_odometry.corridor_ekf_config import CorridorEkf
+
+    assert scale_from(CorridorEkf()) == "camera height + width 2 m + command"
+    assert scale_from(CorridorEkf(motion="none", width_m=0.0)) == "camera height"
+    assert scale_from(CorridorEkf(height_known=False, width_m=0.0, motion="wheel")) == "wheel"
