@@ -20,6 +20,7 @@ from . import registry, settings
 from .contracts import KINDS, FeatureSettings
 from .errors import ConfigError, check_choice, check_range
 from .files import replacing
+from .gate_settings import Gate
 from .live import check_live
 from .mission import MissionSettings
 from .parts import Chosen, Parts, build, check_combination
@@ -122,6 +123,7 @@ class RunConfig:
     places: Places = field(default_factory=Places)
     unroll: Unroll = field(default_factory=Unroll)
     features: Features = field(default_factory=Features)
+    gate: Gate = field(default_factory=Gate)
     mission: MissionSettings = field(default_factory=MissionSettings)
     source: Any = None
     sensor: Any = None

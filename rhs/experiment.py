@@ -17,6 +17,7 @@ from .compose import RunConfig, build_parts, identity, to_plain, write_config
 from .errors import RhsError
 from .files import replacing
 from .floorplan import Box, World, truth_grid
+from .gating import gated
 from .kidnap import Kidnapper
 from .live import Audience, Listener, LiveView
 from .maps import save_map
@@ -87,6 +88,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     begin = time.perf_counter()
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)
+    parts.odometry = gated(parts.odometry, config.odometry.settings.needs, config.gate)
     row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
     row["world"] = parts.source.facts.name if world is None else row["world"]
     notebook: Notebook | None = None

@@ -14,6 +14,7 @@ import numpy as np
 
 from .accuracy import Pairing, absolute_errors_m, apart, consecutive, pair, relative_errors, rmse
 from .errors import RhsError
+from .gate_settings import GATED
 from .grid import OccupancyGrid
 from .knowing import knowing_values
 from .map_metrics import map_agreement
@@ -115,8 +116,10 @@ def _before_closing(online: Trajectory | None, truth: Trajectory | None) -> Valu
 def _status_shares(survey: list[dict[str, str]]) -> Values:
     count = len(survey)
     names = {"tracked_share": "ok", "degenerate_share": "degenerate", "lost_share": "lost"}
-    return {name: sum(row["motion_status"] == status for row in survey) / count if count else NAN
-            for name, status in names.items()}
+    shares: Values = {name: sum(row["motion_status"] == status for row in survey) / count if count else NAN
+                      for name, status in names.items()}
+    gated = sum(row["motion_reason"].startswith(GATED) for row in survey)
+    return shares | {"gated_share": gated / count if count else NAN}
 
 
 # --- patrol ----------------------------------------------------------------------------------------------------------

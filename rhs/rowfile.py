@@ -23,6 +23,7 @@ SURVEY = (
     "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad", "rpe_trans_per_second_m",
     "rpe_rot_per_second_rad", "end_error_m", "end_error_before_closing_m", "half_error_m", "drift_pct",
     "ate_tolerance_s", "matched_share", "covered_share", "tracked_share", "degenerate_share", "lost_share",
+    "gated_share",
 )
 MAP = ("map_agreement", "map_observed_share")
 KNOWING = ("kidnap_recovered_share", "kidnap_recovery_m", "kidnap_recovery_p90_m", "kidnap_recovery_s",

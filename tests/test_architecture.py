@@ -18,7 +18,8 @@ PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 
 LEVELS = [
     "errors sealing geometry jit paths provenance mcap_records meanings",
-    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings",
+    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings"
+    " gate_settings",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
     " consistency structure memory likelihood heaps scanmatch mosaic unrolling"
     " unroll_folder",
@@ -30,7 +31,7 @@ LEVELS = [
     "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
     " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
     " planning_pictures planning_task planning_table planner_arena places_task"
-    " unroll_task unroll_pictures",
+    " unroll_task unroll_pictures gating",
     "experiment",
     "launcher sweep __init__",
     "__main__",
