@@ -47,8 +47,10 @@ def errors_over_time(steps: pandas.DataFrame) -> Figure | None:
     if len(patrol):
         axes.axvspan(patrol["stamp_s"].iloc[0], patrol["stamp_s"].iloc[-1], color=COLOURS["patrol"], alpha=0.08,
                      label="patrol")
+    label = "the odometry doubts itself"
     for stamp_s in known.loc[known["motion_status"] != "ok", "stamp_s"]:
-        axes.axvline(stamp_s, color=COLOURS["place"], alpha=0.25, linewidth=1)
+        axes.axvline(stamp_s, color=COLOURS["place"], alpha=0.25, linewidth=1, label=label)
+        label = "_"  # one entry in the legend, not one per view
     axes.set_ylim(0.0, max(1.1 * float(error.max()), 1e-3))
     axes.set_xlabel("time [s]")
     axes.set_ylabel("[m]")

@@ -27,7 +27,7 @@ def title(row: dict[str, Any]) -> str:
     first = " · ".join(str(part) for part in parts if part) + (f" · seed {row['seed']}" if "seed" in row else "")
     numbers = [_number(row, "ate_rmse_m", "ATE {:.3f} m"), _number(row, "end_error_m", "end error {:.3f} m"),
                _number(row, "map_agreement", "map agreement {:.1%}"), _number(row, "collisions", "{:.0f} collisions")]
-    if row.get("places_total"):
+    if row.get("places_total") and row.get("patrol_steps") != 0:  # a survey alone was asked to visit none
         numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
     if row.get("status") not in (None, "ok"):
         numbers.insert(0, f"{row['status']}: {str(row.get('reason', ''))[:80]}")
@@ -72,8 +72,9 @@ def draw_walls(axes: Axes, true: OccupancyGrid) -> None:
 
 def draw_lines(axes: Axes, folder: Path) -> None:
     """Trajectories: truth thin and dark, beliefs in colour. A truth measured in a frame of its own (a motion-capture
-    room) is laid onto the belief the way the row's ATE was."""
-    how = str((json_of(folder / "row.json") or {}).get("ate_alignment") or "none")
+    room) is laid onto the belief the way the row's ATE was; that of a simulator stands in the frame of the map."""
+    simulated = (folder / "true_map.yaml").exists()
+    how = "none" if simulated else str((json_of(folder / "row.json") or {}).get("ate_alignment") or "none")
     note = "" if how == "none" else f" ({how} aligned)"
     styles = (("truth_survey", "estimate", f"survey, true{note}", COLOURS["truth"], 1.4, "-"),
               ("estimate", "", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
@@ -132,7 +133,9 @@ def draw_places(axes: Axes, folder: Path) -> None:
         axes.plot(goal[0], goal[1], "o", markersize=7, markerfacecolor=face, markeredgecolor=COLOURS["place"], zorder=5)
         axes.annotate(name, (goal[0], goal[1]), xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6,
                       bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1})
-    if goals:
+    if goals and not missions:
+        axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place, not asked for")
+    elif goals:
         axes.plot([], [], "o", color=COLOURS["place"], label="place reached")
         axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place not reached")
 

@@ -22,7 +22,8 @@ RUN = HEAD + """
 {% if video %}<h2>Video</h2><video controls src="{{ video }}"></video>{% endif %}
 <h2>Numbers</h2><div class="numbers">
 {% for name, value in row %}<div><b>{{ name }}</b> {{ value }}</div>{% endfor %}</div>
-{% if charts %}<h2>Error and time</h2>{% for chart in charts %}<img src="{{ chart }}" alt="chart">{% endfor %}{% endif %}
+{% if charts %}<h2>Error and time</h2>{% for name, chart in charts %}
+<figure><img src="{{ chart }}" alt="{{ name }}"><figcaption>{{ name }}</figcaption></figure>{% endfor %}{% endif %}
 {% if missions %}<h2>Missions</h2><div class="wide"><table>
 <tr><th>mission</th><th>place</th><th>status</th><th>reason</th><th>replans</th><th>steps</th></tr>
 {% for m in missions %}<tr><td>{{ m.mission }}</td><td>{{ m.place }}</td><td>{{ m.status }}</td><td>{{ m.reason }}</td>

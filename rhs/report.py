@@ -119,14 +119,15 @@ def embed_figure(figure: Figure) -> str:
     return f"data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}"
 
 
-def _charts(steps: Any) -> list[Figure]:
-    made = () if steps is None or steps.empty else (errors_over_time(steps), stage_times(steps))
-    return [figure for figure in made if figure is not None]
-
-
-def _pictures(folder: Path, steps: Any) -> list[str]:
-    known = [folder / "knowing.png"] if (folder / "knowing.png").exists() else []
-    return [*(embed_figure(figure) for figure in _charts(steps)), *(embed(path) for path in known)]
+def _pictures(folder: Path, steps: Any) -> list[tuple[str, str]]:
+    """(what it shows, data address) of the charts of the steps and of the pictures that lie in the folder."""
+    some = steps is not None and not steps.empty
+    made = {"Error of the believed position": errors_over_time(steps) if some else None,
+            "Time per view and stage": stage_times(steps) if some else None}
+    lying = {"Error in x, y and heading": folder / "motion.png",
+             "After kidnaps; reliability of the stated chances": folder / "knowing.png"}
+    return [*((name, embed_figure(figure)) for name, figure in made.items() if figure is not None),
+            *((name, embed(path)) for name, path in lying.items() if path.exists())]
 
 
 def _shown(row: dict[str, object]) -> list[tuple[str, str]]:

@@ -114,3 +114,57 @@ def test_a_truth_in_a_frame_of_its_own_is_laid_onto_the_belief_and_the_empty_map
     true, believed = (np.column_stack(axes.get_lines()[k].get_data()) for k in (0, 1))
     np.testing.assert_allclose(true, believed, atol=1e-6)
     assert axes.get_xlim() == pytest.approx((-0.3, 2.2), abs=1e-6) and axes.get_ylim()[1] == pytest.approx(1.3, abs=1e-6)
+
+
+def test_the_page_is_whole_its_pictures_decode_and_its_numbers_are_the_row(run):
+    import base64
+    import json
+    from html.parser import HTMLParser
+
+    import cv2
+
+    class Page(HTMLParser):
+        def __init__(self):
+            super().__init__()
+            self.open, self.pictures, self.text = [], [], []
+
+        def handle_starttag(self, tag, attrs):
+            if tag == "img":
+                self.pictures.append(dict(attrs))
+            elif tag != "meta":
+                self.open.append(tag)
+
+        def handle_endtag(self, tag):
+            assert self.open.pop() == tag, f"{tag} closed at {self.getpos()}"
+
+        def handle_data(self, data):
+            self.text.append(data.strip())
+
+    motion(run)
+    page = Page()
+    page.feed(html(run).read_text())
+    assert not page.open
+    for picture in page.pictures:
+        raw = np.frombuffer(base64.b64decode(picture["src"].partition(",")[2]), np.uint8)
+        assert cv2.imdecode(raw, cv2.IMREAD_COLOR).size > 0 and picture["alt"]
+    assert "Error in x, y and heading" in page.text
+    for name, value in json.loads((run / "row.json").read_text()).items():
+        shown = page.text[page.text.index(name) + 1]
+        assert float(shown) == pytest.approx(value, rel=1e-4) if isinstance(value, float) else shown == str(value)
+
+
+def test_a_simulated_truth_is_drawn_where_it_was(tmp_path, monkeypatch):
+    """It shares the frame of the map; only a truth from elsewhere is laid onto the belief."""
+    from rhs import drawing
+
+    folder = make_run(tmp_path / "run", count=6)
+    write_row(folder, {"status": "ok", "seed": 0, "ate_alignment": "se3"})
+    laid = []
+    monkeypatch.setattr(drawing, "_laid_onto", lambda truth, belief, how: laid.append(how) or truth)
+    (folder / "true_map.yaml").rename(tmp_path / "true_map.yaml")
+    overview(folder)
+    assert "se3" in laid
+    laid.clear()
+    (tmp_path / "true_map.yaml").rename(folder / "true_map.yaml")
+    overview(folder)
+    assert laid == []
