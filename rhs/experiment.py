@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import survey as surveying
+from .allocator import keep_freed_memory
 from .compose import RunConfig, build_parts, identity, to_plain, write_config
 from .errors import RhsError
 from .files import replacing
@@ -85,6 +86,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
         from .unroll_task import run_unroll_config
 
         return run_unroll_config(config, folder)
+    keep_freed_memory()
     begin = time.perf_counter()
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)

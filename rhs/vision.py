@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from .allocator import keep_freed_memory
 from .errors import RhsError
 from .files import replacing
 from .records import Features, FeatureSettings, Observation
@@ -212,6 +213,7 @@ def _detector(kind: str, count: int, contrast: float) -> Any:
 def _cv2() -> Any:
     import cv2
 
+    keep_freed_memory()
     cv2.setNumThreads(1)  # results and timings must not depend on the number of cores
     return cv2
 

@@ -17,7 +17,7 @@ CORE = sorted((ROOT / "rhs").glob("*.py"))
 PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 
 LEVELS = [
-    "errors sealing geometry jit paths provenance mcap_records meanings",
+    "errors sealing geometry jit allocator paths provenance mcap_records meanings",
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings"
     " gate_settings",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
