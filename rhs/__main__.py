@@ -110,19 +110,17 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
 
         print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
         return 0
+    from . import told
     from .experiment import run_config
     from .folders import claim_run
+    from .jit import on_compile
     from .progress import bar
 
+    on_compile(lambda: print("compiling inner loops, once for this installation: 10 to 60 s", file=sys.stderr, flush=True))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)
         cause = row.pop("_cause", None)
-        print(table_of(row))
-        if (claim.folder / "places.csv").exists():
-            from .places_task import told
-
-            print(f"\n{told(claim.folder)}")
-        print(f"\nfiles: {claim.folder}")
+        print(f"{told.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
     status = row.get("status")
     if status == "ok" and row.get("lost"):
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
@@ -131,27 +129,6 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         return 0
     code = 1 if cause is None or status != "interrupted" else _signal_code(cause)
     return _complain(cause, code, arguments.debug, f"{status}: {row.get('reason', '')}")
-
-
-TOLD = ("status", "reason", "world", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed",
-        "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m", "path_length_m",
-        "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share",
-        "map_agreement", "strips", "strips_registered_share",
-        "mosaic_correlation", "along_error_pct",
-        "plan_success", "plan_reason", "plan_valid", "plan_length_m", "plan_length_raw_m", "plan_optimal_m",
-        "plan_above_optimum_pct", "plan_steps", "plan_learn_ms", "plan_ms", "plan_again_ms", "homotopy", "wall_ms",
-        "real_time_factor", "peak_memory_mb")
-
-
-def table_of(row: dict) -> str:
-    """The figures of one run that say most, one a line."""
-    lines = []
-    for name in TOLD:
-        value = row.get(name, "")
-        if value == "" or value is None or value != value:
-            continue
-        lines.append(f"{name:<28}{value:.4g}" if isinstance(value, float) else f"{name:<28}{value}")
-    return "\n".join(lines)
 
 
 def _signal_code(error: BaseException) -> int:
@@ -185,7 +162,7 @@ def _run_sweep(plan, folder: Path, limits) -> int:
     """Run the plan under one progress bar, then say what became of it."""
     from tqdm import tqdm
 
-    from . import sweep
+    from . import sweep, told
 
     counts: dict[str, int] = {}
     with tqdm(total=len(plan.jobs), unit="job", disable=None, dynamic_ncols=True) as shown:
@@ -201,7 +178,7 @@ def _run_sweep(plan, folder: Path, limits) -> int:
             print("\n".join(error.report.lines()))  # type: ignore[attr-defined]
             print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
             raise
-    _print_table(folder)
+    print(told.of_sweep(folder))
     if plan.repeated:
         print(f"{plan.repeated} combinations gave a configuration that was there already; each ran once")
     print("\n".join(report.lines()))
@@ -211,22 +188,6 @@ def _run_sweep(plan, folder: Path, limits) -> int:
         print(f"rhs: {failed} of {len(report.status)} jobs did not end well; see job.log in their folders and "
               f"{folder}/jobs.json", file=sys.stderr)
     return 0 if report.complete else 3
-
-
-def _print_table(folder: Path) -> None:
-    from .files import replacing
-    from .planning_table import planning_rows, planning_table, publish
-    from .summary import as_text, summarise
-    from .table import rows, to_csv
-
-    table = rows([folder])
-    with replacing(folder / "table.csv") as file:
-        file.write(to_csv(table))
-    if len(planning_rows(table)):
-        publish(table, folder)
-        print(as_text(planning_table(table)))
-    else:
-        print(as_text(summarise(table)))
 
 
 def _limits(arguments: argparse.Namespace):

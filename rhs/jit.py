@@ -21,6 +21,24 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(function)
 
 
+def on_compile(tell: Callable[[], None]) -> None:
+    """Call `tell` once, when something has to be compiled because no cache holds it: what follows takes seconds."""
+    from numba.core import event
+
+    class Teller(event.Listener):
+        told = False
+
+        def on_start(self, event):
+            if not self.told:
+                self.told = True
+                tell()
+
+        def on_end(self, event):
+            pass
+
+    event.register("numba:compile", Teller())
+
+
 def typed(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorator: compiled for one numba signature when the module is imported, so that no call has to wait for it.
 

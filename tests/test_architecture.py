@@ -32,7 +32,7 @@ LEVELS = [
     " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
     " planning_pictures planning_task planning_table planner_arena places_task"
     " unroll_task unroll_pictures gating",
-    "experiment",
+    "experiment told",
     "launcher sweep __init__",
     "__main__",
 ]
