@@ -205,7 +205,7 @@ class Camera:
             x = np.where(z > 1e-9, points[:, 0] / z, np.nan)
             y = np.where(z > 1e-9, points[:, 1] / z, np.nan)
         if self.distortion:
-            x, y = _distort(x, y, self.distortion)
+            x, y = distorted(x, y, self.distortion)
         return np.stack([self.fx * x + self.skew * y + self.cx, self.fy * y + self.cy], axis=1)
 
     def rays(self, pixels: np.ndarray) -> np.ndarray:
@@ -213,7 +213,7 @@ class Camera:
         y = (pixels[:, 1] - self.cy) / self.fy
         x = (pixels[:, 0] - self.cx - self.skew * y) / self.fx
         if self.distortion:
-            x, y = _undistort(x, y, self.distortion)
+            x, y = undistorted(x, y, self.distortion)
         return np.stack([x, y, np.ones_like(x)], axis=1)
 
     def points(self, pixels: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
@@ -221,19 +221,38 @@ class Camera:
         return self.rays(pixels) * np.asarray(depth_m)[:, None]
 
 
-def _distort(x, y, coefficients):
-    k1, k2, p1, p2, k3 = (*coefficients, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+def distorted(x, y, coefficients):
+    """Where a lens with OpenCV's (k1, k2, p1, p2, k3) puts ideal points (x, y) of the plane z = 1 (Brown 1971)."""
+    k1, k2, p1, p2, k3 = _all_five(coefficients)
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
 
 
-def _undistort(x, y, coefficients, iterations: int = 12):
+def lens_slopes(x, y, coefficients):
+    """xx, xy, yy of the Jacobian of `distorted`, which is symmetric."""
+    k1, k2, p1, p2, k3 = _all_five(coefficients)
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2.0 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))
+    return (radial + slope * x * x + 2 * p1 * y + 6 * p2 * x, slope * x * y + 2 * p1 * x + 2 * p2 * y,
+            radial + slope * y * y + 6 * p1 * y + 2 * p2 * x)
+
+
+def undistorted(x, y, coefficients, iterations: int = 10):
+    """The ideal points that such a lens puts at (x, y): `distorted` the other way round, by Newton's steps. Steps from point
+    to point (u = x - its own distortion) would not settle in the corners of a wide pincushion."""
     u, v = x, y
     for _ in range(iterations):
-        du, dv = _distort(u, v, coefficients)
-        u, v = u + (x - du), v + (y - dv)
+        du, dv = distorted(u, v, coefficients)
+        xx, xy, yy = lens_slopes(u, v, coefficients)
+        area = np.maximum(xx * yy - xy * xy, 0.05)  # where the lens folds there is no way back: go on in small steps
+        u, v = u + (yy * (x - du) - xy * (y - dv)) / area, v + (xx * (y - dv) - xy * (x - du)) / area
     return u, v
+
+
+def _all_five(coefficients):
+    return (*coefficients, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
 
 
 def camera_from_fov(width: int, height: int, hfov_deg: float, *, height_m: float, forward_m: float = 0.0) -> Camera:

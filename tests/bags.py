@@ -69,14 +69,14 @@ class BagFile:
         message = self.make("sensor_msgs/msg/CompressedImage", header=self.header(stamp_s), format=form, data=data)
         self.put(topic, stamp_s, message)
 
-    def camera_info(self, topic: str, stamp_s: float) -> None:
+    def camera_info(self, topic: str, stamp_s: float, distortion=(0.0,) * 5, model: str = "plumb_bob") -> None:
         k, r = np.array([F, 0, 31.5, 0, F, 23.5, 0, 0, 1.0]), np.eye(3).ravel()
         p = np.hstack([k.reshape(3, 3), np.zeros((3, 1))]).ravel()
-        names = {"D": np.zeros(5), "K": k, "R": r, "P": p}
+        names = {"D": np.array(distortion, float), "K": k, "R": r, "P": p}
         names = names if self.ros1 else {n.lower(): v for n, v in names.items()}
         roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
         message = self.make("sensor_msgs/msg/CameraInfo", header=self.header(stamp_s), height=HEIGHT, width=WIDTH,
-                            distortion_model="plumb_bob", binning_x=0, binning_y=0, roi=roi, **names)
+                            distortion_model=model, binning_x=0, binning_y=0, roi=roi, **names)
         self.put(topic, stamp_s, message)
 
     def pose(self, x: float, y: float, yaw: float):

@@ -17,6 +17,7 @@ from rhs.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wr
 from rhs.records import Capture, Twist
 from rhs.world import reversed_world
 
+from .lens import Lens
 from .simulator_config import Simulator
 from .simulator_route import Pace, Waypoint, Wobble, waypoints
 from .simulator_scene import Look, Scene
@@ -36,13 +37,16 @@ class SimulatorSource:
         self.settings = settings
         self.world = dressed(context.world, settings)
         self.facts = self.world.facts()
-        self.camera = camera_from_fov(settings.image_width, settings.image_width * 3 // 4, settings.hfov_deg,
-                                      height_m=self.world.camera_height_m)
+        pinhole = camera_from_fov(settings.image_width, settings.image_width * 3 // 4, settings.hfov_deg,
+                                  height_m=self.world.camera_height_m)
+        self.camera = replace(pinhole, distortion=tuple(settings.distortion))
+        self.lens = Lens(self.camera, "source") if settings.distortion else None
         self._seed(context.rng)
         self.views = waypoints(self.world.route_m, self.world.start[2], pace(settings))
         self.views_expected: int | None = len(self.views)
         self.solid = Solid(self.world)
-        self.scene = Scene(self.world, self.camera, Look(settings.texture_px_per_m, settings.renderer, context.folder))
+        look = Look(settings.texture_px_per_m, settings.renderer, context.folder)
+        self.scene = Scene(self.world, self.lens.ideal if self.lens else pinhole, look)
         self.renderer = self.scene.renderer
         self.stand = np.array(self.world.start)  # true x, y, yaw
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
@@ -61,7 +65,7 @@ class SimulatorSource:
         self.bias = self.rng.normal(0.0, settings.command_bias_percent / 100, 2)
 
     def _check_picture(self) -> None:
-        image, _ = self.scene.render(self.world_from_body)
+        image, _ = self._look()
         if float(image.std()) < 1.0:
             raise RhsError(f"source.renderer={self.renderer} draws one flat colour ({image.mean():.0f}) at the start "
                            f"of world {self.world.name}; look at that world, or try source.renderer=tiny")
@@ -141,11 +145,16 @@ class SimulatorSource:
         self.stamp_s += seconds
         tilt = exp_so3(np.array([self.roll(self.travelled_m), self.pitch(self.travelled_m), 0.0]))
         self.world_from_body = se2(*self.stand) @ se3(tilt, np.zeros(3))
-        image, depth = self.scene.render(self.world_from_body)
+        image, depth = self._look()
         for array in (image, depth) if travel is None else (image, depth, travel):
             array.flags.writeable = False
         self.index += 1
         return Capture(self.index - 1, self.stamp_s, image, depth, command, travel)
+
+    def _look(self) -> tuple[np.ndarray, np.ndarray]:
+        """Picture and depth from here, through the lens if there is one."""
+        image, depth = self.scene.render(self.world_from_body)
+        return (image, depth) if self.lens is None else self.lens.bend(image, depth)
 
     def teleport(self, world_from_body: np.ndarray) -> None:
         """Put the robot elsewhere; the next drive shows where. Refuses a place where it would overlap something."""

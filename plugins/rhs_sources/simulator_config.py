@@ -14,6 +14,9 @@ class Simulator:
 
     image_width: int = 320  # pixels; the height is three quarters of it
     hfov_deg: float = 57.0  # horizontal field of view, degrees; 57 is a Kinect's
+    # Of the lens: k1, k2, p1, p2 and perhaps k3 as OpenCV has them; empty: none. hfov_deg is then that of the pinhole
+    # behind it: a barrel (k1 < 0) sees more, and a wider view is drawn so that its corners are not empty.
+    distortion: list[float] = field(default_factory=list)
     renderer: str = "tiny"  # tiny: PyBullet's software renderer, the canonical one; egl: OpenGL, smoother
     texture_px_per_m: float = 150.0  # pixels per metre of wall; finer ones alias in the distance
     direction: str = "ccw"  # ccw: the survey route as written; cw: from its end back to its start
@@ -40,6 +43,11 @@ class Simulator:
     def __post_init__(self) -> None:
         check_range("source", "image_width", self.image_width, low=32, high=4096, unit="px")
         check_range("source", "hfov_deg", self.hfov_deg, low=10, high=120, unit="degrees")
+        if len(self.distortion) not in (0, 4, 5):
+            raise ConfigError(f"source.distortion={list(self.distortion)} has {len(self.distortion)} numbers; expected "
+                              "k1, k2, p1, p2 and perhaps k3, or none")
+        for value in self.distortion:
+            check_range("source", "distortion", value, low=-2.0, high=2.0)
         check_choice("source", "renderer", self.renderer, ("tiny", "egl"))
         check_range("source", "texture_px_per_m", self.texture_px_per_m, low=10, high=1000, unit="px/m")
         check_choice("source", "direction", self.direction, ("ccw", "cw"))

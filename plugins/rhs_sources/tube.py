@@ -13,6 +13,7 @@ from rhs.errors import ConfigError
 from rhs.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, exp_so3, inverse, planar, se3
 from rhs.records import Capture, Twist, WorldFacts
 
+from .lens import checked_rays
 from .simulator_route import Wobble
 from .tube_config import Tube
 from .tube_paint import Paint
@@ -138,7 +139,7 @@ def camera_of(settings: Tube, height_m: float) -> Camera:
 
 
 def unit_rays(camera: Camera) -> np.ndarray:
-    """(H * W, 3) unit directions of all pixels in the camera frame."""
+    """(H * W, 3) unit directions of all pixels in the camera frame. Raises ConfigError for a lens that folds the picture."""
     v, u = np.indices((camera.height, camera.width)).reshape(2, -1)
-    rays = camera.rays(np.stack([u, v], axis=1).astype(float))
+    rays = checked_rays(camera, np.stack([u, v], axis=1).astype(float), "source")
     return rays / np.linalg.norm(rays, axis=1)[:, None]

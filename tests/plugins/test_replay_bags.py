@@ -49,6 +49,32 @@ def test_colour_and_depth_are_paired_and_the_camera_is_the_recorded_one(tmp_path
     assert all(truth is None for _, truth in seen)
 
 
+def lens_bag(folder, distortion, model="plumb_bob"):
+    with BagFile(folder, "ros2_mcap") as bag:
+        bag.camera_info(INFO, 1.0, distortion, model)
+        bag.image(COLOR, 1.0, picture(), "rgb8")
+        bag.image(DEPTH, 1.0, MILLIMETRES, "16UC1")
+    return bag.path
+
+
+def test_the_lens_of_a_recording_is_undone_where_pixels_become_rays(tmp_path):
+    """k1 = -0.2: the point (0.3, 0.4) of the plane z = 1 is seen at 0.95 of that: 14.25 px right, 19 px down."""
+    source, _ = views(lens_bag(tmp_path, (-0.2, 0.0, 0.0, 0.0, 0.0)))
+    assert source.camera.distortion == (-0.2, 0.0, 0.0, 0.0, 0.0)
+    seen = np.array([[31.5 + 14.25, 23.5 + 19.0]])
+    assert source.camera.rays(seen)[0] == pytest.approx([0.3, 0.4, 1.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("distortion", "model", "complaint"), [
+    ((0.1, 0.2, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0), "rational_polynomial", "the sixth and later not zero"),
+    ((0.1, 0.2, 0.0, 0.0), "equidistant", "expected plumb_bob"),
+])
+def test_a_lens_of_another_kind_is_refused_in_one_line(tmp_path, distortion, model, complaint):
+    with pytest.raises(ConfigError, match=complaint) as caught:
+        views(lens_bag(tmp_path, distortion, model))
+    assert "\n" not in str(caught.value)
+
+
 def test_start_stride_and_count_choose_views(tmp_path):
     source, seen = views(write(tmp_path, count=9), start=1, stride=3, count=2)
     assert source.views_expected == 2

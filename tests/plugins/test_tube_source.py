@@ -58,3 +58,8 @@ def test_the_first_view_stands_on_the_axis_and_the_travel_is_the_motion():
 def test_settings_are_checked(settings, complaint):
     with pytest.raises(ConfigError, match=complaint):
         Tube(**settings)
+
+
+def test_a_lens_that_folds_the_picture_is_refused():
+    with pytest.raises(ConfigError, match="folds the picture"):
+        build(distortion=[-1.0, 0.0, 0.0, 0.0])
