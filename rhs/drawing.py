@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = {"truth": "#222222", "estimate": "#d1801f", "corrected": "#1f6fb4", "patrol": "#2a9d5c", "plan": "#b03a9c",
-           "place": "#c1121f"}
+           "place": "#c1121f", "wall": "#f2b600"}
 PAIRED_S = 0.02  # a belief and a truth at most so far apart in time are of one moment
 MARGIN_M = 0.3  # round what is drawn
 
@@ -41,6 +41,7 @@ def draw_run(axes: Axes, folder: Path) -> None:
         draw_grid(axes, grid)
     if true is not None:
         draw_walls(axes, true)
+    draw_found_walls(axes, folder)
     draw_lines(axes, folder)
     draw_plans(axes, folder)
     draw_places(axes, folder)
@@ -68,6 +69,16 @@ def draw_walls(axes: Axes, true: OccupancyGrid) -> None:
         y = true.origin_m[1] + (rows + 0.5) * true.resolution_m
         axes.contour(x, y, walls, levels=[0.5], colors="#7ab8e0", linewidths=0.8, zorder=1)
         axes.plot([], [], color="#7ab8e0", linewidth=0.8, label="true walls")
+
+
+def draw_found_walls(axes: Axes, folder: Path) -> None:
+    """The walls that an odometry without depth found on the survey, of which the map was drawn."""
+    label = "walls found"
+    for wall in json_of(folder / "walls.json") or []:
+        ends = np.array([wall["start_m"], wall["end_m"]])
+        axes.plot(ends[:, 0], ends[:, 1], color=COLOURS["wall"], linewidth=2.2, marker="|", markersize=9,
+                  label=label, zorder=2)
+        label = "_nolegend_"
 
 
 def draw_lines(axes: Axes, folder: Path) -> None:

@@ -193,14 +193,16 @@ def lead_round(parts: Parts, config: RunConfig, notebook: Notebook) -> Survey:
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")
     begin = time.perf_counter()
-    views = surveying.revise(collector.views, parts.odometry)
-    views, closure = surveying.close(views, parts.loop_closer)
+    revised, walls = surveying.revise(collector.views, parts.odometry)
+    views, closure = surveying.close(revised, parts.loop_closer)
     grid = surveying.draw(views, parts.mapper)
     closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
     write_tum(notebook.folder / "corrected.tum", Trajectory(stamps, closure.poses))
     save_map(notebook.folder / "map", grid)
     notebook.recorder.map(grid, float(stamps[-1]))
+    if walls:
+        write_json(notebook.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
     write_json(notebook.folder / "closure.json", closure_rows(closure) | {"closing_ms": closing_ms})
     return Survey(views, closure, grid)
 

@@ -29,7 +29,8 @@ LARGEST_VIDEO_BYTES = 30 << 20
 
 
 def overview(folder: Path) -> Path:
-    """overview.png: the map, the true walls, the survey as driven, believed and corrected, the patrol, the places."""
+    """overview.png: the map, the true walls, those one eye found, the survey as driven, believed and corrected, the patrol,
+    the places."""
     folder = Path(folder)
     figure = new_figure(10.5, 8.0)
     axes = figure.add_subplot()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -46,21 +47,22 @@ class ViewCollector:
             self.views[-1] = replace(self.views[-1], features=seal(self.features(self.last, self.settings)))
 
 
-def revise(views: list[View], odometry: Odometry) -> tuple[View, ...]:
-    """The views with the poses, scans and feature depths that the odometry settled on at the end, if it did."""
+def revise(views: list[View], odometry: Odometry) -> tuple[tuple[View, ...], tuple[Wall, ...]]:
+    """The views with the poses, scans and feature depths that the odometry settled on at the end, if it did; the walls it
+    found, in the frame of these poses."""
     revision = odometry.revise()
     if revision is None:
-        return tuple(views)
+        return tuple(views), ()
     if len(revision.poses) != len(views) or len(revision.scans) != len(views):
         raise ContractError(f"odometry {type(odometry).__name__}.revise() returned {len(revision.poses)} poses and "
                             f"{len(revision.scans)} scans for {len(views)} views")
-    first = views[0].map_from_body
-    revised = [replace(view, map_from_body=seal(first @ np.linalg.inv(revision.poses[0]) @ pose), scan=seal(scan),
+    begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
+    revised = [replace(view, map_from_body=seal(begun @ pose), scan=seal(scan),
                        features=_lifted(view, pose, revision.walls))
                for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
     if revision.covariance is not None:
         revised[-1] = replace(revised[-1], covariance=seal(revision.covariance))
-    return tuple(revised)
+    return tuple(revised), tuple(shifted(wall, begun, begun) for wall in revision.walls)
 
 
 def _lifted(view: View, pose: np.ndarray, walls: tuple[Wall, ...]) -> Features | None:
@@ -68,6 +70,30 @@ def _lifted(view: View, pose: np.ndarray, walls: tuple[Wall, ...]) -> Features |
     if view.features is None or not walls or np.isfinite(view.features.points).any():
         return view.features
     return seal(lift_on_walls(view.features, view.camera, pose, walls))
+
+
+def shifted(wall: Wall, start_by: np.ndarray, end_by: np.ndarray) -> Wall:
+    """The wall with its ends moved by 4x4 poses of the floor."""
+    start, end = (by[:2, :2] @ at + by[:2, 3] for by, at in ((start_by, wall.start_xy_m), (end_by, wall.end_xy_m)))
+    return replace(wall, start_xy_m=start, end_xy_m=end)
+
+
+def carried(walls: tuple[Wall, ...], views: tuple[View, ...], closure: Closure) -> tuple[Wall, ...]:
+    """The walls where the closed loop puts them: each end goes with the view nearest to it. views: before it closed."""
+    stood = np.array([view.map_from_body[:2, 3] for view in views])
+
+    def by(at: np.ndarray) -> np.ndarray:
+        nearest = int(np.argmin(np.linalg.norm(stood - at, axis=1)))
+        return closure.poses[nearest] @ np.linalg.inv(views[nearest].map_from_body)
+
+    return tuple(shifted(wall, by(wall.start_xy_m), by(wall.end_xy_m)) for wall in walls)
+
+
+def wall_rows(walls: tuple[Wall, ...]) -> list[dict[str, Any]]:
+    """The walls as walls.json has them: ends in the map, metres; a ceiling never seen is null."""
+    return [{"start_m": np.round(wall.start_xy_m, 6).tolist(), "end_m": np.round(wall.end_xy_m, 6).tolist(),
+             "floor_m": float(wall.floor_m), "ceiling_m": float(wall.ceiling_m) if np.isfinite(wall.ceiling_m) else None}
+            for wall in walls]
 
 
 def close(views: tuple[View, ...], loop_closer: LoopCloser) -> tuple[tuple[View, ...], Closure]:

@@ -50,6 +50,26 @@ def test_the_errors_view_by_view_are_drawn_with_their_band(run, tmp_path):
     assert motion(tmp_path) is None  # no steps, no picture
 
 
+def test_walls_found_by_one_eye_are_drawn_where_the_file_has_them_and_named(tmp_path):
+    import json
+
+    from rhs.charts import new_figure
+    from rhs.drawing import draw_run
+
+    folder = make_run(tmp_path / "run", count=6)
+    without = new_figure(5.0, 4.0).add_subplot()
+    draw_run(without, folder)
+    assert "walls found" not in without.get_legend_handles_labels()[1]
+    walls = [{"start_m": [1.0, 2.0], "end_m": [1.0, 8.0], "floor_m": 0.0, "ceiling_m": None},
+             {"start_m": [1.0, 8.0], "end_m": [9.0, 8.0], "floor_m": 0.0, "ceiling_m": 2.6}]
+    (folder / "walls.json").write_text(json.dumps(walls))
+    axes = new_figure(5.0, 4.0).add_subplot()
+    draw_run(axes, folder)
+    assert axes.get_legend_handles_labels()[1].count("walls found") == 1
+    drawn = [line.get_xydata().tolist() for line in axes.get_lines()]
+    assert [[1.0, 2.0], [1.0, 8.0]] in drawn and [[1.0, 8.0], [9.0, 8.0]] in drawn
+
+
 def test_the_overview_of_almost_nothing(tmp_path):
     assert overview(tmp_path).stat().st_size > 1000
 

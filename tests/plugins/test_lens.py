@@ -154,3 +154,15 @@ def test_a_lens_that_folds_the_picture_is_refused_in_one_line():
     with pytest.raises(ConfigError, match=r"pixel \(0, 0\) of 160x120 has no ray") as caught:
         Lens(camera((-1.0, 0.0, 0.0, 0.0)), "source")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.benchmark
+def test_one_eye_goes_round_a_corner_as_well_through_a_lens(tmp_path):
+    """Two corridors of 17 m with the lens of tum_fr1: seed 100 gave an ATE of 0.034 m with and without it."""
+    from rhs.compose import compose_config
+    from rhs.experiment import run_config
+
+    words = ["experiment=mono_two_corridors", "task=survey", "seed=100", "recording=off"]
+    (tmp_path / "a").mkdir()
+    row = run_config(compose_config([*words, f"source.distortion={list(TUM_FR1)}"]), tmp_path / "a")
+    assert row["status"] == "ok" and row["ate_rmse_m"] < 0.08
