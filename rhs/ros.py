@@ -142,9 +142,10 @@ def occupancy_grid(grid: OccupancyGrid, stamp_ns: int, frame: str):
 def camera_info(camera: Camera, stamp_ns: int, frame: str):
     k = camera.matrix
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    distortion = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
+    distortion = (*camera.distortion, *[0.0] * 5)[: max(5, len(camera.distortion))]
+    model = "plumb_bob" if len(distortion) == 5 else "rational_polynomial"
     return make("sensor_msgs/msg/CameraInfo", header=header(stamp_ns, frame), height=camera.height, width=camera.width,
-                distortion_model="plumb_bob", d=np.array(distortion, float), k=k.reshape(9), r=np.eye(3).reshape(9),
+                distortion_model=model, d=np.array(distortion, float), k=k.reshape(9), r=np.eye(3).reshape(9),
                 p=np.hstack([k, np.zeros((3, 1))]).reshape(12), binning_x=0, binning_y=0, roi=region)
 
 

@@ -71,7 +71,11 @@ def test_weights_silence_an_outlier():
     assert np.allclose(found, g.se3(np.eye(3), np.array([1.0, 0.0, 0.0])))
 
 
-@pytest.mark.parametrize("distortion", [(), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)])
+# freiburg1's lens, and a rational model like that of wide depth cameras
+RATIONAL = (0.52, -2.7, 0.0006, -0.0002, 1.56, 0.4, -2.51, 1.48)
+
+
+@pytest.mark.parametrize("distortion", [(), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633), RATIONAL])
 def test_projection_and_back_projection_are_inverse(distortion):
     camera = g.Camera(640, 480, 517.3, 516.5, 318.6, 255.3, skew=1.5, distortion=distortion)
     points = np.stack([RNG.uniform(-0.5, 0.5, 50), RNG.uniform(-0.4, 0.4, 50), np.ones(50)], axis=1)
@@ -109,3 +113,13 @@ def test_quaternion_round_trip_with_w_last():
     rotation = g.rotation_z(np.pi / 2)
     assert np.allclose(g.quaternion_xyzw(rotation), [0, 0, np.sqrt(0.5), np.sqrt(0.5)])
     assert np.allclose(g.rotation_of_quaternion(g.quaternion_xyzw(rotation)), rotation)
+
+
+@pytest.mark.parametrize("distortion", [(0.2, -0.9, -0.005, 0.0026), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633), RATIONAL])
+def test_distortion_is_opencvs(distortion):
+    import cv2
+
+    camera = g.Camera(640, 480, 517.3, 516.5, 318.6, 255.3, distortion=distortion)
+    points = np.random.default_rng(0).uniform([-1, -0.8, 2], [1, 0.8, 4], (50, 3))
+    expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, np.array(distortion))
+    np.testing.assert_allclose(camera.project(points), expected[:, 0], atol=1e-9)

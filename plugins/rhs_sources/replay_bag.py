@@ -174,11 +174,11 @@ def _first(reader, topic: str):
 
 
 def _messages(reader, topics: set[str]) -> Iterator:
-    """(topic, stamp, message) in the order of the bag."""
+    """(topic, stamp, message) in the order of the bag; a header that was left at zero means when the message arrived."""
     chosen = [c for c in reader.connections if c.topic in topics]
-    for connection, _, raw in reader.messages(connections=chosen):
+    for connection, arrived_ns, raw in reader.messages(connections=chosen):
         message = reader.deserialize(raw, connection.msgtype)
-        yield connection.topic, ros.stamp_of(message), message
+        yield connection.topic, ros.stamp_of(message) or arrived_ns * 1e-9, message
 
 
 def _views(reader, topics: Topics, settings, camera: Camera, counts: Counter) -> Iterator:

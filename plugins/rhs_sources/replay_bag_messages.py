@@ -54,10 +54,13 @@ def camera_of(message) -> Camera | None:
         return None
     if message.distortion_model not in ("plumb_bob", "rational_polynomial", "") and any(d):
         raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob")
+    if any(d[8:]):
+        raise ConfigError(f"camera info has {len(d)} distortion numbers, the ninth or later not zero; expected k1, k2, p1, p2, "
+                          "k3, k4, k5, k6 at most")
     if any(d[5:]):
-        raise ConfigError(f"camera info has {len(d)} distortion numbers, the sixth and later not zero; expected k1, k2, p1, "
-                          "p2, k3 (plumb_bob)")
-    distortion = d[:5] if any(d) else ()
+        distortion = (*d, *[0.0] * 8)[:8]
+    else:
+        distortion = d[:5] if any(d) else ()
     return Camera(message.width, message.height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1], distortion)
 
 

@@ -1,7 +1,8 @@
 """The cameras of well-known recordings, and what a user may write instead.
 
 Figures: TUM RGB-D benchmark, "Intrinsic camera calibration of the Kinect" (freiburg1, freiburg2 with lens distortion;
-freiburg3 images are already undistorted); PrimeSense and 7-Scenes defaults as their data sets state them.
+freiburg3 images are already undistorted); PrimeSense and 7-Scenes defaults as their data sets state them; ICL-NUIM's
+TUM-compatible images, which want a positive fy (ETH3D/badslam issue 59).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ PRESETS = {
     "tum_fr1": Camera(640, 480, 517.3, 516.5, 318.6, 255.3, distortion=_FR1, readout_s=READOUT_S),
     "tum_fr2": Camera(640, 480, 520.9, 521.0, 325.1, 249.7, distortion=_FR2, readout_s=READOUT_S),
     "tum_fr3": Camera(640, 480, 535.4, 539.2, 320.1, 247.6, readout_s=READOUT_S),
+    "icl_nuim": Camera(640, 480, 481.2, 480.0, 319.5, 239.5),
     "primesense": Camera(640, 480, 525.0, 525.0, 319.5, 239.5),
     "seven_scenes": Camera(640, 480, 585.0, 585.0, 320.0, 240.0, readout_s=READOUT_S),
 }
@@ -45,8 +47,8 @@ def chosen_camera(wanted, size: tuple[int, int], *, recorded: Camera | None, whe
             raise ConfigError(f"source.camera={wanted} is not one of auto, {', '.join(PRESETS)} or [fx,fy,cx,cy]")
         camera = PRESETS[wanted]
     else:
-        fx, fy, cx, cy = (float(v) for v in wanted)
-        return Camera(width, height, fx, fy, cx, cy)
+        fx, fy, cx, cy, *distortion = (float(v) for v in wanted)
+        return Camera(width, height, fx, fy, cx, cy, distortion=tuple(distortion) if any(distortion) else ())
     if (camera.width, camera.height) != size:
         raise ConfigError(
             f"images in {where} are {width}x{height} but source.camera={wanted} is for {camera.width}x{camera.height};"

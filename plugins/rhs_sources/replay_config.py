@@ -19,7 +19,8 @@ class Replay:
 
     # Folder or file to read; relative paths count from where the command is typed.
     path: str = ""
-    # tum_fr1, tum_fr2, tum_fr3, primesense, seven_scenes, [fx,fy,cx,cy] in pixels, or auto: what the recording says.
+    # tum_fr1, tum_fr2, tum_fr3, icl_nuim, primesense, seven_scenes, [fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3] in
+    # pixels and OpenCV's distortion, or auto: what the recording says.
     camera: Any = "auto"
     # How to read the path: auto, tum, seven_scenes, run (run.mcap), bag or carmen; auto looks at the files.
     format: str = "auto"
@@ -27,6 +28,8 @@ class Replay:
     depth_scale: float = 0.0
     # Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m.
     max_depth_m: float = 20.0
+    # File of true camera poses of a TUM folder (stamp tx ty tz qx qy qz qw); empty: its groundtruth.txt or *.freiburg.
+    truth: str = ""
     # Colour, depth and true pose belong together when their stamps differ by at most this, seconds (TUM's habit).
     max_difference_s: float = 0.02
     # True poses are interpolated across gaps up to this long, seconds; beyond it the truth is unknown.
@@ -87,10 +90,12 @@ def _check_intrinsics(owner: str, values) -> None:
         numbers = [float(v) for v in values]
     except (TypeError, ValueError):
         numbers = []
-    if len(numbers) != 4:
-        found = f"{owner}.camera={values} is neither a preset nor four numbers"
-        raise ConfigError(f"{found}; type source.camera=[fx,fy,cx,cy]")
+    if len(numbers) not in (4, 8, 9):
+        found = f"{owner}.camera={values} is neither a preset nor four, eight or nine numbers"
+        raise ConfigError(f"{found}; type source.camera=[fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]")
     for name, value in zip(("fx", "fy"), numbers, strict=False):
         check_range(owner, f"camera {name}", value, low=1.0, high=1e5, unit="pixels")
-    for name, value in zip(("cx", "cy"), numbers[2:], strict=True):
+    for name, value in zip(("cx", "cy"), numbers[2:4], strict=True):
         check_range(owner, f"camera {name}", value, low=-1e5, high=1e5, unit="pixels")
+    for name, value in zip(("k1", "k2", "p1", "p2", "k3"), numbers[4:], strict=False):
+        check_range(owner, f"camera {name}", value, low=-100.0, high=100.0)

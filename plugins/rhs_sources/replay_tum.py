@@ -47,8 +47,8 @@ def open_tum(path: Path, settings) -> Recording:
             f"{path}: no colour and depth image within {settings.max_difference_s:g} s of each other;"
             " type source.max_difference_s=SECONDS"
         )
-    truth_file = path / "groundtruth.txt"
-    truth = read_tum_truth(truth_file, settings) if truth_file.is_file() else None
+    truth_file = _truth_file(path, settings)
+    truth = None if truth_file is None else read_tum_truth(truth_file, settings)
     if truth is not None:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
     return open_pairs(pairs, settings, truth=truth, default_scale=5000.0, rejected=rejected)
@@ -124,13 +124,28 @@ def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
     return np.array(stamps)[kept], [files[i] for i in kept], rejected
 
 
+def _truth_file(path: Path, settings) -> Path | None:
+    """The user's file of true poses, else groundtruth.txt, else the only *.freiburg (ICL-NUIM), else None."""
+    if settings.truth:
+        chosen = Path(settings.truth).expanduser()
+        if not chosen.is_file():
+            raise ConfigError(f"source.truth={settings.truth}: no such file; expected stamp tx ty tz qx qy qz qw a line")
+        return chosen
+    found = [path / "groundtruth.txt"] if (path / "groundtruth.txt").is_file() else list(path.glob("*.freiburg"))
+    return found[0] if len(found) == 1 else None
+
+
 def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path]], Counter]:
+    """Lines of stamp, colour, stamp, depth; where the first name says depth and the other does not (ICL-NUIM), the
+    other way round."""
     entries = []
     for number, words in rows(path):
         where = f"{path.name}:{number}"
         if len(words) < 4:
             raise ConfigError(f"{where}: found {len(words)} column(s); expected stamp colour stamp depth")
-        stamp, color, _, depth = words[:4]
+        stamp, color, other, depth = words[:4]
+        if "depth" in color.lower() and "depth" not in depth.lower():
+            stamp, color, depth = other, depth, color
         entries.append(
             (number_of(stamp, where), _inside(path.parent, color, where), _inside(path.parent, depth, where))
         )
@@ -139,8 +154,9 @@ def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path]],
 
 
 def _inside(folder: Path, name: str, where: str) -> Path:
-    """The file `name` of `folder`; a name that leads out of the folder is refused."""
+    """The file `name` of `folder`; a name that leads out of the folder is refused. Links are the user's own."""
     path = folder / name  # an absolute name replaces the folder
-    if not path.resolve().is_relative_to(folder.resolve()) or ".." in Path(name).parts:
+    inside = path.is_relative_to(folder) or path.resolve().is_relative_to(folder.resolve())
+    if not inside or ".." in Path(name).parts:
         raise ConfigError(f"{where}: {name!r} leads out of the recording; expected a file inside {folder}")
     return path

@@ -7,7 +7,10 @@ import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
 
 from rhs.errors import ConfigError
+from rhs.geometry import Camera
+from rhs.ros import camera_info
 from rhs_sources.replay_bag import choose_topics
+from rhs_sources.replay_bag_messages import camera_of
 from rhs_sources.replay_config import Replay
 
 ALL_KINDS = pytest.mark.parametrize("kind", KINDS)
@@ -66,7 +69,7 @@ def test_the_lens_of_a_recording_is_undone_where_pixels_become_rays(tmp_path):
 
 
 @pytest.mark.parametrize(("distortion", "model", "complaint"), [
-    ((0.1, 0.2, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0), "rational_polynomial", "the sixth and later not zero"),
+    ((0.1, 0.2, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.1), "rational_polynomial", "the ninth or later not zero"),
     ((0.1, 0.2, 0.0, 0.0), "equidistant", "expected plumb_bob"),
 ])
 def test_a_lens_of_another_kind_is_refused_in_one_line(tmp_path, distortion, model, complaint):
@@ -165,6 +168,28 @@ def test_repeated_and_backward_stamps_are_dropped_and_counted(tmp_path):
         counts = dict(source.rejected)
     assert seen == [1.0, 1.1, 1.3]
     assert counts == {"duplicate": 2, "backward": 2, "unpaired": 1}
+
+
+def test_headers_without_a_stamp_mean_the_time_of_arrival(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.camera_info(INFO, 0.0)
+        for k in range(3):
+            bag.clock_s = 5.0 + 0.1 * k
+            bag.image(COLOR, 0.0, picture(k), "rgb8")
+            bag.image(DEPTH, 0.0, MILLIMETRES, "16UC1")
+    _, seen = views(bag.path)
+    assert [round(c.stamp_s, 3) for c, _ in seen] == [5.0, 5.1, 5.2]
+
+
+@pytest.mark.parametrize("distortion", [(), (0.26, -0.95, -0.005, 0.002, 1.1), (0.5, -2, 6e-4, -2e-4, 1.5, 0.4, -2.5, 1.5)])
+def test_a_camera_info_says_the_lens(distortion):
+    camera = Camera(640, 480, 517.3, 516.5, 318.6, 255.3, distortion=distortion)
+    message = camera_info(camera, 0, "camera")
+    assert camera_of(message).distortion == distortion
+    assert message.distortion_model == ("rational_polynomial" if len(distortion) == 8 else "plumb_bob")
+    message.d = np.arange(1.0, 13.0)
+    with pytest.raises(ConfigError, match="camera info has 12 distortion numbers, the ninth"):
+        camera_of(message)
 
 
 @pytest.mark.parametrize(

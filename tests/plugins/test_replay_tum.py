@@ -166,6 +166,41 @@ def test_absolute_names_inside_the_recording_are_taken(tmp_path):
     assert len(all_views(replay(folder))) == 3
 
 
+def test_images_that_are_links_are_taken(tmp_path):
+    there, here = tmp_path / "there", tmp_path / "here"
+    there.mkdir()
+    here.mkdir()
+    folder = write_folder(there)
+    for name in ("rgb.txt", "depth.txt", "rgb", "depth"):
+        (here / name).symlink_to(folder / name)
+    assert len(all_views(replay(here))) == 3
+
+
+def test_associations_with_depth_first_and_a_truth_of_another_name(tmp_path):
+    folder = write_folder(tmp_path)
+    stamps = ("0.000000", "0.100000", "0.200000")
+    (folder / "associations.txt").write_text("".join(f"{s} depth/{s}.png {s} rgb/{s}.png\n" for s in stamps))
+    for name in ("rgb.txt", "depth.txt"):
+        (folder / name).unlink()
+    (folder / "groundtruth.txt").rename(folder / "livingRoom0.gt.freiburg")
+    views = all_views(replay(folder))
+    assert views[0][0].depth[5, 5] == 2.0 and views[0][0].image[5, 5].tolist() == [200, 20, 10]
+    assert views[2][1][0, 3] == pytest.approx(0.2)
+    (folder / "livingRoom0.gt.freiburg").rename(tmp_path / "elsewhere.txt")
+    assert all_views(replay(folder))[2][1] is None
+    assert all_views(replay(folder, truth=str(tmp_path / "elsewhere.txt")))[2][1][0, 3] == pytest.approx(0.2)
+    with pytest.raises(ConfigError, match="source.truth=nowhere.txt: no such file"):
+        replay(folder, truth="nowhere.txt")
+
+
+def test_a_camera_may_be_given_with_its_distortion(tmp_path):
+    source = replay(write_folder(tmp_path), camera=[*INTRINSICS, 0.1, -0.2, 0.001, 0.002])
+    source.close()
+    assert source.camera.fx == 50.0 and source.camera.distortion == (0.1, -0.2, 0.001, 0.002)
+    with pytest.raises(ConfigError, match="nor four, eight or nine numbers"):
+        Replay(path="x", camera=[*INTRINSICS, 0.1])
+
+
 def test_file_names_may_not_lead_out_of_the_recording(tmp_path):
     folder = write_folder(tmp_path)
     (folder / "rgb.txt").write_text("0.0 ../../etc/passwd\n")
