@@ -55,8 +55,8 @@ def camera_of(message) -> Camera | None:
     if message.distortion_model not in ("plumb_bob", "rational_polynomial", "") and any(d):
         raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob")
     if any(d[8:]):
-        raise ConfigError(f"camera info has {len(d)} distortion numbers, the ninth or later not zero; expected k1, k2, p1, p2, "
-                          "k3, k4, k5, k6 at most")
+        raise ConfigError(f"camera info has {len(d)} distortion numbers, the ninth or later not zero; expected at most "
+                          "k1, k2, p1, p2, k3, k4, k5, k6")
     if any(d[5:]):
         distortion = (*d, *[0.0] * 8)[:8]
     else:

@@ -108,5 +108,6 @@ def _scan(bearings: np.ndarray, ranges: np.ndarray, max_laser_m: float) -> Scan:
 
 
 def _opened(path: Path):
-    opener = {".bz2": bz2.open, ".gz": gzip.open}.get(path.suffix, open)
-    return opener(path, "rb")
+    if path.suffix == ".bz2":
+        return bz2.open(path, "rb")
+    return gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb")
