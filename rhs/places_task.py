@@ -6,14 +6,13 @@ row.json. Stored views stand at their true poses, so that the score is that of r
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .compose import RunConfig, identity, write_config
+from .compose import RunConfig, identity
 from .contracts import FeatureSettings
 from .errors import ConfigError
 from .files import replacing
@@ -24,10 +23,9 @@ from .parts import Parts, build
 from .patrol import Led, steps
 from .place_files import save
 from .place_trial import ABSTAINED, CORRECT, WRONG, Answered, Query, judge_pose, precision_recall, shares, trial
-from .provenance import commit, versions
 from .records import Knowing, Motion, Observation, Step, Tracking, View
-from .rowfile import write_row
 from .survey import ViewCollector, draw
+from .task_row import run_task
 from .vision import features
 
 QUERY_SEED = 1000  # added to the seed for the lap that is queried: other noise, another wobble
@@ -38,21 +36,7 @@ def run_places_config(config: RunConfig, folder: Path) -> dict[str, Any]:
     """Run the task and return its row, written whatever the outcome; the cause of a failure stands under `_cause`."""
     if "driving" not in config.source.settings.provides:
         raise ConfigError("task=places needs a simulated world; type source=simulator")
-    begin = time.perf_counter()
-    row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
-    cause: BaseException | None = None
-    write_config(config, folder)
-    try:
-        row.update(run_places(config, folder))
-    except KeyboardInterrupt as error:
-        row.update(status="interrupted", reason="interrupted by the user")
-        cause = error
-    except (Exception, SystemExit) as error:
-        row.update(status="failed", reason=" ".join(f"{type(error).__name__}: {error}".split()))
-        cause = error
-    row["wall_ms"] = 1e3 * (time.perf_counter() - begin)
-    write_row(folder, row)
-    return row | {"_cause": cause}
+    return run_task(identity(config), config, folder, lambda: run_places(config, folder))
 
 
 def run_places(config: RunConfig, folder: Path) -> dict[str, Any]:

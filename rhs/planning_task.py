@@ -7,7 +7,6 @@ but the times of this machine follows from map and plan.json (`evaluate_plan`).
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .arena import Arena, load_arena
-from .compose import RunConfig, identity, write_config
+from .compose import RunConfig, identity
 from .contracts import Context, FeatureSettings, WorldFacts
 from .errors import ConfigError, ContractError
 from .geometry import camera_from_fov
@@ -25,9 +24,8 @@ from .parts import generator
 from .plan_files import read_plan, write_plan
 from .planning_metrics import path_values
 from .planning_pictures import plan_picture
-from .provenance import commit, versions
 from .records import Path, PlanningProblem, PlanReason
-from .rowfile import write_row
+from .task_row import run_task
 
 
 def run_planning_config(config: RunConfig, folder: FilePath) -> dict[str, Any]:
@@ -35,26 +33,14 @@ def run_planning_config(config: RunConfig, folder: FilePath) -> dict[str, Any]:
 
     Raises ConfigError before anything ran, for what can be refused. The cause of a failure stands under `_cause`.
     """
-    begin = time.perf_counter()
-    cause: BaseException | None = None
     arena = chosen_arena(config)
     which = identity(config)
-    row: dict[str, Any] = {"status": "ok", "reason": "", **{k: which[k] for k in ("task", "world", "planner", "seed")},
-                           "config_hash": which["config_hash"], "commit": commit(), "versions": versions()}
-    write_config(config, folder)
-    try:
-        row.update(run_planning(config.planner.settings, arena, seed=config.seed, folder=folder))
-    except KeyboardInterrupt as error:
-        row.update(status="interrupted", reason="interrupted by the user")
-        cause = error
-    except (Exception, SystemExit) as error:  # a plugin may raise anything, even exit; its run is a row with a reason
-        row.update(status="failed", reason=" ".join(f"{type(error).__name__}: {error}".split()))
-        cause = error
-    row["wall_ms"] = 1e3 * (time.perf_counter() - begin)
-    write_row(folder, row)
-    if cause is None:
+    about = {name: which[name] for name in ("task", "world", "planner", "seed", "config_hash")}
+    row = run_task(about, config, folder,
+                   lambda: run_planning(config.planner.settings, arena, seed=config.seed, folder=folder))
+    if row["_cause"] is None:
         plan_picture(folder)
-    return row | {"_cause": cause}
+    return row
 
 
 def run_planning(settings: Any, arena: Arena, *, seed: int, folder: FilePath) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from .compose import RunConfig, identity, write_config
+from .compose import RunConfig, identity
 from .contracts import FeatureSettings
 from .errors import ConfigError
 from .files import replacing
@@ -24,8 +24,7 @@ from .floorplan import World
 from .geometry import Camera, inverse
 from .mosaic import Mosaic, correlation
 from .parts import Parts, build
-from .provenance import commit, versions
-from .rowfile import write_row
+from .task_row import run_task
 from .unroll_folder import Folder
 from .unroll_settings import Unroll
 from .unrolling import Stitched, Unroller, tube_of
@@ -46,26 +45,14 @@ def run_unroll_config(config: RunConfig, folder: Path) -> dict[str, Any]:
     """Run the task and return its row, written whatever the outcome; the cause of a failure stands under `_cause`.
 
     Raises ConfigError before anything ran, for what can be refused."""
-    begin = time.perf_counter()
     pictures = Folder(config.unroll) if config.unroll.path else None
-    row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
-    cause: BaseException | None = None
-    write_config(config, folder)
-    try:
-        row.update(from_folder(pictures, config.unroll, folder) if pictures else from_source(config, folder))
-    except KeyboardInterrupt as error:
-        row.update(status="interrupted", reason="interrupted by the user")
-        cause = error
-    except (Exception, SystemExit) as error:  # a plugin may raise anything, even exit; its run is a row with a reason
-        row.update(status="failed", reason=" ".join(f"{type(error).__name__}: {error}".split()))
-        cause = error
-    row["wall_ms"] = 1e3 * (time.perf_counter() - begin)
-    write_row(folder, row)
-    if cause is None:
+    row = run_task(identity(config), config, folder,
+                   lambda: from_folder(pictures, config.unroll, folder) if pictures else from_source(config, folder))
+    if row["_cause"] is None:
         from .unroll_pictures import overview
 
         overview(folder, config.unroll, row)
-    return row | {"_cause": cause}
+    return row
 
 
 def from_folder(pictures: Folder, settings: Unroll, folder: Path) -> dict[str, Any]:

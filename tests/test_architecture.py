@@ -31,7 +31,7 @@ LEVELS = [
     "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
     " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
     " planning_pictures planning_task planning_table planner_arena places_task"
-    " unroll_task unroll_pictures gating",
+    " unroll_task unroll_pictures gating task_row",
     "experiment told",
     "launcher sweep __init__",
     "__main__",
