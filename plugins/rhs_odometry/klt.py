@@ -1,19 +1,20 @@
-"""Points followed from view to view by pyramidal Lucas-Kanade: the front end of every one-eye odometry.
+"""Points followed by pyramidal Lucas-Kanade, then found again exactly: the front end of every one-eye odometry.
 
-Sources: Lucas and Kanade 1981 (pyramids after Bouguet 2000), Shi and Tomasi 1994 for the points, Kalal, Mikolajczyk
-and Matas 2010 for the forward-backward check. The floor has its own quota of points: floors are plain beside walls,
-and without it the floor, which fixes the scale, would hardly be tracked.
+Sources: Lucas and Kanade 1981 (pyramids after Bouguet 2000), Shi and Tomasi 1994 for the points. A point whose patch is
+not found again is followed back instead (Kalal, Mikolajczyk and Matas 2010). The floor has its own quota of points:
+floors are plain beside walls, and without it the floor, which fixes the scale, would hardly be tracked.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
 from rhs.records import Observation
 
+from .klt_patches import Patches, PatchRules, whole
 from .track_frames import TrackFrame, travel_of
 
 
@@ -29,6 +30,7 @@ class KltSettings:
     window_px: int = 13  # side of the patch that is followed
     levels: int = 3  # pyramid levels above the image itself
     check_px: float = 0.6  # largest disagreement between following forward and back
+    patches: PatchRules = field(default_factory=PatchRules)
 
 
 class KltTracker:
@@ -37,6 +39,7 @@ class KltTracker:
     def __init__(self, settings: KltSettings) -> None:
         self._settings = settings
         self._gray: np.ndarray | None = None
+        self._patches = Patches(settings.patches)
         self._ids = np.zeros(0, np.int64)
         self._pixels = np.zeros((0, 2), np.float32)
         self._next_id = 0
@@ -44,7 +47,7 @@ class KltTracker:
     def track(self, observation: Observation) -> TrackFrame:
         gray = None if observation.image is None else cv2.cvtColor(observation.image, cv2.COLOR_RGB2GRAY)
         if gray is None or self._gray is None or gray.shape != self._gray.shape:
-            self._ids, self._pixels = self._ids[:0], self._pixels[:0]
+            self._keep(np.zeros(len(self._ids), bool))
         else:
             self._follow(self._gray, gray)
         if gray is not None:
@@ -54,18 +57,37 @@ class KltTracker:
         return TrackFrame(observation.stamp_s, self._ids.copy(), self._pixels.astype(float), command, wheel)
 
     def _follow(self, before: np.ndarray, after: np.ndarray) -> None:
-        """Follow the points, keep those that come back to where they started and stay inside the image."""
+        """Follow the points, find their patches again; keep those found, or else those that come back when followed back."""
         if not len(self._ids):
             return
-        s = self._settings
-        flow = {"winSize": (s.window_px, s.window_px), "maxLevel": s.levels}
-        there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, self._pixels, None, **flow)
-        back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **flow)
         height, width = after.shape
-        good = (found.ravel() > 0) & (found_back.ravel() > 0)
-        good &= np.abs(back - self._pixels).max(axis=1) < s.check_px
-        good &= (there >= 3).all(axis=1) & (there[:, 0] < width - 3) & (there[:, 1] < height - 3)
-        self._ids, self._pixels = self._ids[good], there[good]
+        there, found = self._flow(before, after, self._pixels)
+        pixels, sure = self._patches.find(after, there.astype(float))
+        good = found & (sure | self._comes_back(before, after, there, ~sure))
+        good &= (pixels >= 3).all(axis=1) & (pixels[:, 0] < width - 3) & (pixels[:, 1] < height - 3)
+        self._pixels = pixels.astype(np.float32)
+        self._keep(good)
+        self._patches.refresh(after, sure[good])
+
+    def _flow(self, before: np.ndarray, after: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(pixels (N, 2) in the image `after`, found (N,) bool)."""
+        side = self._settings.window_px
+        start = np.ascontiguousarray(pixels, np.float32)
+        there, found, _ = cv2.calcOpticalFlowPyrLK(
+            before, after, start, np.empty_like(start), winSize=(side, side), maxLevel=self._settings.levels)
+        return np.asarray(there), np.asarray(found).ravel() > 0
+
+    def _comes_back(self, before: np.ndarray, after: np.ndarray, there: np.ndarray, doubted: np.ndarray) -> np.ndarray:
+        """(N,) bool: the doubted points that, followed back, arrive where they came from."""
+        out = np.zeros(len(there), bool)
+        if doubted.any():
+            back, found = self._flow(after, before, there[doubted])
+            out[doubted] = found & (np.abs(back - self._pixels[doubted]).max(axis=1) < self._settings.check_px)
+        return out
+
+    def _keep(self, mask: np.ndarray) -> None:
+        self._ids, self._pixels = self._ids[mask], self._pixels[mask]
+        self._patches.keep(mask)
 
     def _refill(self, gray: np.ndarray) -> None:
         """Find new corners away from the followed ones, wall part and floor part each up to its quota."""
@@ -78,7 +100,7 @@ class KltTracker:
         ):
             missing = quota - have
             if missing >= max(1, quota // 10):
-                self._add(self._corners(gray, rows, missing, quality))
+                self._add(gray, self._corners(gray, rows, missing, quality))
 
     def _corners(self, gray: np.ndarray, rows: slice, count: int, quality: float) -> np.ndarray:
         s = self._settings
@@ -91,8 +113,10 @@ class KltTracker:
             return np.zeros((0, 2), np.float32)
         return corners.reshape(-1, 2) + np.array([0, rows.start], np.float32)
 
-    def _add(self, pixels: np.ndarray) -> None:
+    def _add(self, gray: np.ndarray, pixels: np.ndarray) -> None:
+        pixels = pixels[whole(pixels, gray)]
         fresh = np.arange(self._next_id, self._next_id + len(pixels), dtype=np.int64)
         self._next_id += len(pixels)
         self._ids = np.concatenate([self._ids, fresh])
         self._pixels = np.concatenate([self._pixels, pixels]).astype(np.float32)
+        self._patches.add(gray, pixels.astype(float))
