@@ -16,7 +16,8 @@ from .rowfile import write_row
 def run_task(row: dict[str, Any], config: RunConfig, folder: Path, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Do the work, whose columns join those of the row that say what it is.
 
-    The configuration and the row are written whatever becomes of it. Returns the row with the exception that ended the work, or None, under `_cause`, which is not written.
+    The configuration and the row are written whatever becomes of it. Returns the row; the exception that ended the
+    work, or None, stands there under `_cause`, which is not written.
     """
     keep_freed_memory()
     begin = time.perf_counter()
