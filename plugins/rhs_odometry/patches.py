@@ -14,6 +14,7 @@ from rhs.jit import compiled
 
 HALF = 7  # patches are (2 HALF + 1)^2 pixels
 ITERATIONS = 12
+LONGEST_STEP_PX = 3.0  # of one iteration
 LEAST_LIKENESS = 0.75  # normalised correlation of a found patch; motion blur lowers it
 
 
@@ -39,77 +40,33 @@ def find_patches(then, now, *, pixels: np.ndarray, warps: np.ndarray, guess: np.
 
 @compiled
 def _align(then, now, pixels, warps, guess, half, iterations):
-    n = pixels.shape[0]
-    side = 2 * half + 1
+    """Where the patches are, and their normalised correlation there; 0 where there was nothing to follow."""
+    n, side = pixels.shape[0], 2 * half + 1
     where = guess.copy()
     likeness = np.zeros(n)
-    big = np.empty((side + 2, side + 2))
-    template = np.empty((side, side))
-    gx = np.empty((side, side))
-    gy = np.empty((side, side))
+    warped = np.empty((side + 2, side + 2))
+    template, gx, gy = np.empty((side, side)), np.empty((side, side)), np.empty((side, side))
     patch = np.empty((side, side))
     for i in range(n):
-        if not _sample_warped(then, pixels[i, 0], pixels[i, 1], warps[i], half + 1, big):
+        if not _sample_warped(then, pixels[i, 0], pixels[i, 1], warps[i], half + 1, warped):
             continue
-        mean = 0.0
-        hxx, hxy, hyy = 0.0, 0.0, 0.0
-        sx, sy = 0.0, 0.0
-        for r in range(side):
-            for c in range(side):
-                template[r, c] = big[r + 1, c + 1]
-                mean += template[r, c]
-                gx[r, c] = 0.5 * (big[r + 1, c + 2] - big[r + 1, c])
-                gy[r, c] = 0.5 * (big[r + 2, c + 1] - big[r, c + 1])
-                sx += gx[r, c]
-                sy += gy[r, c]
-        count = side * side
-        mean /= count
-        sx /= count
-        sy /= count
-        energy = 0.0
-        for r in range(side):
-            for c in range(side):
-                template[r, c] -= mean
-                energy += template[r, c] ** 2
-                gx[r, c] -= sx  # the offset of brightness is free
-                gy[r, c] -= sy
-                hxx += gx[r, c] ** 2
-                hxy += gx[r, c] * gy[r, c]
-                hyy += gy[r, c] ** 2
+        energy, hxx, hxy, hyy = _learn(warped, template, gx, gy)
         determinant = hxx * hyy - hxy * hxy
-        if energy < count * 9.0 or determinant < 1e-4 * (hxx + hyy) ** 2:
+        if energy < side * side * 9.0 or determinant < 1e-4 * (hxx + hyy) ** 2:
             continue
         x, y = guess[i, 0], guess[i, 1]
         for _ in range(iterations):
             if not _sample(now, x, y, half, patch):
                 likeness[i] = 0.0
                 break
-            m = 0.0
-            for r in range(side):
-                for c in range(side):
-                    m += patch[r, c]
-            m /= count
-            cross, power, bx, by = 0.0, 0.0, 0.0, 0.0
-            for r in range(side):
-                for c in range(side):
-                    p = patch[r, c] - m
-                    cross += p * template[r, c]
-                    power += p * p
-            if cross <= 0.0:
-                likeness[i] = 0.0
+            likeness[i], gain, bx, by = _compare(patch, template, energy, gx, gy)
+            if likeness[i] <= 0.0:
                 break
-            gain = cross / energy
-            for r in range(side):
-                for c in range(side):
-                    e = (patch[r, c] - m) - gain * template[r, c]
-                    bx += gx[r, c] * e
-                    by += gy[r, c] * e
-            likeness[i] = cross / np.sqrt(energy * power + 1e-9)
             dx = (hyy * bx - hxy * by) / (determinant * gain)
             dy = (hxx * by - hxy * bx) / (determinant * gain)
             size = np.sqrt(dx * dx + dy * dy)
-            if size > 3.0:
-                dx, dy = dx * 3.0 / size, dy * 3.0 / size
+            if size > LONGEST_STEP_PX:
+                dx, dy = dx * LONGEST_STEP_PX / size, dy * LONGEST_STEP_PX / size
             x -= dx
             y -= dy
             if size < 0.01:
@@ -119,6 +76,62 @@ def _align(then, now, pixels, warps, guess, half, iterations):
         where[i, 0] = x
         where[i, 1] = y
     return where, likeness
+
+
+@compiled
+def _learn(warped, template, gx, gy):
+    """Fill template and slopes, each less its mean since brightness may be offset, from a patch with a rim of one pixel.
+    Returns the template's energy and the three sums of products of the slopes."""
+    side = template.shape[0]
+    mean, sx, sy = 0.0, 0.0, 0.0
+    for r in range(side):
+        for c in range(side):
+            template[r, c] = warped[r + 1, c + 1]
+            mean += template[r, c]
+            gx[r, c] = 0.5 * (warped[r + 1, c + 2] - warped[r + 1, c])
+            gy[r, c] = 0.5 * (warped[r + 2, c + 1] - warped[r, c + 1])
+            sx += gx[r, c]
+            sy += gy[r, c]
+    count = side * side
+    mean, sx, sy = mean / count, sx / count, sy / count
+    energy, hxx, hxy, hyy = 0.0, 0.0, 0.0, 0.0
+    for r in range(side):
+        for c in range(side):
+            template[r, c] -= mean
+            energy += template[r, c] ** 2
+            gx[r, c] -= sx
+            gy[r, c] -= sy
+            hxx += gx[r, c] ** 2
+            hxy += gx[r, c] * gy[r, c]
+            hyy += gy[r, c] ** 2
+    return energy, hxx, hxy, hyy
+
+
+@compiled
+def _compare(patch, template, energy, gx, gy):
+    """Likeness of a patch to the template (0 when it is its negative), the gain of brightness, and the sums of the
+    slopes times what differs."""
+    side = template.shape[0]
+    mean = 0.0
+    for r in range(side):
+        for c in range(side):
+            mean += patch[r, c]
+    mean /= side * side
+    cross, power = 0.0, 0.0
+    for r in range(side):
+        for c in range(side):
+            p = patch[r, c] - mean
+            cross += p * template[r, c]
+            power += p * p
+    if cross <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    gain, bx, by = cross / energy, 0.0, 0.0
+    for r in range(side):
+        for c in range(side):
+            e = (patch[r, c] - mean) - gain * template[r, c]
+            bx += gx[r, c] * e
+            by += gy[r, c] * e
+    return cross / np.sqrt(energy * power + 1e-9), gain, bx, by
 
 
 @compiled
