@@ -25,6 +25,8 @@ class Unroll:
     aspect: float = 1.0
     # how it bends from the first view on: metres of a piece and its bend in degrees (left positive), one after the other
     pieces: list[float] = field(default_factory=list)
+    # the bend: told (by `pieces`; straight if they are empty), or found from the views, which are looked at twice for it
+    bend: str = "told"
     # where the camera is at the first view, left of and above the middle of the section, metres; it looks along the tube
     start_left_m: float = 0.0
     start_up_m: float = 0.0
@@ -41,6 +43,9 @@ class Unroll:
 
     def __post_init__(self) -> None:
         check_choice("unroll", "shape", self.shape, ("round", "rectangular"))
+        check_choice("unroll", "bend", self.bend, ("told", "found"))
+        if self.bend == "found" and self.pieces:
+            raise ConfigError("unroll.bend=found leaves nothing to tell; type unroll.pieces=[] or unroll.bend=told")
         check_choice("unroll", "pose", self.pose, ("fitted", "centred"))
         check_choice("unroll", "stitch", self.stitch, ("homography", "none"))
         check_range("unroll", "size_m", self.size_m, low=1e-3, high=100.0, unit="m")

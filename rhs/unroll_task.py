@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from .bend_finder import BendFinder
+from .bending import Winding
 from .compose import RunConfig, identity
 from .contracts import FeatureSettings
 from .errors import ConfigError
@@ -82,21 +84,34 @@ def from_source(config: RunConfig, folder: Path) -> dict[str, Any]:
         "world": parts.source.facts.name,
         "mosaic_correlation": correlation(picture[both], truth[both]) if both.any() else float("nan"),
         "along_error_pct": judge.along_error_percent(strips[-1].along_m),
+        "bend_error_deg": judge.heading_error_deg(unroller, strips[-1].along_m),
         "unroll_ms": cpu_ms,
     }
     return columns(unroller, strips, settings) | found
 
 
 def unrolled(views: Iterator[Seen], camera: Camera, settings: Unroll) -> tuple[Unroller, list[Stitched], float]:
-    """All views unrolled in order; CPU milliseconds per view (median)."""
-    unroller, strips, cost = Unroller(settings, camera), [], []
+    """All views unrolled in order, after one look at all of them if the bend is to be found; CPU milliseconds per view."""
+    tube, first_look_ms = None, 0.0
+    if settings.bend == "found":
+        views = iter(kept := list(views))
+        tube, first_look_ms = found_tube(kept, camera, settings)
+    unroller, strips, cost = Unroller(settings, camera, tube), [], []
     for view in views:
         begin = time.process_time()
         strips.append(unroller.add(view.picture))
         cost.append(1e3 * (time.process_time() - begin))
     if len(strips) < 2:
         raise ConfigError(f"{len(strips)} views to unroll; expected at least two")
-    return unroller, strips, float(np.median(cost))
+    return unroller, strips, float(np.median(cost)) + first_look_ms
+
+
+def found_tube(views: list[Seen], camera: Camera, settings: Unroll) -> tuple[Winding, float]:
+    """The tube as the views show it to bend; CPU milliseconds per view (mean)."""
+    begin, finder = time.process_time(), BendFinder(settings, camera)
+    for view in views:
+        finder.look(view.picture)
+    return finder.winding, 1e3 * (time.process_time() - begin) / max(len(views), 1)
 
 
 def columns(unroller: Unroller, strips: list[Stitched], settings: Unroll) -> dict[str, Any]:
@@ -109,9 +124,16 @@ def columns(unroller: Unroller, strips: list[Stitched], settings: Unroll) -> dic
         "strip_agreement": float(np.nanmedian(agreement)),
         "strip_agreement_least": float(np.nanmin(agreement)),
         "along_m": strips[-1].along_m,
+        "bend_deg": turned_deg(unroller, settings, strips[-1].along_m),
         "mosaic_length_m": picture.shape[1] * settings.pixel_share * settings.size_m,
         "mosaic_known_share": float(np.isfinite(picture).mean()),
     }
+
+
+def turned_deg(unroller: Unroller, settings: Unroll, along_m: float) -> float:
+    """How far the tube has turned to the left up to there, as it was told or found."""
+    forward = unroller.tube.pose(along_m / settings.size_m)[:2, 0]
+    return float(np.degrees(np.arctan2(forward[1], forward[0])))
 
 
 def write_strips(folder: Path, strips: list[Stitched]) -> None:
@@ -162,7 +184,10 @@ class TextureJudge:
     """Knows the texture from the source itself (one that provides `texture`)."""
 
     def __init__(self, settings: Unroll, source: Any) -> None:
-        self._settings, self._source, self._tube = settings, source, tube_of(settings)
+        self._settings, self._source = settings, source
+        self._tube, self._unit_m = tube_of(settings), settings.size_m
+        if hasattr(source, "tube"):  # who has a texture may know its tube, too: then that is the truth, whatever was told
+            self._tube, self._unit_m = source.tube, 1.0
         self._first: np.ndarray | None = None
         self._last = np.eye(4)
 
@@ -180,9 +205,19 @@ class TextureJudge:
             return float("nan")
         upright = np.eye(4)
         upright[:3, 3] = self._first[:3, 3] - [0.0, self._settings.start_left_m, self._settings.start_up_m]
-        point = (inverse(upright) @ self._last)[:3, 3] / self._settings.size_m
-        true_m = float(self._tube.locate(point[None])[0][0]) * self._settings.size_m
+        point = (inverse(upright) @ self._last)[:3, 3] / self._unit_m
+        true_m = float(self._tube.locate(point[None])[0][0]) * self._unit_m
         return 100.0 * abs(along_m - true_m) / true_m if true_m > 0 else float("nan")
+
+    def heading_error_deg(self, unroller: Unroller, along_m: float) -> float:
+        """Largest error of the tube's direction up to there; NaN where nobody knows the true one."""
+        if not hasattr(self._source, "tube"):
+            return float("nan")
+        at = np.linspace(0.0, along_m, 200)
+        ours = np.array([unroller.tube.pose(s / self._settings.size_m)[:2, 0] for s in at])
+        true = np.array([self._source.tube.pose(s)[:2, 0] for s in at])
+        cross, dot = true[:, 0] * ours[:, 1] - true[:, 1] * ours[:, 0], (true * ours).sum(axis=1)
+        return float(np.degrees(np.abs(np.arctan2(cross, dot)).max()))
 
     def texture(self, mosaic: Mosaic) -> np.ndarray:
         """(rows, columns) true grey on the mosaic's pixels, NaN where unknown."""

@@ -5,8 +5,8 @@ Each view is back-projected on the section where it is believed to be, which giv
 (eq. 4.6): points of the last view, back-projected on the section and projected into this one. The strip is then stitched on
 by the homography that carries it to the mosaic so far.
 
-Deviations from the thesis: places are relative to the section, so that a tube may be as long as it likes; it may bend, where
-it is told how. `pose=centred` keeps the camera on the axis; the homography has to absorb all.
+Deviations from the thesis: places are relative to the section, so that a tube may be as long as it likes; it may bend, as it
+is told or as rhs.bend_finder found. `pose=centred` keeps the camera on the axis; the homography has to absorb all.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .bending import Winding
 from .filtering import correct_information, numeric_jacobian
 from .geometry import BODY_FROM_OPTICAL, Camera, exp_so3
 from .mosaic import Mosaic, Strip, follow, homography, sample, shift_between
@@ -25,6 +26,7 @@ from .unroll_settings import Unroll
 # All lengths here are in sizes of the section.
 ALONG, AT = 0, slice(1, 6)
 STATES = 6
+View = tuple[np.ndarray, np.ndarray]  # a picture (H, W), and where it was taken (6,)
 # A camera is led near the middle and along the tube: how far it strays (1 sigma), and in how many views it strays elsewhere.
 STRAYS = np.array([0.1, 0.1, 0.1, 0.1, 0.1])
 REMEMBERED = 15.0
@@ -60,9 +62,10 @@ class Stitched:
 class Unroller:
     """Takes gray views in order; `mosaic` grows."""
 
-    def __init__(self, settings: Unroll, camera: Camera) -> None:
+    def __init__(self, settings: Unroll, camera: Camera, tube: Tube | Winding | None = None) -> None:
+        """tube: in sizes of the section; None: as the settings have it."""
         self._settings, self._camera, self._size_m = settings, camera, settings.size_m
-        self.tube = tube_of(settings)
+        self.tube = tube or tube_of(settings)
         self.section = self.tube.section
         self.mosaic = Mosaic(settings.pixel_share, self.section.perimeter_m)
         start = np.zeros(STATES)
@@ -76,7 +79,7 @@ class Unroller:
         place, points, residual = self.place, 0, np.nan
         if self._last is not None:
             place, points, residual = self._moved(picture, self._last)
-        strip = self._strip(picture, place.values)
+        strip = self.strip(picture, place.values)
         warp, agreed = np.eye(3), 0
         if self._settings.stitch == "homography" and not self.mosaic.empty:
             warp, agreed = homography(*follow(strip, *self._under(strip)), MOST_PX[self._settings.pose])
@@ -95,7 +98,7 @@ class Unroller:
         values[1:] *= keep
         values[ALONG] += self._step or 0.0
         wide = self._settings.far_sizes - self._settings.near_sizes
-        shift = shift_between(self._strip(picture, values), self.mosaic, 0.6 * wide if self._step is None else 0.25)
+        shift = shift_between(self.strip(picture, values), self.mosaic, 0.6 * wide if self._step is None else 0.25)
         values[ALONG] += shift[0]
         if self._settings.pose == "centred":
             return Place(values, self.place.covariance), 0, np.nan
@@ -104,7 +107,7 @@ class Unroller:
 
     def _filtered(self, picture: np.ndarray, last: np.ndarray, expected: Place, keep: float) -> tuple[Place, int, float]:
         """The update of eq. 4.6: states are the last place (without the way), this place and the step."""
-        wall, seen = self._followed(picture, last, expected.values)
+        wall, seen = self.followed((picture, expected.values), (last, self.place.values))
         if len(wall) < ENOUGH:
             return expected, len(wall), np.nan
         before = self._by_last(wall)
@@ -117,7 +120,7 @@ class Unroller:
             now = self._by_place(values, wall)
             by_wall = self._by_wall(values, wall)
             rows = np.concatenate([by_wall @ before, now[:, :, AT], now[:, :, :1]], axis=2)
-            gap = seen - self._project(values, wall) - (by_wall @ before) @ delta[:5]
+            gap = seen - self.project(values, wall) - (by_wall @ before) @ delta[:5]
             size = np.linalg.norm(gap, axis=1)
             scale = max(2.0 * float(np.nanmedian(size)), PIXEL_SIGMA)
             good = np.isfinite(rows).all((1, 2)) & (size < 4.0 * scale)
@@ -130,27 +133,28 @@ class Unroller:
         near = size < 2.0 * scale
         return Place(values, change.covariance[5:10, 5:10]), int(near.sum()), float(np.sqrt(np.mean(size[near] ** 2)))
 
-    def _followed(self, picture: np.ndarray, last: np.ndarray, expected: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def followed(self, this: View, last: View) -> tuple[np.ndarray, np.ndarray]:
         """Points of the wall (N, 2) as the last view saw them, and their pixels (N, 2) in this one.
 
         Both views are opened on one grid before points are followed: what is left is small and does not grow from view to
         view as a picture does when one goes forward, which would pull the points along. Columns are even in the picture."""
-        middle = 0.5 * (self.place.values[ALONG] + expected[ALONG])
+        (picture, expected), (before, values) = this, last
+        middle = 0.5 * (values[ALONG] + expected[ALONG])
         along = middle + 1.0 / np.linspace(1.0 / self._settings.near_sizes, 1.0 / SEEN_SIZES, LOOK[1])
         around = (np.arange(LOOK[0]) + 0.5) * self.section.perimeter_m / LOOK[0]
         wall = np.stack([a.ravel() for a in np.meshgrid(along, around)], axis=1)
-        (grey, known), (now, seen) = self._open(last, self.place.values, wall), self._open(picture, expected, wall)
+        (grey, known), (now, seen) = self._open(before, values, wall), self._open(picture, expected, wall)
         here, there = follow(Strip(0, now, seen.astype(float)), grey, known)
 
         def lifted(pixels: np.ndarray) -> np.ndarray:
             columns = np.interp(pixels[:, 0], np.arange(LOOK[1]), along)
             return np.stack([columns, (pixels[:, 1] + 0.5) * self.section.perimeter_m / LOOK[0]], axis=1)
 
-        return lifted(there), self._project(expected, lifted(here))
+        return lifted(there), self.project(expected, lifted(here))
 
     def _open(self, picture: np.ndarray, values: np.ndarray, wall: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """grey and seen of the LOOK grid of the wall in a view taken at a place."""
-        return sample(picture, self._project(values, wall).reshape(*LOOK, 2))
+        return sample(picture, self.project(values, wall).reshape(*LOOK, 2))
 
     def _by_last(self, wall: np.ndarray) -> np.ndarray:
         """(N, 2, 5): how the wall's point behind a pixel of the last view moves with where that view was taken."""
@@ -163,33 +167,38 @@ class Unroller:
         return out
 
     def _by_place(self, values: np.ndarray, wall: np.ndarray) -> np.ndarray:
-        return numeric_jacobian(lambda x: self._project(x, wall).ravel(), values, 1e-5).reshape(-1, 2, STATES)
+        return numeric_jacobian(lambda x: self.project(x, wall).ravel(), values, 1e-5).reshape(-1, 2, STATES)
 
     def _by_wall(self, values: np.ndarray, wall: np.ndarray) -> np.ndarray:
         """(N, 2, 2) of pixels by along and around."""
         nudges = np.diag([1e-5, 1e-5])
-        columns = [(self._project(values, wall + n) - self._project(values, wall - n)) / 2e-5 for n in nudges]
+        columns = [(self.project(values, wall + n) - self.project(values, wall - n)) / 2e-5 for n in nudges]
         return np.stack(columns, axis=2)
 
     def _under(self, strip: Strip) -> tuple[np.ndarray, np.ndarray]:
         return self.mosaic.part(strip.first, strip.grey.shape[1])
 
-    def _strip(self, picture: np.ndarray, values: np.ndarray) -> Strip:
+    def strip(self, picture: np.ndarray, values: np.ndarray) -> Strip:
         """The wall between near and far ahead of the view, as seen from a place, on the mosaic's own grid."""
         first = int(np.ceil((values[ALONG] + self._settings.near_sizes) / self.mosaic.pixel))
         count = int((self._settings.far_sizes - self._settings.near_sizes) / self.mosaic.pixel)
         flat = self.mosaic.grid(first, count)
         shape = (self.mosaic.rows, count)
-        grey, inside = sample(picture, self._project(values, flat).reshape(*shape, 2))
+        grey, inside = sample(picture, self.project(values, flat).reshape(*shape, 2))
         ahead = np.maximum(flat[:, 0] - values[ALONG], 0.1).reshape(shape)
         return Strip(first, grey, np.where(inside, ahead**-6.0, 0.0))  # resolution along the wall falls as its square
 
-    def _project(self, values: np.ndarray, wall: np.ndarray) -> np.ndarray:
+    def project(self, values: np.ndarray, wall: np.ndarray) -> np.ndarray:
         """(N, 2) pixels of points (N, 2) of the wall (along, around) seen from a place; NaN behind the camera."""
-        section = self.tube.pose(float(values[ALONG]))
-        points = (self.tube.points(wall[:, 0], wall[:, 1]) - section[:3, 3]) @ section[:3, :3]
-        body = (points - np.array([0.0, values[1], values[2]])) @ exp_so3(values[3:6])
-        return self._camera.project(body @ BODY_FROM_OPTICAL)
+        return seen_from(self.tube, self._camera, values, wall)
+
+
+def seen_from(tube: Tube | Winding, camera: Camera, values: np.ndarray, wall: np.ndarray) -> np.ndarray:
+    """(N, 2) pixels of points (N, 2) of the wall of a tube seen from a place (6,); NaN behind the camera."""
+    section = tube.pose(float(values[ALONG]))
+    points = (tube.points(wall[:, 0], wall[:, 1]) - section[:3, 3]) @ section[:3, :3]
+    body = (points - np.array([0.0, values[1], values[2]])) @ exp_so3(values[3:6])
+    return camera.project(body @ BODY_FROM_OPTICAL)
 
 
 def tube_of(settings: Unroll) -> Tube:
