@@ -2,7 +2,8 @@
 
 The camera sways in six degrees of freedom in the living room of the world `home`, looks all round it twice and comes
 back to where it began: 30 views a second for 20 s, about 0.2 m/s and 36 degrees a second. Kinect noise; no blur, no
-rolling shutter. Every odometry sees the same views. ATE after SE(3) alignment, RPE per view; end: distance between the ends of estimate and truth.
+rolling shutter. Every odometry sees the same views. ATE after SE(3) alignment, RPE per view;
+end: distance between the ends of estimate and truth.
 """
 
 from __future__ import annotations
