@@ -24,7 +24,7 @@ from .patrol import Led, steps
 from .place_files import save
 from .place_trial import ABSTAINED, CORRECT, WRONG, Answered, Query, judge_pose, precision_recall, shares, trial
 from .records import Knowing, Motion, Observation, Step, Tracking, View
-from .survey import ViewCollector, draw
+from .survey import ViewCollector, draw, revise
 from .task_row import run_task
 from .vision import features
 
@@ -58,7 +58,9 @@ def run_places(config: RunConfig, folder: Path) -> dict[str, Any]:
 def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) -> tuple[list[tuple[View, Step]], Parts]:
     """One led lap as (view at its true pose, step) pairs, key-points in every view, and the parts it was led with.
 
-    off_route: led `places.off_route_m` rms beside the route and `places.off_route_deg` off its heading."""
+    off_route: led `places.off_route_m` rms beside the route and `places.off_route_deg` off its heading; its views are queries
+    and stay as they were taken. The others are stored: with one eye their key-points get the depths of the walls that the
+    odometry settled on, errors and all."""
     from .world import load_world
 
     chosen = dict(config.chosen())
@@ -74,8 +76,9 @@ def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) 
         taken = list(collector.watch(steps(parts.source, parts.sensor, parts.odometry, led)))
     finally:
         parts.source.close()
+    views = collector.views if off_route else revise(collector.views, parts.odometry)[0]
     out = []
-    for view, step in zip(collector.views, taken, strict=True):
+    for view, step in zip(views, taken, strict=True):
         assert step.truth is not None, "the simulator knows where it is"
         out.append((replace(view, map_from_body=step.truth), step))
     return out, parts
