@@ -7,12 +7,12 @@ import numpy as np
 from rhs.contracts import Context
 from rhs.geometry import Camera, adjoint, inverse, se2
 from rhs.records import Revision, Scan, Wall
-from rhs.structure import cast_on_walls
 
 from .corridor_ekf_config import CorridorEkf
 from .corridor_filter import CorridorFilter, FilterSettings, floor_plane
 from .corridor_map import walls_of
 from .corridor_motion import Inertia, MotionNoise, Told
+from .corridor_scan import Drawn, believed_scan, mouths_of
 from .corridor_state import SCALE, WIDTH, CorridorState
 from .corridor_walls import WallRules
 from .one_eye import Estimate, OneEye, StructureAlarm, beams, embed
@@ -21,6 +21,7 @@ from .track_frames import TrackFrame
 
 UNKNOWN_WIDTH = (2.6, 0.6)  # metres, prior of an unknown width: narrow corridors of houses to wide ones of offices
 UNKNOWN_HEIGHT_SIGMA_M = 0.5
+DRAW_AGAIN = 4  # views between two drawings of the walls for the scans on the way
 DOUBT = 2.0  # where the structure ends the filter's sigmas count so many times
 LEAST_STEP = np.diag([2e-4, 2e-4, 5e-5]) ** 2  # no motion is known better: metres, radians
 DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree is one cell, and no cell of a wall is missed
@@ -66,6 +67,7 @@ class CorridorCore:
         self._bearings, self._range_m = beams(camera), scan_range_m
         self._alarm, self._ledger = StructureAlarm(), Ledger()
         self._start = self.filter.state.clones[0, :3].copy()
+        self._view, self._sketch = 0, tuple[Drawn, ...]()
 
     def step(self, frame: TrackFrame) -> Estimate:
         self.filter.step(frame)
@@ -91,16 +93,21 @@ class CorridorCore:
 
     def scan(self) -> Scan | None:
         """What the walls known so far would give from here."""
-        return self._cast(self.filter.state.clones[-1])
+        if self._view % DRAW_AGAIN == 0:
+            self._sketch = self._drawn()
+        self._view += 1
+        pose = se2(*self.filter.state.clones[-1, :3])
+        return believed_scan(self._sketch, (), pose, self._bearings, self._range_m) if self._sketch else None
 
     def revise(self) -> Revision | None:
         """Poses as they left the window, and all scans cast on the walls as they are now. Now that the walls are known,
         a scan covers the full circle: what the camera saw ahead before stands beside it later."""
-        poses, walls = self.filter.poses(), self.walls()
+        poses, drawn = self.filter.poses(), self._drawn()
         poses[0, :3] = self._start  # others turn the whole survey so that it begins there; the walls know better
         circle, reach = np.linspace(-np.pi, np.pi, 720, endpoint=False), min(self._range_m, DRAWN_M)
-        cast = [cast_on_walls(walls, se2(*p[:3]), circle, reach) if walls else None for p in poses]
-        return Revision(np.stack([se2(*p[:3]) for p in poses]), tuple(cast), walls, self._settled())
+        mouths, placed = mouths_of(drawn), [se2(*p[:3]) for p in poses]
+        cast = [believed_scan(drawn, mouths, pose, circle, reach) if drawn else None for pose in placed]
+        return Revision(np.stack(placed), tuple(cast), tuple(d.wall for d in drawn), self._settled())
 
     def _settled(self) -> np.ndarray:
         """(6, 6) of the last pose, along its own axes."""
@@ -111,11 +118,10 @@ class CorridorCore:
         return self.filter.state.pose_covariance()[:3, :3]
 
     def walls(self) -> tuple[Wall, ...]:
-        return walls_of(self.filter.state.planes, self.filter.poses()[:, :2])
+        return tuple(d.wall for d in self._drawn())
 
-    def _cast(self, pose: np.ndarray) -> Scan | None:
-        walls = self.walls()
-        return cast_on_walls(walls, se2(*pose[:3]), self._bearings, self._range_m) if walls else None
+    def _drawn(self) -> tuple[Drawn, ...]:
+        return walls_of(self.filter.state.planes, self.filter.poses()[:, :2])
 
 
 class Ledger:

@@ -92,7 +92,8 @@ class CorridorFilter:
         found = attach(self.state, fit, self._settings.rules)
         information, vector, used, points = self._rows(eyes, rays, seen, (fit, found))
         change = correct_information(self.state.covariance, information, vector)
-        self.state.planes = record_hits(self.state.planes, np.where(used == 1, found.wall, -1), points, self._view)
+        hit = np.where(used == 1, found.wall, -1)
+        self.state.planes = record_hits(self.state.planes, hit, points, fit.anchor, self._view)
         self._finder.remember(points[found.strong & (used == 2)], self._view)
         self.state.add(change.delta, change.covariance)
         return Tally(

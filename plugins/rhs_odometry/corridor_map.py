@@ -13,6 +13,7 @@ import numpy as np
 
 from rhs.records import Wall
 
+from .corridor_scan import Drawn
 from .corridor_state import BIN_M, Plane
 
 LEAST_HITS = 20  # walls with fewer tracks are not drawn
@@ -21,10 +22,14 @@ BESIDE_M = 2.5  # beside a path this near, an unseen stretch of wall is believed
 ROUND_M = 1.0  # and so far past the path's end: the robot has stood there and wants to come back
 BODY_M = 0.25  # nearer to the path than this no wall can stand: the robot would have touched it
 SHADOW_M = 0.5  # a weak wall this near to a strong one on the same line is not drawn
+SIDE_SHARE = 0.15  # a wall was seen from a side if at least this share of its tracks was
+NICHE_M = 5.0  # walls further apart than this have nothing to do with each other
+PASSED_M = 4.0  # the robot passes a wall when it is no further from it than this
+BEHIND_BINS = 3  # a wall gives way to one before or behind it where that one was seen along at least so many stretches
 CLEAR_M = 0.3  # a wall ends at least this far before the point where the path crosses its line
 
 
-def walls_of(planes: Sequence[Plane], path_xy: np.ndarray) -> tuple[Wall, ...]:
+def walls_of(planes: Sequence[Plane], path_xy: np.ndarray) -> tuple[Drawn, ...]:
     """Segments of the upright planes with enough hits; path_xy (N, 2): where the robot has been."""
     upright = [p for p in planes if not p.is_floor and p.hits >= LEAST_HITS]
     above = [p.offset_m for p in planes if p.is_floor and p.offset_m > 1.0]
@@ -33,8 +38,14 @@ def walls_of(planes: Sequence[Plane], path_xy: np.ndarray) -> tuple[Wall, ...]:
     upright = [p for p in upright if not _shadowed(p, upright)]
     for p in upright:
         for low, high in _pieces(p, upright, path_xy):
-            walls.append(Wall(_point(p, low), _point(p, high), 0.0, ceiling))
+            walls.append(Drawn(Wall(_point(p, low), _point(p, high), 0.0, ceiling), *_seen_sides(p)))
     return tuple(walls)
+
+
+def _seen_sides(p: Plane) -> tuple[bool, bool]:
+    """Whether the wall was seen from the left and from the right of the way along it."""
+    below, above = (n >= SIDE_SHARE * sum(p.sides) for n in p.sides)
+    return (below, above) if p.axis == 0 else (above, below)
 
 
 def _point(p: Plane, along_m: float) -> np.ndarray:
@@ -47,7 +58,7 @@ def _pieces(p: Plane, others: Sequence[Plane], path_xy: np.ndarray) -> list[tupl
     """Extents along the wall, metres: one piece wherever the robot has not driven through, if seen there."""
     marks = _marks(p, others)
     pieces = []
-    for lower, upper in _gaps(p, path_xy):
+    for lower, upper in _gaps(p, path_xy, _hidden(p, others, path_xy)):
         stretches = {k: n for k, n in p.support.items() if lower < (k + 0.5) * BIN_M < upper}
         firm = [k for k, n in stretches.items() if n >= 3]
         if sum(stretches.values()) < LEAST_HITS or not firm:
@@ -78,12 +89,50 @@ def _shadowed(p: Plane, others: Sequence[Plane]) -> bool:
     )
 
 
-def _gaps(p: Plane, path_xy: np.ndarray) -> list[tuple[float, float]]:
-    """Stretches along the wall in which the robot's body never touched its line: there the wall may stand."""
+def _gaps(p: Plane, path_xy: np.ndarray, hidden: Sequence[float]) -> list[tuple[float, float]]:
+    """Stretches along the wall in which the robot's body never touched its line, and that are not `hidden` (coordinates of
+    the middles of stretches): there the wall may stand."""
     across = path_xy[:, p.axis] - (p.offset_m - p.angle_rad * (path_xy[:, 1 - p.axis] - p.pivot_m))
-    touched = np.sort(path_xy[np.abs(across) < BODY_M, 1 - p.axis])
-    edges = [-np.inf, *touched.tolist(), np.inf]
+    touched = path_xy[np.abs(across) < BODY_M, 1 - p.axis].tolist()
+    edges = [-np.inf, *sorted([*touched, *hidden]), np.inf]
     return [(low, high) for low, high in pairwise(edges) if high - low > 2 * BODY_M]
+
+
+def _hidden(p: Plane, others: Sequence[Plane], path_xy: np.ndarray) -> list[float]:
+    """Middles of the stretches along which the wall was not seen, but another was before or behind it: what was seen
+    behind shows that the wall is not there, what stands before it hides it and makes it a guess."""
+    own, out = _firm(p), []
+    for o in others:
+        apart = abs(o.offset_m - p.offset_m)
+        if o is p or o.axis != p.axis or not SHADOW_M < apart < NICHE_M or not own:
+            continue
+        theirs = [k for k in _firm(o) if k not in own and _same_side(p, o, path_xy, (k + 0.5) * BIN_M)]
+        for first, last in _runs(theirs, own):
+            if last - first + 1 >= BEHIND_BINS:
+                out += [BIN_M * first, *((k + 0.5) * BIN_M for k in range(first, last + 1)), BIN_M * (last + 1)]
+    return out
+
+
+def _firm(p: Plane) -> set[int]:
+    return {k for k, n in p.support.items() if n >= 3}
+
+
+def _runs(bins: Sequence[int], own: set[int]) -> list[tuple[int, int]]:
+    """First and last of the runs of stretches, across holes in which nothing of the wall itself was seen."""
+    runs: list[tuple[int, int]] = []
+    for k in sorted(bins):
+        if runs and not any(runs[-1][1] < own_bin < k for own_bin in own):
+            runs[-1] = (runs[-1][0], k)
+        else:
+            runs.append((k, k))
+    return runs
+
+
+def _same_side(p: Plane, o: Plane, path_xy: np.ndarray, along_m: float) -> bool:
+    """Whether the robot passed there (within a metre along the walls), always with both walls on the same hand."""
+    here = path_xy[np.abs(path_xy[:, 1 - p.axis] - along_m) < 1.0, p.axis]
+    here = here[np.minimum(np.abs(here - p.at(along_m)), np.abs(here - o.at(along_m))) < PASSED_M]
+    return len(here) > 0 and bool(((here - p.at(along_m)) * (here - o.at(along_m)) > 0.0).all())
 
 
 def _beside(p: Plane, path_xy: np.ndarray) -> np.ndarray:

@@ -28,7 +28,8 @@ BIN_M = 0.5
 class Plane:
     """A wall (axis 0 or 1), floor or ceiling (axis 2). low_m, high_m: extent seen, along the wall. hits: tracks attached.
     last_seen: index of the view. paired: its distance to the opposite wall has been used once. support: hits per stretch
-    of BIN_M along the wall, by number of the stretch."""
+    of BIN_M along the wall, by number of the stretch. sides: tracks seen from where the coordinate across the wall is lower,
+    and from where it is higher."""
 
     axis: int
     offset_m: float
@@ -40,6 +41,7 @@ class Plane:
     last_seen: int = 0
     paired: bool = False
     support: Mapping[int, int] = field(default_factory=dict)
+    sides: tuple[int, int] = (0, 0)
 
     @property
     def is_floor(self) -> bool:

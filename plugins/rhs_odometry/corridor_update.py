@@ -75,7 +75,9 @@ def _by_clones(eyes: Eyes, fit: Fit, camera: np.ndarray, seen: np.ndarray) -> np
     rho = fit.rho[:, None, None]
     from_body = q + rho * (eyes.centre - eyes.body)[None]
     by_map = camera @ np.swapaxes(eyes.rotation, 1, 2)[None]
-    arms = np.stack([np.cross(eyes.axes[None, :, :, k], from_body) for k in range(3)], axis=3)
+    ax, ay, az = (eyes.axes[None, :, k] for k in range(3))
+    x, y, z = (from_body[..., k : k + 1] for k in range(3))
+    arms = np.stack([ay * z - az * y, az * x - ax * z, ax * y - ay * x], axis=2)  # the axes, crossed with the arm
     shift = -rho[..., None] * by_map[..., :2]
     return np.concatenate([shift, -by_map @ arms], axis=3)
 

@@ -85,13 +85,16 @@ def within(plane: Plane, points: np.ndarray, reach_m: float) -> np.ndarray:
     return (along > plane.low_m - reach_m) & (along < plane.high_m + reach_m)
 
 
-def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, view: int) -> list[Plane]:
-    """The planes with the extents, counts and last views of the tracks (T,) found on them."""
+def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, eyes: np.ndarray, view: int) -> list[Plane]:
+    """The planes with the extents, counts, sides and last views of the tracks found on them: wall (T,), points (T, 3), and
+    from where each was seen last, eyes (T, 3)."""
     out = list(planes)
     for j in np.unique(wall[wall >= 0]):
         p, hit = out[j], points[wall == j]
         along = hit[:, 1 - p.axis] if not p.is_floor else hit[:, 0]
-        out[j] = with_hits(replace(p, last_seen=view), along)
+        above = int((eyes[wall == j] @ p.normal() > p.level()).sum())
+        sides = (p.sides[0] + len(hit) - above, p.sides[1] + above)
+        out[j] = with_hits(replace(p, last_seen=view, sides=sides), along)
     return out
 
 
@@ -229,6 +232,7 @@ def _join(state: CorridorState, i: int, j: int) -> None:
         support={k: a.support.get(k, 0) + b.support.get(k, 0) for k in {*a.support, *b.support}},
         last_seen=max(a.last_seen, b.last_seen),
         paired=a.paired or b.paired,
+        sides=(a.sides[0] + b.sides[0], a.sides[1] + b.sides[1]),
     )
     state.planes[keep] = joined
     state.remove_plane(drop)

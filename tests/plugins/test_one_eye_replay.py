@@ -58,7 +58,7 @@ def test_a_wall_ends_at_the_next_wall_across_it():
     """Seen up to 4 m; the corridor's end wall stands at 6 m."""
     path = np.column_stack([np.linspace(0, 4, 40), np.zeros(40)])
     side, end = wall(1, 1.0, 1.0, 4.0), wall(0, 6.0, -1.0, 1.0)
-    drawn = walls_of([side, end], path)
+    drawn = [d.wall for d in walls_of([side, end], path)]
     assert drawn[0].end_xy_m == pytest.approx([6.0, 1.0])
 
 
@@ -66,7 +66,7 @@ def test_no_wall_where_the_robot_has_driven():
     """The side wall of the first corridor is not drawn across the mouth of the second."""
     path = np.vstack([np.column_stack([np.linspace(0, 5, 50), np.zeros(50)]),
                       np.column_stack([np.full(50, 5.0), np.linspace(0, 5, 50)])])
-    drawn = walls_of([wall(1, 1.0, 0.0, 4.3), wall(0, 4.0, 1.0, 5.0)], path)
+    drawn = [d.wall for d in walls_of([wall(1, 1.0, 0.0, 4.3), wall(0, 4.0, 1.0, 5.0)], path)]
     assert drawn[0].end_xy_m == pytest.approx([4.0, 1.0])
 
 
