@@ -22,6 +22,7 @@ from .track_frames import TrackFrame
 UNKNOWN_WIDTH = (2.6, 0.6)  # metres, prior of an unknown width: narrow corridors of houses to wide ones of offices
 UNKNOWN_HEIGHT_SIGMA_M = 0.5
 DRAW_AGAIN = 4  # views between two drawings of the walls for the scans on the way
+SWAYS_DEG = 0.1  # a camera that sways by more than this is first found again, then believed
 DOUBT = 2.0  # where the structure ends the filter's sigmas count so many times
 LEAST_STEP = np.diag([2e-4, 2e-4, 5e-5]) ** 2  # no motion is known better: metres, radians
 DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree is one cell, and no cell of a wall is missed
@@ -55,7 +56,8 @@ def corridor_core(settings: CorridorEkf, camera: Camera, start: np.ndarray) -> C
     motion = Inertia(noise) if settings.motion == "none" else Told(noise, wheels=settings.motion == "wheel")
     rules = WallRules(angle_sigma_rad=float(np.radians(settings.right_angle_sigma_deg)))
     from_width = settings.width_m > 0 and not settings.height_known
-    core = FilterSettings(settings.window, settings.pixel_sigma_px, tilt, from_width, rules)
+    passes = 2 if settings.wobble_sigma_deg > SWAYS_DEG else 1
+    core = FilterSettings(settings.window, settings.pixel_sigma_px, tilt, passes, from_width, rules)
     return CorridorCore(CorridorFilter(camera, state, motion, core), camera, settings.scan_range_m)
 
 

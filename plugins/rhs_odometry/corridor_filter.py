@@ -7,6 +7,7 @@ it is attached to a wall.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,6 +32,7 @@ class FilterSettings:
     window: int = 12
     pixel_sigma: float = 1.0
     tilt_sigma_rad: float = 1e-4
+    linearisations: int = 1  # passes over the tracks of a view
     width_known: bool = True  # the width may set the scale of everything at the first pair
     rules: WallRules = field(default_factory=WallRules)
 
@@ -85,17 +87,23 @@ class CorridorFilter:
         self.state.append_clone(expected, self._settings.tilt_sigma_rad)
 
     def _measure(self, rays: np.ndarray, seen: np.ndarray) -> Tally:
+        """One update by the tracks. The first estimate of the poses may be too poor to triangulate from (a camera that sways
+        by degrees); then the tracks are looked at again from where they themselves put the camera (iterated filter)."""
         if not len(rays):
             return Tally()
-        eyes = eyes_of(self.state.clones, self._camera.body_from_camera)
-        fit = fit_free(eyes, rays, seen, self._sigma)
-        found = attach(self.state, fit, self._settings.rules)
-        information, vector, used, points = self._rows(eyes, rays, seen, (fit, found))
-        change = correct_information(self.state.covariance, information, vector)
+        before, prior = copy(self.state), self.state.covariance
+        shift = np.zeros(len(prior))
+        for again in reversed(range(self._settings.linearisations)):
+            eyes = eyes_of(self.state.clones, self._camera.body_from_camera)
+            fit = fit_free(eyes, rays, seen, self._sigma)
+            found = attach(self.state, fit, self._settings.rules)
+            information, vector, used, points = self._rows(eyes, rays, seen, (fit, found, shift))
+            change = correct_information(prior, information, vector)
+            shift, self.state = change.delta, copy(before)
+            self.state.add(shift, prior if again else change.covariance)
         hit = np.where(used == 1, found.wall, -1)
         self.state.planes = record_hits(self.state.planes, hit, points, fit.anchor, self._view)
         self._finder.remember(points[found.strong & (used == 2)], self._view)
-        self.state.add(change.delta, change.covariance)
         return Tally(
             due=len(rays),
             on_walls=int((used == 1).sum()),
@@ -105,9 +113,11 @@ class CorridorFilter:
             stray=int(found.stray.sum()),
         )
 
-    def _rows(self, eyes: Eyes, rays: np.ndarray, seen: np.ndarray, how: tuple[Fit, Attachment]):
-        """Sums of all rows that pass their gate; (T,) use: 1 on a wall, 2 as a free point, 0 refused; points (T, 3)."""
-        fit, found = how
+    def _rows(self, eyes: Eyes, rays: np.ndarray, seen: np.ndarray, how: tuple[Fit, Attachment, np.ndarray]):
+        """Sums of all rows that pass their gate; (T,) use: 1 on a wall, 2 as a free point, 0 refused; points (T, 3).
+
+        how: free points, walls, and the (D,) way the state has been moved since its prior."""
+        fit, found, shift = how
         size, points = len(self.state.covariance), fit.points()
         information, vector, used = np.zeros((size, size)), np.zeros(size), np.zeros(len(rays), int)
         on = np.flatnonzero(found.wall >= 0)
@@ -115,6 +125,7 @@ class CorridorFilter:
             walls = [self.state.planes[j] for j in found.wall[on]]
             flat = fit_on_planes(eyes, rays[on], seen[on], self._sigma, walls)
             rows = plane_rows(self.state, eyes, rays[on], seen[on], (flat, found.wall[on], self._sigma))
+            rows = rows.moved_back(shift)
             good = flat.good & rows.passed()
             used[on[good]] = 1
             points[on[good]] = flat.points()[good]
@@ -123,6 +134,7 @@ class CorridorFilter:
         if len(rest):
             one = Fit(*(getattr(fit, k)[rest] for k in ("angles", "rho", "anchor", "rho_sigma", "cost", "good")))
             rows = free_rows(self.state, eyes, rays[rest], seen[rest], one, self._sigma)
+            rows = rows.moved_back(shift)
             good = rows.passed()
             used[rest[good]] = 2
             more = rows.sums(good)

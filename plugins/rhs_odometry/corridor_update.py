@@ -7,7 +7,7 @@ rotating into the null space the rows are projected onto it, which gives the sam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -21,12 +21,22 @@ from .corridor_state import PER_CLONE, CorridorState
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Linearised tracks, in units of sigma: residual (T, R), jacobian (T, R, D) by the state, R = 2 N; rows of unseen
-    views are zero. dof (T,): independent numbers left. gamma (T,): their normalised innovation squared."""
+    views are zero. dof (T,): independent numbers left. gamma (T,): their normalised innovation squared;
+    innovation (T, R, R): what they may differ by from the state."""
 
     residual: np.ndarray
     jacobian: np.ndarray
     dof: np.ndarray
     gamma: np.ndarray
+    innovation: np.ndarray
+
+    def moved_back(self, shift: np.ndarray) -> Rows:
+        """The same rows as a measurement of the (D,) error of the prior, when they were linearised `shift` away from it."""
+        if not shift.any():
+            return self
+        residual = self.residual + self.jacobian @ shift
+        gamma = (residual * np.linalg.solve(self.innovation, residual[..., None])[..., 0]).sum(1)
+        return replace(self, residual=residual, gamma=gamma)
 
     def passed(self, probability: float = 0.99) -> np.ndarray:
         """(T,) bool: the track agrees with the state."""
@@ -99,4 +109,4 @@ def _finish(state: CorridorState, parts, seen: np.ndarray, sigma: float) -> Rows
     res = (res - basis @ (np.swapaxes(basis, 1, 2) @ res))[..., 0]
     innovation = rows @ state.covariance @ np.swapaxes(rows, 1, 2) + np.eye(2 * n)
     gamma = (res * np.linalg.solve(innovation, res[..., None])[..., 0]).sum(1)
-    return Rows(res, rows, 2 * seen.sum(1) - own.shape[-1], gamma)
+    return Rows(res, rows, 2 * seen.sum(1) - own.shape[-1], gamma, innovation)
