@@ -16,13 +16,15 @@ from rhs.filtering import correct_information
 from rhs.geometry import Camera
 
 from .corridor_fit import Eyes, Fit, eyes_of, fit_free, fit_on_planes
-from .corridor_motion import Inertia, Told
-from .corridor_state import WIDTH, CorridorState, Plane
+from .corridor_motion import Inertia, SpinWatch, Told
+from .corridor_state import SPEED, TURN, WIDTH, CorridorState, Plane
 from .corridor_update import free_rows, plane_rows
 from .corridor_walls import Attachment, WallFinder, WallRules, attach, merge_one, record_hits
 from .corridor_width import agrees, find_pair, fits, use_pair
 from .corridor_window import TrackWindow
 from .track_frames import TrackFrame
+
+TURN_SIGMA_RADPS = 0.1  # how fast the camera may still turn when it goes on after a turn on the spot
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,14 @@ class CorridorFilter:
     """Filter over TrackFrames. After `step`, `state` holds the newest pose last; `history` the poses before the window."""
 
     def __init__(self, camera: Camera, state: CorridorState, motion: Told | Inertia, settings: FilterSettings) -> None:
-        self.state, self.history, self.tally = state, [], Tally()
+        self.state, self.tally = state, Tally()
+        self.history: list[np.ndarray] = []
         self._camera, self._motion, self._settings = camera, motion, settings
         self._origin = np.array([*state.clones[0, :2], camera.height_m])
         self._sigma = settings.pixel_sigma / (0.5 * (camera.fx + camera.fy))
         self._tracks = TrackWindow(camera, settings.window)
+        self._spin = SpinWatch(camera.fx)
+        self._start_speed = float(state.base[SPEED]), float(np.sqrt(state.covariance[SPEED, SPEED]))
         self._finder = WallFinder(settings.rules, camera.height_m)
         self._view, self._stamp_s, self._scaled = -1, 0.0, False
 
@@ -83,6 +88,9 @@ class CorridorFilter:
             return
         if self.state.window == self._settings.window:
             self.history.append(self.state.drop_oldest_clone())
+        if isinstance(self._motion, Inertia) and self._spin.goes_on(self.state.clones, frame):
+            self.state.forget(SPEED, *self._start_speed)
+            self.state.forget(TURN, 0.0, TURN_SIGMA_RADPS)
         expected = self._motion.expect(frame, self.state.base, seconds)
         self.state.append_clone(expected, self._settings.tilt_sigma_rad)
 

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .corridor_state import BASE, SCALE, SPEED, TURN, BodyMotion
-from .track_frames import TrackFrame
+from .track_frames import TrackFrame, common
+
+SPIN_VIEWS, SPIN_RAD, SPIN_M_PER_RAD = 4, 0.2, 0.3  # a turn on the spot: so much in so many views, moved less than this
+LEAST_POINTS = 8  # fewer followed points say nothing about how the picture moves
+STILL_PX = 0.4  # a picture that moves less than this stands still
 
 
 @dataclass(frozen=True)
@@ -58,3 +62,35 @@ class Inertia:
         walk = np.zeros(BASE)
         walk[SPEED], walk[TURN] = self._noise.speed_walk_mps**2, self._noise.turn_walk_radps**2
         return BodyMotion(mean, by_base, self._noise.covariance(0.0, 0.0), walk)
+
+
+class SpinWatch:
+    """Notices that the camera, without command or wheels, has turned on the spot and now goes on.
+
+    A turn on the spot teaches that the speed is zero, and nothing followed in it has a depth; what is seen afterwards fits a
+    slow camera among near things as well as the true one. So when the picture moves again without turning, the speed is
+    as unknown as it was at the start."""
+
+    def __init__(self, focal_px: float) -> None:
+        self._focal, self._spun = focal_px, False
+        self._before: TrackFrame | None = None
+
+    def goes_on(self, clones: np.ndarray, frame: TrackFrame) -> bool:
+        """True once, at the first view after a turn on the spot that moves without turning. clones (N, 5) before it."""
+        before, self._before = self._before, frame
+        recent = clones[-SPIN_VIEWS - 1 :, :3]
+        turned = np.abs(np.diff(np.unwrap(recent[:, 2]))).sum()
+        moved = np.hypot(*np.diff(recent[:, :2], axis=0).T).sum()
+        if len(recent) > SPIN_VIEWS and turned > SPIN_RAD and moved < SPIN_M_PER_RAD * turned:
+            self._spun = True
+        if not self._spun or before is None:
+            return False
+        a, b = common(before, frame)
+        if len(a) < LEAST_POINTS:
+            return False
+        flow = b - a
+        calm = abs(np.median(flow[:, 0])) < 0.3 * SPIN_RAD / SPIN_VIEWS * self._focal
+        if not calm or np.median(np.hypot(*flow.T)) < STILL_PX:
+            return False
+        self._spun = False
+        return True

@@ -133,6 +133,12 @@ class CorridorState:
         self.covariance = np.delete(np.delete(self.covariance, block, 0), block, 1)
         return oldest
 
+    def forget(self, index: int, value: float, sigma: float) -> None:
+        """A constant of the base is as unknown as at the start, and has nothing to do with anything else."""
+        self.base[index] = value
+        self.covariance[index], self.covariance[:, index] = 0.0, 0.0
+        self.covariance[index, index] = sigma**2
+
     def add_plane(self, plane: Plane, sigma: tuple[float, float]) -> None:
         """A new wall, at first independent of all else; sigma: of its offset (m) and its angle (rad)."""
         at = self.first_clone

@@ -100,7 +100,6 @@ def test_corner_without_any_motion_input():
     assert abs(np.degrees(wrap(poses[-1, 2] - truth[-1, 2]))) < 1.0
 
 
-@pytest.mark.xfail(reason="turning on the spot without any motion input loses the scale (notes 4)", strict=False)
 def test_turning_on_the_spot_without_any_motion_input():
     path = synthetic.corridor_path(np.array([[11.0, 1.0], [19.0, 1.0], [19.0, 9.0]]), radius_m=0.0)
     tracks = synthetic.synthetic_tracks(synthetic.square_plan(), path, np.random.default_rng(2))

@@ -1,0 +1,52 @@
+"""Without command or wheels: going on after a turn on the spot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rhs_odometry.corridor_motion import SpinWatch
+from rhs_odometry.corridor_state import SPEED, CorridorState
+from rhs_odometry.track_frames import TrackFrame
+
+FOCAL_PX = 300.0
+PIXELS = np.stack(np.meshgrid(np.linspace(20, 300, 6), np.linspace(20, 220, 5)), axis=-1).reshape(-1, 2)
+
+
+def frames(steps: list[np.ndarray]) -> list[TrackFrame]:
+    """The same points, moved by each step (px) from view to view."""
+    at = np.cumsum([np.zeros((len(PIXELS), 2)), *steps], axis=0)
+    return [TrackFrame(0.25 * k, np.arange(len(PIXELS)), PIXELS + move) for k, move in enumerate(at)]
+
+
+SPIN = np.tile([0.1 * FOCAL_PX, 0.0], (len(PIXELS), 1))  # a view of a turn by 0.1 rad
+STAND = np.zeros((len(PIXELS), 2))
+ON = 0.02 * (PIXELS - [160.0, 120.0])  # the picture grows: straight on
+SPINNING = np.column_stack([np.zeros((6, 2)), 0.1 * np.arange(6), np.zeros((6, 2))])
+DRIVING = np.column_stack([0.125 * np.arange(6), np.zeros((6, 4))])
+
+
+def test_going_on_is_noticed_once_and_not_while_it_turns_or_stands():
+    watch, seen = SpinWatch(FOCAL_PX), frames([SPIN, SPIN, STAND, ON, ON])
+    assert [watch.goes_on(SPINNING, frame) for frame in seen] == [False, False, False, False, True, True]
+    watch = SpinWatch(FOCAL_PX)
+    told = [watch.goes_on(SPINNING if k < 4 else DRIVING, frame) for k, frame in enumerate(seen)]
+    assert told == [False, False, False, False, True, False]
+
+
+def test_an_arc_is_no_turn_on_the_spot():
+    arc = SPINNING.copy()
+    arc[:, 0] = 0.07 * np.arange(6)  # 0.7 m round
+    watch = SpinWatch(FOCAL_PX)
+    assert not any(watch.goes_on(arc, frame) for frame in frames([SPIN, SPIN, ON, ON]))
+
+
+def test_what_is_forgotten_is_as_unknown_as_at_the_start():
+    state = CorridorState(np.array([0.0, 0.0, 1.0, 2.0]), np.full(4, 0.1), np.zeros(5), np.full(5, 0.01))
+    state.covariance[SPEED, 5] = state.covariance[5, SPEED] = 5e-4
+    before = state.covariance.copy()
+    state.forget(SPEED, 0.5, 0.12)
+    assert state.base[SPEED] == 0.5 and state.covariance[SPEED, SPEED] == pytest.approx(0.12**2)
+    assert state.covariance[SPEED, 5] == state.covariance[5, SPEED] == 0.0
+    rest = np.delete(np.delete(state.covariance, SPEED, 0), SPEED, 1)
+    np.testing.assert_array_equal(rest, np.delete(np.delete(before, SPEED, 0), SPEED, 1))
