@@ -112,6 +112,14 @@ def silent(state: Guesses, ratio: float, trust: Trust) -> Guesses:
     return _normalised(list(state.guesses), state.elsewhere * ratio, trust)
 
 
+def carried(state: Guesses, chance: float, trust: Trust) -> Guesses:
+    """Something says that the robot was carried off: `elsewhere` is at least so likely, whatever was known before."""
+    if state.elsewhere >= chance:
+        return state
+    share = (1.0 - chance) / (1.0 - state.elsewhere)
+    return _normalised([replace(g, weight=g.weight * share) for g in state.guesses], chance, trust)
+
+
 def confirms(state: Guesses, claims: Sequence[Claim], trust: Trust) -> bool:
     """Whether any claim agrees with the best guess."""
     return state.best is not None and bool(_corrected(state.best, claims, trust)[0])

@@ -32,10 +32,11 @@ from rhs.particles import (
     reweighted,
 )
 from rhs.records import Belief, Knowing, Motion, Observation, View
-from rhs.support import SILENCE
+from rhs.support import CARRIED, SILENCE
 
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import Places, Rumour
+from .vouching import Vouching
 
 CAUTION = Caution()
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
@@ -57,7 +58,7 @@ class ParticleLocaliser:
         self._peak: Peak | None = None
         self._rumour = Rumour()
         self._sure_views = 0
-        self._vouched, self._silences = places is None, 0
+        self._vouching, self._silences = Vouching(places is None), 0
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
@@ -77,23 +78,33 @@ class ParticleLocaliser:
             self._elsewhere = float(np.clip(1.0 - belief.probability, 1e-4, 0.99))
         self._cloud = even(states)
         self._peak = None
+        if self._places is not None:
+            self._places.begin()
         self._rumour = Rumour()
         told = belief is not None and belief.probability > 0.9
         self._sure_views = LONG_SURE if told else 0
-        self._vouched, self._silences = told or self._places is None, 0
+        self._vouching, self._silences = Vouching(told or self._places is None), 0
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Move, weigh, let the places speak, resample, and say what is believed."""
         assert self._cloud is not None and self._field is not None, "start() comes before update()"
         self._move(motion)
         self._rumour.move(planar(motion.previous_from_body))
+        self._vouching.travel(motion.previous_from_body)
+        if self._places is not None and self._places.breaks(observation, motion):
+            self._vouching.doubt()
+            self._sure_views = 0
+            self._elsewhere = max(self._elsewhere, CARRIED)
         self._weigh(observation, motion)
         self._hear_places(observation)
         if effective_size(self._cloud) < 0.5 * len(self._cloud):
             self._cloud = resampled_by_heaps(self._cloud, self._law, self._rng)
-        self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
-        if self._peak.mass * (1.0 - self._elsewhere) < SHAKEN:
-            self._vouched = self._places is None
+        before, self._peak = self._peak, peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
+        if self._places is not None:
+            if before is not None:
+                self._vouching.follow(planar(se2(*before.mean) @ motion.previous_from_body), self._peak.mean)
+            if self._peak.mass * (1.0 - self._elsewhere) < SHAKEN:
+                self._vouching.doubt()
         self._sure_views = self._sure_views + 1 if self._status() is Knowing.TRACKING else 0
         return self._belief(self._peak)
 
@@ -156,17 +167,20 @@ class ParticleLocaliser:
             if self._peak is not None and self._places.expects(observation, self._peak.mean):
                 self._places.doubt(True)
                 self._silences += 1
-                self._vouched = self._vouched and self._silences < SILENCES
+                if self._silences >= SILENCES:
+                    self._vouching.doubt()
                 odds = SILENCE * self._elsewhere / (1.0 - self._elsewhere)
                 self._elsewhere = self._bounded(odds / (1.0 + odds))
             return
         if self._peak is not None:
             contradicted = not hearing.confirms(self._peak.mean)
-            self._vouched = self._vouched or not contradicted
             self._silences = self._silences if contradicted else 0
             self._places.doubt(contradicted)
-            if not self._rumour.convinces(hearing, contradicted and self._status() is Knowing.TRACKING):
+            if not self._rumour.convinces(hearing, contradicted and self._sure_views > 0):
                 return
+            self._vouching.hear(not contradicted)
+            if contradicted:
+                self._vouching.doubt()
         self._cloud, gain = reweighted(self._cloud, hearing.log_likelihood(self._cloud.states))
         fresh = even(hearing.draw(max(self._settings.particles_min // 2, 1), self._rng))
         there = self._elsewhere * hearing.support
@@ -180,7 +194,7 @@ class ParticleLocaliser:
         if self._peak is None:
             return Knowing.LOST
         mass = self._peak.mass * (1.0 - self._elsewhere)
-        if mass >= self._settings.tracking_above and self._vouched:
+        if mass >= self._settings.tracking_above and self._vouching.vouched and self._rumour.pending < 2:
             return Knowing.TRACKING
         return Knowing.CONVERGING if mass >= self._settings.lost_below else Knowing.LOST
 
@@ -190,7 +204,7 @@ class ParticleLocaliser:
         assert self._cloud is not None
         details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "heap_mass": heap.mass}
         probability = heap.near * (1.0 - self._elsewhere) * 0.5**self._rumour.pending  # named elsewhere: even odds a time
-        probability *= 1.0 if self._vouched else 0.5
+        probability *= self._vouching.chance
         return Belief(se2(*heap.mean), covariance, self._status(), probability, details)
 
 

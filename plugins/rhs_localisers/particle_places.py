@@ -12,10 +12,10 @@ from rhs.geometry import planar, se2, wrap
 from rhs.memory import Memory, memory_of
 from rhs.particles import around, displaced
 from rhs.places import PlaceDatabase, PlaceSettings, shares
-from rhs.records import Observation, View
+from rhs.records import Features, Motion, Observation, View
 from rhs.retrieval import Vlad
 from rhs.sighting import SightingSettings
-from rhs.support import expected
+from rhs.support import breaks, expected
 from rhs.vision import features
 
 from .particle_filter_config import ParticleFilter
@@ -112,6 +112,7 @@ class Places:
         self._vlad: Vlad | None = None
         self._since_check = settings.check_every
         self._heard: tuple[Observation, np.ndarray] | None = None
+        self._last: Features | None = None
 
     def learn(self, views: Sequence[View], area_m2: float) -> None:
         """Store the views and tabulate which of them is nearest to any pose."""
@@ -122,6 +123,15 @@ class Places:
         self._vlad = self._database.retrieval if isinstance(self._database.retrieval, Vlad) else None
         self._areas = max(2.0, 0.5 * len(memory))
         self._table = NearestView(memory)
+
+    def begin(self) -> None:
+        """The next view is the first one."""
+        self._last = None
+
+    def breaks(self, observation: Observation, motion: Motion) -> bool:
+        """Whether this view cannot be one motion after the last; see rhs.support."""
+        last, self._last = self._last, features(observation, self._context.features)
+        return breaks(last, self._last, observation.camera, motion.previous_from_body)
 
     def log_likelihood(self, states: np.ndarray, observation: Observation) -> np.ndarray:
         """(N,) how much more the view looks like the stored view nearest each state than like an average one."""

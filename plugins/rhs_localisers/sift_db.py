@@ -15,18 +15,20 @@ import numpy as np
 
 from rhs.belief import chance_right
 from rhs.contracts import Context
+from rhs.geometry import planar
 from rhs.grid import OccupancyGrid
-from rhs.hypotheses import Claim, Guesses, Trust, begin, confirms, predict, silent, update
+from rhs.hypotheses import Claim, Guesses, Trust, begin, carried, confirms, predict, silent, update
 from rhs.memory import memory_of
 from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, shares
-from rhs.records import Belief, Knowing, Motion, Observation, View
+from rhs.records import Belief, Features, Knowing, Motion, Observation, View
 from rhs.scanmatch import ScanMatcher
 from rhs.sighting import SightingSettings
-from rhs.support import SILENCE, expected
+from rhs.support import CARRIED, SILENCE, breaks, expected
 from rhs.vision import features
 
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
+from .vouching import Vouching
 
 NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of not knowing, square metres and square radians
 
@@ -43,6 +45,8 @@ class PlaceLocaliser:
         self._steps = 0
         self._contradicted = False
         self._last = np.eye(4)
+        self._seen: Features | None = None
+        self._vouching = Vouching(False)
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the surveyed views as places."""
@@ -55,7 +59,8 @@ class PlaceLocaliser:
 
     def start(self, belief: Belief | None) -> None:
         """Begin from a belief, or anywhere."""
-        self._steps, self._contradicted = 0, False
+        self._steps, self._contradicted, self._seen = 0, False, None
+        self._vouching = Vouching(belief is not None and belief.probability > 0.9)
         if belief is None:
             self._state = begin(None, None)
         else:
@@ -67,6 +72,8 @@ class PlaceLocaliser:
         s = self._settings
         noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m)
         self._state = predict(self._state, motion.previous_from_body, noise, self._trust)
+        self._vouching.travel(motion.previous_from_body)
+        self._look_for_a_break(observation, motion)
         details: dict[str, float] = {}
         if self._due():
             answer = self._ask(observation)
@@ -75,7 +82,8 @@ class PlaceLocaliser:
             self._contradicted = missed or (bool(claims) and not confirms(self._state, claims, self._trust))
             if missed:
                 self._state = silent(self._state, SILENCE, self._trust)
-            self._state = update(self._state, claims, self._areas, self._trust)
+            before, self._state = self._state, update(self._state, claims, self._areas, self._trust)
+            self._vouch(before, claims)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
         scan = observation.scan if observation.scan is not None else motion.scan
         if self._matcher is not None and scan is not None and self._steps % s.match_every == 0:
@@ -84,8 +92,25 @@ class PlaceLocaliser:
         self._steps += 1
         return self._belief(details)
 
+    def _look_for_a_break(self, observation: Observation, motion: Motion) -> None:
+        """A view that does not go on from the last one: the robot may have been carried anywhere."""
+        last, self._seen = self._seen, features(observation, self._context.features)
+        if breaks(last, self._seen, observation.camera, motion.previous_from_body):
+            self._state, self._contradicted = carried(self._state, CARRIED, self._trust), True
+            self._vouching.doubt()
+
+    def _vouch(self, before: Guesses, claims: Sequence[Claim]) -> None:
+        """Places confirm the belief, speak against it, or have just put another in its stead."""
+        if claims:
+            self._vouching.hear(not self._contradicted)
+        if before.best is not None and self._state.best is not None:
+            self._vouching.follow(planar(before.best.map_from_body), planar(self._state.best.map_from_body))
+        if self._state.best is None or self._state.best.weight < self._settings.lost_below:
+            self._vouching.doubt()
+
     def _due(self) -> bool:
         sure = 1.0 - self._state.elsewhere >= self._settings.tracking_above
+        sure = sure and self._vouching.vouched
         return not sure or self._contradicted or self._steps % self._settings.every == 0
 
     def _ask(self, observation: Observation) -> PlaceAnswer:
@@ -104,12 +129,12 @@ class PlaceLocaliser:
         if best is None:
             return Belief(self._last, NOWHERE, Knowing.LOST, 0.0, details)
         self._last = best.map_from_body
-        probability = best.weight * chance_right(best.covariance)
+        probability = best.weight * chance_right(best.covariance) * self._vouching.chance
         details["guesses"] = float(len(self._state.guesses))
         return Belief(best.map_from_body, best.covariance, self._status(best.weight), probability, details)
 
     def _status(self, weight: float) -> Knowing:
-        if weight >= self._settings.tracking_above:
+        if weight >= self._settings.tracking_above and self._vouching.vouched:
             return Knowing.TRACKING
         return Knowing.CONVERGING if weight >= self._settings.lost_below else Knowing.LOST
 

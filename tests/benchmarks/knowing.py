@@ -7,9 +7,10 @@ same way round; a lap is led in the simulator once and kept (tests/benchmarks/la
 views of the lap from a known start, then the views go on from another, drawn place of the lap, and it is judged over 5 m
 of way as rhs.knowing judges it. ece: expected calibration error of the stated chance over ten bins, all views after a
 kidnap (reliability.csv holds the bins). `tracked`: the same
-localisers led round without a kidnap, on that lap and, where there is one, on a lap the other way round (seed 2). Writes
-results/tables/kidnaps.csv, tracked.csv, reliability.csv and results/pictures/reliability.png; rows of other worlds that
-stand in these tables are kept.
+localisers led round without a kidnap, on that lap and, where there is one, on a lap the other way round (seed 2). With
+--other-way N also N kidnaps from either lap onto the one led the other way round, where no place can be recognised: honest
+is to be lost (kidnaps_other_way.csv). Writes results/tables/kidnaps.csv, tracked.csv, reliability.csv and
+results/pictures/reliability.png; rows of other worlds that stand in these tables are kept.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
 TRACKED_BEFORE = 8
 KIDNAPS = ("world,localiser,kidnaps,recovered,recovery_m,recovery_p90_m,recovery_s,recovery_p90_s,wrong_sure,honest_lost,"
            "ece,update_cpu_ms")
+OTHER_WAY = KIDNAPS.replace("world,", "world,carried_from,")
 BINS = "world,localiser,stated_chance,share_right,views"
 TRACKED = "world,lap,localiser,views,tracking,right,wrong_sure,rmse_m,worst_m,ece"
 
@@ -48,11 +50,12 @@ def main() -> int:
     parser.add_argument("--worlds", nargs="+", default=["square", "square_alike", "square_twin"])
     parser.add_argument("--localisers", nargs="+", default=["sift_db", "particle_filter"])
     parser.add_argument("--kidnaps", type=int, default=200)
+    parser.add_argument("--other-way", type=int, default=0)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, default=RESULTS / "laps")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
-    lines, tracked, bins = [], [], []
+    lines, tracked, bins, other = [], [], [], []
     for world in options.worlds:
         survey = taken(Lap(world, options.first_seed), options.keep)
         bank = taken(Lap(world, options.first_seed + 1, "ccw", (), 0.2, 5.0), options.keep)
@@ -66,10 +69,16 @@ def main() -> int:
             chance, right = (np.concatenate([getattr(b, word) for b in after]) for word in ("probability", "right"))
             bins += [f"{world},{name},{c:.4f},{r:.4f},{n:.0f}" for c, r, n in reliability(chance, right)]
             for word, lap in laps.items():
+                if options.other_way and "other way" in laps:
+                    after, spent_ms = kidnapped(part, lap, options.other_way, onto=laps["other way"])
+                    other.append(f"{world},{word},{name}," + kidnap_line(after, spent_ms))
+                    sys.stdout.write(other[-1] + "\n")
                 tracked.append(f"{world},{word},{name}," + tracked_line(part, lap))
             sys.stdout.write("\n".join([lines[-1], *tracked[-len(laps):]]) + "\n")
             sys.stdout.flush()
     kept(options.out / "tables" / "kidnaps.csv", KIDNAPS, lines, options.worlds)
+    if other:
+        kept(options.out / "tables" / "kidnaps_other_way.csv", OTHER_WAY, other, options.worlds)
     kept(options.out / "tables" / "tracked.csv", TRACKED, tracked, options.worlds)
     all_bins = kept(options.out / "tables" / "reliability.csv", BINS, bins, options.worlds)
     figure = new_figure(6.5, 5.5)
@@ -112,17 +121,18 @@ def learnt(name: str, survey: Taken, world: str):
     return part
 
 
-def kidnapped(part, bank: Taken, count: int) -> tuple[list[Beliefs], float]:
-    """What the localiser believed after each of `count` kidnaps, and CPU milliseconds per update."""
-    rng = np.random.default_rng(7)
-    last = int(np.searchsorted(bank.way_m, bank.way_m[-1] - WITHIN_M - 0.3))
+def kidnapped(part, bank: Taken, count: int, *, onto: Taken | None = None) -> tuple[list[Beliefs], float]:
+    """What the localiser believed after each of `count` kidnaps from one lap onto another (None: the same), and CPU
+    milliseconds per update."""
+    rng, onto = np.random.default_rng(7), onto or bank
+    last, last_onto = (int(np.searchsorted(lap.way_m, lap.way_m[-1] - WITHIN_M - 0.3)) for lap in (bank, onto))
     out, spent_s, views = [], 0.0, 0
     for _ in range(count):
-        before, begin = (int(k) for k in rng.integers(0, last, 2))
+        before, begin = (int(k) for k in rng.integers(0, [last, last_onto]))
         follow(part, bank, before, before + TRACKED_BEFORE)
-        end = int(np.searchsorted(bank.way_m, bank.way_m[begin] + WITHIN_M)) + 1
+        end = int(np.searchsorted(onto.way_m, onto.way_m[begin] + WITHIN_M)) + 1
         clock = time.process_time()
-        out.append(follow(part, bank, begin, end, start=False))
+        out.append(follow(part, onto, begin, end, start=False))
         spent_s, views = spent_s + time.process_time() - clock, views + end - begin
     return out, 1e3 * spent_s / views
 

@@ -116,7 +116,7 @@ def test_places_find_the_robot_and_find_it_again_after_it_was_carried_off():
     part.learn(survey(ring(24)), _blank_grid())
     part.start(None)
     for begin in (0.1, 3.2):
-        angles = begin + 0.1 * np.arange(8)
+        angles = begin + 0.1 * np.arange(12)  # 1.5 m: places have to agree with the motion over a metre
         path = [se2(1.4 * np.cos(a), 1.4 * np.sin(a), a + 1.5) for a in angles]
         for k, pose in enumerate(path):
             step = np.eye(4) if k == 0 else inverse(path[k - 1]) @ pose
