@@ -29,6 +29,8 @@ def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cell
     at = (np.floor(states[:, :2] / cell_m) - low).astype(int)
     heading = np.floor(states[:, 2] / (2.0 * np.pi) * turns).astype(int) % turns
     size = at.max(axis=0) + 1
+    if size.max() <= 2 and heading.max() - heading.min() <= 1:  # touching bins only
+        return np.zeros(len(states), int)
     if size[0] * size[1] * turns > most_cells:
         return np.zeros(len(states), int)
     taken = np.zeros((size[0], size[1], turns + 1), bool)

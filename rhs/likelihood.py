@@ -40,7 +40,7 @@ class LikelihoodField:
     def __init__(self, grid: OccupancyGrid, settings: FieldSettings) -> None:
         from scipy.ndimage import distance_transform_edt
 
-        self.settings, self.grid = settings, grid
+        self.settings, self.grid, self._cell_m = settings, grid, grid.resolution_m
         occupied = grid.occupied()
         far = np.full(grid.shape, 1e3)
         gap_m = distance_transform_edt(~occupied) * grid.resolution_m if occupied.any() else far
@@ -71,13 +71,11 @@ class LikelihoodField:
         ends = self._ends(scan)
         if len(ends) == 0:
             return np.zeros(len(states))
-        start = np.asarray(scan.origin_xy_m, float)
-        corner = np.asarray(self.grid.origin_m)
         least = -self.settings.surprise / self.settings.trust if forgiving and self.settings.trust > 0 else -np.inf
-        return self.settings.trust * _score(
-            np.ascontiguousarray(states, float), start, ends, (self._log_end, self._solid, self._open), self._log_stray,
-            least, corner, self.grid.resolution_m,
-        )  # fmt: skip
+        cells = (np.ascontiguousarray(states, float) - [*self.grid.origin_m, 0.0]) / [self._cell_m, self._cell_m, 1.0]
+        start = np.asarray(scan.origin_xy_m, float) / self._cell_m
+        tables = (self._log_end, self._solid, self._open)
+        return self.settings.trust * _score(cells, start, ends / self._cell_m, tables, self._log_stray, least)
 
     def _ends(self, scan: Scan) -> np.ndarray:
         """(B, 2) ends of some evenly spaced beams in the body frame, metres."""
@@ -89,34 +87,32 @@ class LikelihoodField:
 
 
 @compiled
-def _score(states, start, ends, tables, log_stray, least_open, corner, resolution):
+def _score(states, start, ends, tables, log_stray, least_open):
+    """Log-likelihood at each state (N, 3), all lengths in cells from the corner of the map. A beam between two points of
+    the map does not leave it, so only its ends are looked at for that."""
     log_end, solid, open_room = tables
     rows, columns = log_end.shape
-    out = np.zeros(len(states))
+    out = np.empty(len(states))
     for k in range(len(states)):
         c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
-        x0, y0 = (states[k, 0] - corner[0]) / resolution, (states[k, 1] - corner[1]) / resolution
-        sx, sy = (c * start[0] - s * start[1]) / resolution, (s * start[0] + c * start[1]) / resolution
-        total, in_the_open = 0.0, 0.0
-        row, column = int(np.floor(y0)), int(np.floor(x0))
-        if row < 0 or row >= rows or column < 0 or column >= columns or solid[row, column]:
-            total += len(ends) * log_stray
+        x0, y0 = states[k, 0], states[k, 1]
+        sx, sy = x0 + c * start[0] - s * start[1], y0 + s * start[0] + c * start[1]
+        if x0 < 0 or y0 < 0 or x0 >= columns or y0 >= rows or sx < 0 or sy < 0 or sx >= columns or sy >= rows:
+            out[k] = 2 * len(ends) * log_stray
+            continue
+        total = len(ends) * log_stray if solid[int(y0), int(x0)] else 0.0
+        in_the_open = 0.0
         for b in range(len(ends)):
-            ex = (c * ends[b, 0] - s * ends[b, 1]) / resolution
-            ey = (s * ends[b, 0] + c * ends[b, 1]) / resolution
-            row, column = int(np.floor(y0 + ey)), int(np.floor(x0 + ex))
-            if row < 0 or row >= rows or column < 0 or column >= columns:
+            ex, ey = x0 + c * ends[b, 0] - s * ends[b, 1], y0 + s * ends[b, 0] + c * ends[b, 1]
+            if ex < 0 or ey < 0 or ex >= columns or ey >= rows:
                 total += log_stray
                 continue
-            value, surprising = log_end[row, column], open_room[row, column] == 1
-            for part in (0.35, 0.7):
-                row = int(np.floor(y0 + sy + part * (ey - sy)))
-                column = int(np.floor(x0 + sx + part * (ex - sx)))
-                if row < 0 or row >= rows or column < 0 or column >= columns or solid[row, column]:
-                    value, surprising = log_stray, False
-            if surprising:
-                in_the_open += value
+            dx, dy = ex - sx, ey - sy
+            if (solid[int(sy + 0.35 * dy), int(sx + 0.35 * dx)] or solid[int(sy + 0.7 * dy), int(sx + 0.7 * dx)]):
+                total += log_stray
+            elif open_room[int(ey), int(ex)]:
+                in_the_open += log_end[int(ey), int(ex)]
             else:
-                total += value
+                total += log_end[int(ey), int(ex)]
         out[k] = total + max(in_the_open, least_open)
     return out

@@ -1,4 +1,5 @@
-"""Counting ratio-test matches per stored view. Loads numba: import it when it is needed."""
+"""Loops over pairs of key-points: ratio-test matches per stored view, key-points found again. Loads numba: import it when it
+is needed."""
 
 from __future__ import annotations
 
@@ -25,3 +26,24 @@ def count_matches(likeness, bounds, ratio_squared):
             if second > -2.0 and 1.0 - first < ratio_squared * (1.0 - second):
                 counts[view] += 1.0
     return counts
+
+
+@compiled
+def found_again(drawn, theirs, pixels, depths, descriptors, limits):
+    """How many of the key-points drawn into a view (N, 3: pixel x, y and depth) with descriptors `theirs` (N, 128) are among
+    those seen there: pixels (M, 2), depths (M,) NaN where unknown, descriptors (M, 128). limits: greatest distance in
+    pixels, share and constant (metres) of the depth, least cosine."""
+    radius, share, constant, alike = limits
+    count = 0
+    for i in range(len(drawn)):
+        for j in range(len(pixels)):
+            dx, dy = pixels[j, 0] - drawn[i, 0], pixels[j, 1] - drawn[i, 1]
+            if dx * dx + dy * dy >= radius * radius or abs(depths[j] - drawn[i, 2]) > share * drawn[i, 2] + constant:
+                continue
+            cosine = 0.0
+            for d in range(theirs.shape[1]):
+                cosine += descriptors[j, d] * theirs[i, d]
+            if cosine > alike:
+                count += 1
+                break
+    return count

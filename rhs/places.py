@@ -137,13 +137,13 @@ def _distinct(verified: Sequence[Recognised], most: int = 4) -> list[Recognised]
     return out[:most]
 
 
-def shares(answer: PlaceAnswer) -> np.ndarray:
-    """(D,) how the evidence is divided between the distinct places of an answer; adds up to one.
+def shares(distinct: Sequence[Recognised]) -> np.ndarray:
+    """(D,) how the evidence is divided between distinct places; adds up to one.
 
     Places within TIE of the best support count as equal: such differences come from where the stored views happen to
     stand and keep their sign for many views, so they must not be counted view after view. Below, e-fold per 1 / SLOPE.
     """
-    scores = np.array([item.score for item in answer.distinct])
+    scores = np.array([item.score for item in distinct])
     if len(scores) == 0:
         return scores
     likely = np.exp(-SLOPE * np.maximum(1.0 - scores / scores.max() - TIE, 0.0))

@@ -102,9 +102,13 @@ class ScanMatcher:
         return ScanMatch(at, kept, np.linalg.inv(prior + kept), share, seen)
 
     def share(self, scan: Scan, state: np.ndarray) -> float:
-        """Share of the ends that lie within reach of a wall, seen from a state (3,); NaN for a scan without ends."""
+        """Share of the ends that lie within reach of a wall, seen from a state (3,); NaN without ends or without walls."""
         points = ends(scan, self.settings)
-        return self._linear(points, np.asarray(state, float))[2] if len(points) else float("nan")
+        return self._linear(points, np.asarray(state, float))[2] if len(points) and not self._empty else float("nan")
+
+    def room_m(self, state: np.ndarray) -> float:
+        """Metres from a state (3,) to the nearest wall; inf in a map without walls."""
+        return float("inf") if self._empty else float(self._lookup(np.asarray(state, float)[None, :2])[0][0])
 
     def _linear(self, points: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Information (3, 3), its vector (3,) and the share of ends on walls, at a state."""

@@ -13,6 +13,7 @@ from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch
 from .patrol import Decision
 from .records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, Scan, Twist
+from .search import Search, clear_ahead_m
 
 LOST_VIEWS = 400
 LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
@@ -41,6 +42,7 @@ class Sentinel:
                          arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
         self.plans: list[tuple[int, Path]] = []
         self.kidnapper: Kidnapper | None = None
+        self.search = Search(radius_m, self.pace)
         self._begin_place()
 
     def _begin_place(self) -> None:
@@ -75,8 +77,9 @@ class Sentinel:
         """Arrived? Lost? Blocked? Otherwise follow the path."""
         events = self.kidnapper.news() if self.kidnapper is not None else []
         if belief.status is not Knowing.TRACKING:
-            return self._find_oneself(scan, events)
+            return self._find_oneself(belief, scan, events)
         self.lost_steps = 0
+        self.search.begin()
         pose = planar(belief.map_from_body)
         if self.book.current is not None and self._near(pose):
             self._finish("arrived", "", events)
@@ -200,8 +203,8 @@ class Sentinel:
         limit = self.settings.tries * 10
         return self.still >= self.settings.stuck_steps or self.attempts > limit
 
-    def _find_oneself(self, scan: Scan | None, events: list[str]) -> Decision:
-        """Not knowing where it is, the robot goes where there is room until it knows again, or gives the place up."""
+    def _find_oneself(self, belief: Belief, scan: Scan | None, events: list[str]) -> Decision:
+        """Not knowing where it is, the robot looks for itself until it knows again, or gives the place up."""
         self.path = None
         self.lost_steps += 1
         mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
@@ -210,7 +213,7 @@ class Sentinel:
             self._finish("gave_up", f"lost: the robot did not find itself in {LOST_VIEWS} views", events)
             if self.book.done:
                 return Decision(None, None, "+".join(events), mission.mission)
-        return Decision(wander(scan, self.radius_m, self.pace), None, "+".join(events), mission.mission)
+        return Decision(self.search.next(belief, scan), None, "+".join(events), mission.mission)
 
 
 def length_m(path: Path) -> float:
@@ -222,23 +225,3 @@ def closest_gap(path: Path, pose: np.ndarray) -> float:
     """Distance in metres from the pose to the path."""
     _, near = closest_on_path(path.points_m, pose[:2])
     return float(np.linalg.norm(near - pose[:2]))
-
-
-def clear_ahead_m(scan: Scan, radius_m: float) -> float:
-    """Free metres in front of a round robot, from the beams inside its swath; inf when nothing is seen there."""
-    seen = np.isfinite(scan.ranges_m)
-    x = scan.origin_xy_m[0] + scan.ranges_m[seen] * np.cos(scan.bearings_rad[seen])
-    y = scan.origin_xy_m[1] + scan.ranges_m[seen] * np.sin(scan.bearings_rad[seen])
-    inside = (np.abs(y) < radius_m) & (x > 0)
-    return float(x[inside].min() - radius_m) if inside.any() else np.inf
-
-
-def wander(scan: Scan | None, radius_m: float, pace: Pace) -> Twist:
-    """Forward while there is room, otherwise turn towards the more open side."""
-    if scan is None or clear_ahead_m(scan, radius_m + 0.1) < 0.6:
-        side = 1.0
-        if scan is not None:
-            seen = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, scan.max_range_m)
-            side = 1.0 if seen[scan.bearings_rad > 0].mean() >= seen[scan.bearings_rad <= 0].mean() else -1.0
-        return turn(side * pace.turn_step_rad, Pace(turn_step_rad=pace.turn_step_rad))
-    return Twist(pace.speed_mps, 0.0, pace.step_m / pace.speed_mps)

@@ -25,12 +25,6 @@ TELLING = 60  # a view with fewer key-points says nothing by not being recognise
 # surveyed way 1 to 10 % are not recognised, of views that look the other way nearly all.
 SILENCE = 5.0
 
-# A view goes on from the last one when this share of the key-points that ought to be in both is found again, of so many at
-# least. On led laps of three worlds views 0.2 m or 8 degrees apart share 0.29 or more; unrelated ones 0.06 in 99 of 100.
-GOES_ON, TELLING_PAIRS = 0.15, 20
-CARRIED = 0.5  # chance of having been carried elsewhere when a view does not go on from the last; else it was spoiled
-AGAIN = 0.85  # cosine of descriptors of a key-point found again in the next view
-
 
 @dataclass(frozen=True)
 class Support:
@@ -86,29 +80,7 @@ def expected(memory: Memory, query: Features, map_from_body: np.ndarray) -> bool
     return bool(np.any((gap < 0.8) & (turn < np.radians(20.0))))
 
 
-def breaks(last: Features | None, seen: Features, camera: Camera, previous_from_body: np.ndarray) -> bool:
-    """Whether a view cannot have been taken one motion (4x4, body) after the last: key-points with depth of the last view
-    are drawn into this one, and hardly any is there. A robot that was carried off sees such a break, even where no place
-    is known. False where too few key-points have depth or are in view to tell."""
-    if last is None or len(seen.pixels) < TELLING_PAIRS:
-        return False
-    known = np.isfinite(last.points).all(axis=1)
-    seen_from_last = inverse(previous_from_body @ camera.body_from_camera) @ camera.body_from_camera
-    drawn = transform(seen_from_last, last.points[known].astype(float))
-    inside = _inside(drawn, camera)
-    drawn, theirs = drawn[inside], last.descriptors[known][inside]
-    if len(drawn) < TELLING_PAIRS:
-        return False
-    close = ((seen.pixels[:, None] - camera.project(drawn)[None]) ** 2).sum(axis=2) < PIXELS**2
-    ours, rows = np.nonzero(close)
-    depth = drawn[rows, 2]
-    with np.errstate(invalid="ignore"):
-        level = ~(np.abs(seen.points[ours, 2] - depth) > DEPTH_SHARE * depth + DEPTH_M)
-    alike = np.einsum("nd,nd->n", seen.descriptors[ours], theirs[rows]) > AGAIN
-    return len(np.unique(rows[alike & level])) < GOES_ON * len(drawn)
-
-
-def _inside(points: np.ndarray, camera: Camera) -> np.ndarray:
+def in_view(points: np.ndarray, camera: Camera) -> np.ndarray:
     """(N,) which points (N, 3) of a camera's frame it sees."""
     with np.errstate(invalid="ignore"):
         pixels = camera.project(points)
@@ -125,5 +97,5 @@ def _drawn(memory: Memory, near: np.ndarray, camera: Camera, map_from_body: np.n
         points.append(transform(camera_from_map @ stored_camera, memory.points[at].astype(float)))
         rows.append(at)
     drawn, index = np.concatenate(points), np.concatenate(rows)
-    inside = _inside(drawn, camera)
+    inside = in_view(drawn, camera)
     return drawn[inside], index[inside]

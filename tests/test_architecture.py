@@ -23,10 +23,10 @@ LEVELS = [
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
     " consistency structure memory likelihood heaps scanmatch mosaic bending unrolling bend_finder"
     " unroll_folder",
-    "contracts mission control obstacles sighting support loops scanloops places place_files place_trial"
+    "contracts mission control obstacles sighting support continuity loops scanloops places place_files place_trial"
     " ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
-    "patrol survey sentinel kidnap steps progress knowing metrics map_metrics testing_room"
+    "patrol survey sentinel search kidnap steps progress knowing metrics map_metrics testing_room"
     " testing_estimators testing_planners testing_sources testing",
     "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
     " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rhs.belief import RIGHT_M, RIGHT_RAD
+from rhs.continuity import CARRIED, Continuity
 from rhs.contracts import Context
 from rhs.geometry import planar, se2
 from rhs.grid import OccupancyGrid
@@ -31,17 +32,16 @@ from rhs.particles import (
     peak,
     reweighted,
 )
-from rhs.records import Belief, Knowing, Motion, Observation, View
-from rhs.support import CARRIED, SILENCE
+from rhs.records import Belief, Knowing, Motion, Observation, Scan, View
+from rhs.support import SILENCE
 
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
-from .particle_places import Places, Rumour
-from .vouching import Vouching
+from .particle_places import Hearing, Places
+from .vouching import Rumour, Vouching
 
 CAUTION = Caution()
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 SHAKEN = 0.75  # below this mass a robot with places has to hear of one before it tracks again: scans fit every corridor
-SILENCES = 6  # views in which a place was expected and none recognised, after which it has to hear of one as well
 LONG_SURE = 10  # views of knowing its place after which a robot takes what is not on the map for something new
 BASE_SIGMA = np.array([0.005, 0.005, 0.003])  # least motion noise: metres, metres, radians
 
@@ -56,15 +56,16 @@ class ParticleLocaliser:
         self._cloud: Cloud | None = None
         self._elsewhere = 1.0
         self._peak: Peak | None = None
+        self._expected: np.ndarray | None = None  # where the last belief and the motion since put the robot
         self._rumour = Rumour()
         self._sure_views = 0
-        self._vouching, self._silences = Vouching(places is None), 0
+        self._vouching = Vouching(places is None)
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
         self._field = LikelihoodField(grid, FieldSettings(trust=self._settings.scan_trust, surprise=self._settings.surprise))
         if self._places is not None:
-            self._places.learn(views, self._field.area_m2)
+            self._places.learn(views, grid)
 
     def start(self, belief: Belief | None) -> None:
         """Begin round a belief, or spread over the whole map."""
@@ -83,30 +84,37 @@ class ParticleLocaliser:
         self._rumour = Rumour()
         told = belief is not None and belief.probability > 0.9
         self._sure_views = LONG_SURE if told else 0
-        self._vouching, self._silences = Vouching(told or self._places is None), 0
+        self._vouching = Vouching(told or self._places is None)
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Move, weigh, let the places speak, resample, and say what is believed."""
         assert self._cloud is not None and self._field is not None, "start() comes before update()"
         self._move(motion)
-        self._rumour.move(planar(motion.previous_from_body))
-        self._vouching.travel(motion.previous_from_body)
-        if self._places is not None and self._places.breaks(observation, motion):
-            self._vouching.doubt()
-            self._sure_views = 0
-            self._elsewhere = max(self._elsewhere, CARRIED)
+        self._watch(observation, motion)
         self._weigh(observation, motion)
-        self._hear_places(observation)
+        self._hear_places(observation, motion)
         if effective_size(self._cloud) < 0.5 * len(self._cloud):
             self._cloud = resampled_by_heaps(self._cloud, self._law, self._rng)
-        before, self._peak = self._peak, peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
+        self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
         if self._places is not None:
-            if before is not None:
-                self._vouching.follow(planar(se2(*before.mean) @ motion.previous_from_body), self._peak.mean)
+            if self._expected is not None:
+                self._vouching.follow(self._expected, self._peak.mean)
             if self._peak.mass * (1.0 - self._elsewhere) < SHAKEN:
                 self._vouching.doubt()
         self._sure_views = self._sure_views + 1 if self._status() is Knowing.TRACKING else 0
         return self._belief(self._peak)
+
+    def _watch(self, observation: Observation, motion: Motion) -> None:
+        """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
+        self._expected = None if self._peak is None else planar(se2(*self._peak.mean) @ motion.previous_from_body)
+        if self._places is None:
+            return
+        seen = self._places.goes_on(observation, motion, self._expected)
+        self._rumour.move(motion.previous_from_body)
+        self._vouching.travel(motion.previous_from_body, seen)
+        if seen is Continuity.BROKEN:
+            self._sure_views = 0
+            self._elsewhere = max(self._elsewhere, CARRIED)
 
     def _move(self, motion: Motion) -> None:
         travel = planar(motion.previous_from_body)
@@ -138,49 +146,36 @@ class ParticleLocaliser:
 
     def _share_out(self, gain: float, gain_elsewhere: float) -> None:
         """Bayes between the cloud and `elsewhere`, as cautiously as between heaps."""
-        ahead = np.clip(gain_elsewhere - gain, -50.0, 50.0)
-        ahead = np.sign(ahead) * max(abs(ahead) - CAUTION.margin, 0.0) * CAUTION.share
+        ahead = min(max(gain_elsewhere - gain, -50.0), 50.0)
+        ahead = float(np.sign(ahead)) * max(abs(ahead) - CAUTION.margin, 0.0) * CAUTION.share
         odds = np.log(self._elsewhere) - np.log1p(-self._elsewhere) + ahead
         self._elsewhere = self._bounded(1.0 / (1.0 + np.exp(-odds)))
 
     def _bounded(self, chance: float) -> float:
-        return float(np.clip(chance, self._settings.kidnap_rate, 0.99))
+        return float(min(max(chance, self._settings.kidnap_rate), 0.99))
 
     def _evidence(self, states: np.ndarray, observation: Observation, motion: Motion) -> np.ndarray:
         """(N,) log-likelihood of this view at each state."""
         assert self._field is not None
-        scan = observation.scan if observation.scan is not None else motion.scan
+        scan = scan_of(observation, motion)
         out = np.zeros(len(states))
         if scan is not None and self._settings.scan_trust > 0:
             out += self._field.log_likelihood(states, scan, forgiving=self._sure_views >= LONG_SURE)
-        if self._places is not None:
+        if self._places is not None and not self._vouching.held:  # a robot that knows its place is not moved by likeness
             out += self._places.log_likelihood(states, observation)
         return out
 
-    def _hear_places(self, observation: Observation) -> None:
+    def _hear_places(self, observation: Observation, motion: Motion) -> None:
         """Weigh by verified places and put particles there, as far as `elsewhere` allows."""
         assert self._cloud is not None
         if self._places is None or not self._places.due(sure=self._status() is Knowing.TRACKING):
             return
         hearing = self._places.hear(observation, believed(self._cloud))
         if not hearing.claims:
-            if self._peak is not None and self._places.expects(observation, self._peak.mean):
-                self._places.doubt(True)
-                self._silences += 1
-                if self._silences >= SILENCES:
-                    self._vouching.doubt()
-                odds = SILENCE * self._elsewhere / (1.0 - self._elsewhere)
-                self._elsewhere = self._bounded(odds / (1.0 + odds))
+            self._hear_nothing(observation)
             return
-        if self._peak is not None:
-            contradicted = not hearing.confirms(self._peak.mean)
-            self._silences = self._silences if contradicted else 0
-            self._places.doubt(contradicted)
-            if not self._rumour.convinces(hearing, contradicted and self._sure_views > 0):
-                return
-            self._vouching.hear(not contradicted)
-            if contradicted:
-                self._vouching.doubt()
+        if self._expected is not None and not self._heeds(hearing, self._expected, scan_of(observation, motion)):
+            return
         self._cloud, gain = reweighted(self._cloud, hearing.log_likelihood(self._cloud.states))
         fresh = even(hearing.draw(max(self._settings.particles_min // 2, 1), self._rng))
         there = self._elsewhere * hearing.support
@@ -190,11 +185,39 @@ class ParticleLocaliser:
         self._elsewhere = self._bounded(rest / total)
         self._cloud = merged(self._cloud, max(here, 1e-12) / total, fresh, there / total)
 
+    def _hear_nothing(self, observation: Observation) -> None:
+        """No place was recognised; that speaks against the belief where one ought to be."""
+        assert self._places is not None
+        if self._expected is None or not self._places.expects(observation, self._expected):
+            return
+        self._places.doubt(True)
+        if self._vouching.silent():
+            odds = SILENCE * self._elsewhere / (1.0 - self._elsewhere)
+            self._elsewhere = self._bounded(odds / (1.0 + odds))
+
+    def _heeds(self, hearing: Hearing, expected: np.ndarray, scan: Scan | None) -> bool:
+        """Whether the named places may move the belief; what they do to its standing is noted. A place vouches only if the
+        scan could have been taken there, too."""
+        assert self._places is not None
+        contradicted = not hearing.confirms(expected)
+        self._places.doubt(contradicted)
+        named = [mean for mean, _, _ in hearing.claims]
+        against = contradicted and self._sure_views > 0
+        if against and not hearing.strong or not self._rumour.convinces(named, against=against, held=self._vouching.held):
+            return False
+        if contradicted and hearing.strong:
+            self._vouching.hear(False)
+            self._vouching.doubt()
+        elif not contradicted and (self._vouching.vouched or (hearing.strong and self._places.fits(scan, expected))):
+            self._vouching.hear(True)
+        return True
+
     def _status(self) -> Knowing:
         if self._peak is None:
             return Knowing.LOST
         mass = self._peak.mass * (1.0 - self._elsewhere)
-        if mass >= self._settings.tracking_above and self._vouching.vouched and self._rumour.pending < 2:
+        named_elsewhere = self._rumour.pending >= 2 and not self._vouching.held
+        if mass >= self._settings.tracking_above and self._vouching.vouched and not named_elsewhere:
             return Knowing.TRACKING
         return Knowing.CONVERGING if mass >= self._settings.lost_below else Knowing.LOST
 
@@ -203,9 +226,14 @@ class ParticleLocaliser:
         covariance[PLANE] = heap.covariance
         assert self._cloud is not None
         details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "heap_mass": heap.mass}
-        probability = heap.near * (1.0 - self._elsewhere) * 0.5**self._rumour.pending  # named elsewhere: even odds a time
-        probability *= self._vouching.chance
+        odds = 0.97 if self._vouching.held else 0.5  # that it is right, each time that it is named elsewhere
+        probability = heap.near * (1.0 - self._elsewhere) * odds**self._rumour.pending * self._vouching.chance
         return Belief(se2(*heap.mean), covariance, self._status(), probability, details)
+
+
+def scan_of(observation: Observation, motion: Motion) -> Scan | None:
+    """What the sensor measured, else what the odometry made of it."""
+    return observation.scan if observation.scan is not None else motion.scan
 
 
 def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:

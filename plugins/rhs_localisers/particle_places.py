@@ -7,22 +7,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rhs.continuity import Continuity, continuity
 from rhs.contracts import Context
 from rhs.geometry import planar, se2, wrap
+from rhs.grid import OccupancyGrid
+from rhs.jit import compiled
 from rhs.memory import Memory, memory_of
-from rhs.particles import around, displaced
+from rhs.particles import around
 from rhs.places import PlaceDatabase, PlaceSettings, shares
-from rhs.records import Features, Motion, Observation, View
+from rhs.records import Features, Motion, Observation, Scan, View
 from rhs.retrieval import Vlad
+from rhs.scanmatch import ScanMatcher
 from rhs.sighting import SightingSettings
-from rhs.support import breaks, expected
+from rhs.support import expected
 from rhs.vision import features
 
 from .particle_filter_config import ParticleFilter
+from .vouching import STRONG, fits, possible, same_place, watched
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 CLAIM_SIGMA = np.array([0.05, 0.05, 0.02])  # least spread of a claim: what the check's own covariance leaves out
 CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to this pose"
+WEAK = 0.5  # chance that a place named with little support is right
 NEAR_M, NEAR_RAD = 1.2, np.radians(35.0)  # a stored view further off says nothing about a pose
 METRES_PER_RADIAN = 2.0  # turning by a radian changes the view as much as moving by so many metres
 
@@ -30,11 +36,13 @@ METRES_PER_RADIAN = 2.0  # turning by a radian changes the view as much as movin
 @dataclass(frozen=True, eq=False)
 class Hearing:
     """Verified places of one view. claims: (mean (3,), covariance (3, 3), share) each. areas: how many places could have
-    been named; p_true: chance that a named place is right. Likelihoods are relative to that of a random naming."""
+    been named; p_true: chance that a named place is right. Likelihoods are relative to that of a random naming. strong: the
+    best of them has so much support that it can vouch."""
 
     claims: tuple[tuple[np.ndarray, np.ndarray, float], ...]
     areas: float
     p_true: float
+    strong: bool = True
 
     @property
     def support(self) -> float:
@@ -58,11 +66,8 @@ class Hearing:
         return np.log(out)
 
     def confirms(self, mean: np.ndarray) -> bool:
-        """Whether a claim lies within a metre and 20 degrees of a planar pose (3,)."""
-        return any(
-            np.hypot(*(claim - mean)[:2]) < 1.0 and abs(wrap(claim[2] - mean[2])) < np.radians(20.0)
-            for claim, _, _ in self.claims
-        )
+        """Whether a claim is the place of a planar pose (3,)."""
+        return any(same_place(claim, mean) for claim, _, _ in self.claims)
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """(count, 3) states round the claims, as many round each as its share."""
@@ -71,37 +76,6 @@ class Hearing:
         return np.concatenate(
             [around(mean, cov, n, rng) for (mean, cov, _), n in zip(self.claims, counts, strict=True)]
         )
-
-
-class Rumour:
-    """Places named somewhere else while the robot knows where it is: looked at again before anything is moved.
-
-    A named place counts against a sharp belief only when `repeats` views in a row name it, at poses that differ by the
-    motion between them: a look-alike seldom stays one as the robot moves."""
-
-    def __init__(self, repeats: int = 3) -> None:
-        self._repeats, self._count = repeats, 0
-        self._means = np.empty((0, 3))
-
-    @property
-    def pending(self) -> int:
-        """Checked views in a row that have named another place than the one believed in."""
-        return self._count
-
-    def move(self, travel: np.ndarray) -> None:
-        """The robot has moved by `travel` (3,) in its own frame, and so would the named places have."""
-        if len(self._means):
-            self._means = displaced(self._means, travel, 1e-12 * np.eye(3), np.random.default_rng(0))
-
-    def convinces(self, hearing: Hearing, contradicts: bool) -> bool:
-        """Whether this hearing is to be heeded. One that does not contradict a sharp belief always is."""
-        if not contradicts:
-            self._count, self._means = 0, np.empty((0, 3))
-            return True
-        again = any(hearing.confirms(mean) for mean in self._means)
-        self._count = self._count + 1 if again else 1
-        self._means = np.array([mean for mean, _, _ in hearing.claims])
-        return self._count >= self._repeats
 
 
 class Places:
@@ -114,8 +88,9 @@ class Places:
         self._heard: tuple[Observation, np.ndarray] | None = None
         self._last: Features | None = None
 
-    def learn(self, views: Sequence[View], area_m2: float) -> None:
+    def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the views and tabulate which of them is nearest to any pose."""
+        self._walls = ScanMatcher(grid)
         sighting = SightingSettings(self._settings.min_inliers, ratio=self._context.features.ratio)
         memory = memory_of(views)
         settings = PlaceSettings("vlad", self._settings.checks, sighting=sighting)
@@ -128,10 +103,11 @@ class Places:
         """The next view is the first one."""
         self._last = None
 
-    def breaks(self, observation: Observation, motion: Motion) -> bool:
-        """Whether this view cannot be one motion after the last; see rhs.support."""
+    def goes_on(self, observation: Observation, motion: Motion, expected: np.ndarray | None) -> Continuity:
+        """Whether this view can be one motion after the last, which put the robot at `expected` (3,); see rhs.continuity."""
         last, self._last = self._last, features(observation, self._context.features)
-        return breaks(last, self._last, observation.camera, motion.previous_from_body)
+        seen = continuity(last, self._last, observation.camera, motion.previous_from_body)
+        return watched(seen, observation.scan, self._walls, expected)
 
     def log_likelihood(self, states: np.ndarray, observation: Observation) -> np.ndarray:
         """(N,) how much more the view looks like the stored view nearest each state than like an average one."""
@@ -163,11 +139,17 @@ class Places:
     def hear(self, observation: Observation, believed: Sequence[np.ndarray]) -> Hearing:
         """Ask the database where this was seen; the poses believed in (4x4) are checked as well."""
         answer = self._database.ask(features(observation, self._context.features), observation.camera, believed)
+        places = possible(answer, self._walls)
         claims = tuple(
             (planar(r.map_from_body), r.covariance[PLANE] + np.diag(CLAIM_SIGMA**2), float(share))
-            for r, share in zip(answer.distinct, shares(answer), strict=True)
+            for r, share in zip(places, shares(places), strict=True)
         )
-        return Hearing(claims, self._areas, self._settings.p_true)
+        strong = bool(places) and places[0].score >= STRONG
+        return Hearing(claims, self._areas, self._settings.p_true if strong else WEAK, strong)
+
+    def fits(self, scan: Scan | None, pose: np.ndarray) -> bool:
+        """Whether the scan could have been taken from a planar pose (3,)."""
+        return fits(scan, self._walls, pose)
 
     def _likeness(self, observation: Observation) -> np.ndarray:
         if self._heard is None or self._heard[0] is not observation:
@@ -182,8 +164,9 @@ class NearestView:
 
     def __init__(self, memory: Memory) -> None:
         stands = np.array([planar(pose) for pose in memory.poses]).reshape(-1, 3)
+        self._table: np.ndarray = np.full((1, 1, HEADINGS), -1)
         if len(stands) == 0:
-            self._corner, self._table = np.zeros(2), np.full((1, 1, HEADINGS), -1)
+            self._corner = np.zeros(2)
             return
         self._corner = stands[:, :2].min(axis=0) - 2.0 * NEAR_M
         size = np.ceil((stands[:, :2].max(axis=0) + 2.0 * NEAR_M - self._corner) / CELL_M).astype(int)
@@ -205,9 +188,16 @@ class NearestView:
 
     def lookup(self, states: np.ndarray) -> np.ndarray:
         """(N,) index of the stored view nearest each of states (N, 3), or -1."""
-        at = np.floor((states[:, :2] - self._corner) / CELL_M).astype(int)
-        turn = np.floor((wrap(states[:, 2]) + np.pi) / (2.0 * np.pi) * HEADINGS).astype(int) % HEADINGS
-        columns, rows, _ = self._table.shape
-        inside = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
-        at = np.where(inside[:, None], at, 0)
-        return np.where(inside, self._table[at[:, 0], at[:, 1], turn], -1)
+        return _looked_up(np.ascontiguousarray(states), self._corner, self._table)
+
+
+@compiled
+def _looked_up(states, corner, table):
+    out = np.full(len(states), -1)
+    columns, rows, headings = table.shape
+    for k in range(len(states)):
+        x, y = (states[k, 0] - corner[0]) / CELL_M, (states[k, 1] - corner[1]) / CELL_M
+        if 0 <= x < columns and 0 <= y < rows:
+            turn = int(np.floor((states[k, 2] + np.pi) / (2.0 * np.pi) * headings)) % headings
+            out[k] = table[int(x), int(y), turn]
+    return out

@@ -14,22 +14,24 @@ from dataclasses import replace
 import numpy as np
 
 from rhs.belief import chance_right
+from rhs.continuity import CARRIED, Continuity, continuity
 from rhs.contracts import Context
 from rhs.geometry import planar
 from rhs.grid import OccupancyGrid
 from rhs.hypotheses import Claim, Guesses, Trust, begin, carried, confirms, predict, silent, update
 from rhs.memory import memory_of
-from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, shares
-from rhs.records import Belief, Features, Knowing, Motion, Observation, View
+from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, Recognised, shares
+from rhs.records import Belief, Features, Knowing, Motion, Observation, Scan, View
 from rhs.scanmatch import ScanMatcher
 from rhs.sighting import SightingSettings
-from rhs.support import CARRIED, SILENCE, breaks, expected
+from rhs.support import SILENCE, expected
 from rhs.vision import features
 
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
-from .vouching import Vouching
+from .vouching import STRONG, Rumour, Vouching, fits, possible, watched
 
+WEAK = 0.5  # chance that a place named with little support is right
 NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of not knowing, square metres and square radians
 
 
@@ -41,12 +43,13 @@ class PlaceLocaliser:
         self._trust = Trust(p_true=settings.p_true, kidnap=settings.kidnap_rate)
         self._state: Guesses = begin(None, None)
         self._database: PlaceDatabase | None = None
-        self._matcher: ScanMatcher | None = None
+        self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
+        self._matcher: ScanMatcher | None = None  # ... and, if that is wished, to correct the belief by
         self._steps = 0
         self._contradicted = False
         self._last = np.eye(4)
         self._seen: Features | None = None
-        self._vouching = Vouching(False)
+        self._vouching, self._rumour = Vouching(False), Rumour()
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the surveyed views as places."""
@@ -54,12 +57,14 @@ class PlaceLocaliser:
         settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting=sighting)
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
-        self._matcher = ScanMatcher(grid) if grid is not None and self._settings.match_every > 0 else None
+        self._walls = ScanMatcher(grid) if grid is not None else None
+        self._matcher = self._walls if self._settings.match_every > 0 else None
         self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
 
     def start(self, belief: Belief | None) -> None:
         """Begin from a belief, or anywhere."""
         self._steps, self._contradicted, self._seen = 0, False, None
+        self._rumour = Rumour()
         self._vouching = Vouching(belief is not None and belief.probability > 0.9)
         if belief is None:
             self._state = begin(None, None)
@@ -72,41 +77,67 @@ class PlaceLocaliser:
         s = self._settings
         noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m)
         self._state = predict(self._state, motion.previous_from_body, noise, self._trust)
-        self._vouching.travel(motion.previous_from_body)
-        self._look_for_a_break(observation, motion)
+        self._watch(observation, motion)
         details: dict[str, float] = {}
+        scan = observation.scan if observation.scan is not None else motion.scan
         if self._due():
             answer = self._ask(observation)
-            claims = _claims(answer)
-            missed = not claims and self._expects(observation)
-            self._contradicted = missed or (bool(claims) and not confirms(self._state, claims, self._trust))
-            if missed:
-                self._state = silent(self._state, SILENCE, self._trust)
-            before, self._state = self._state, update(self._state, claims, self._areas, self._trust)
-            self._vouch(before, claims)
+            self._hear(possible(answer, self._walls), observation, scan)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
-        scan = observation.scan if observation.scan is not None else motion.scan
         if self._matcher is not None and scan is not None and self._steps % s.match_every == 0:
             self._state = replace(
                 self._state, guesses=tuple(laid_on_map(g, scan, self._matcher) for g in self._state.guesses))
         self._steps += 1
         return self._belief(details)
 
-    def _look_for_a_break(self, observation: Observation, motion: Motion) -> None:
-        """A view that does not go on from the last one: the robot may have been carried anywhere."""
+    def _watch(self, observation: Observation, motion: Motion) -> None:
+        """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
         last, self._seen = self._seen, features(observation, self._context.features)
-        if breaks(last, self._seen, observation.camera, motion.previous_from_body):
+        seen = continuity(last, self._seen, observation.camera, motion.previous_from_body)
+        best = self._state.best
+        seen = watched(seen, observation.scan, self._walls, None if best is None else planar(best.map_from_body))
+        self._vouching.travel(motion.previous_from_body, seen)
+        self._rumour.move(motion.previous_from_body)
+        if seen is Continuity.BROKEN:
             self._state, self._contradicted = carried(self._state, CARRIED, self._trust), True
-            self._vouching.doubt()
 
-    def _vouch(self, before: Guesses, claims: Sequence[Claim]) -> None:
-        """Places confirm the belief, speak against it, or have just put another in its stead."""
-        if claims:
-            self._vouching.hear(not self._contradicted)
+    def _hear(self, places: list[Recognised], observation: Observation, scan: Scan | None) -> None:
+        """Named places confirm the belief, speak against it, or put another in its stead."""
+        before = self._state
+        if not places:
+            self._contradicted = self._expects(observation)
+            if self._contradicted and self._vouching.silent():
+                self._state = silent(self._state, SILENCE, self._trust)
+        else:
+            claims = [Claim(r.map_from_body, r.covariance, float(s)) for r, s in zip(places, shares(places), strict=True)]
+            self._contradicted = not confirms(self._state, claims, self._trust)
+            strong = places[0].score >= STRONG
+            if not self._heeds(claims, strong, scan):
+                return
+            trust = self._trust if strong else replace(self._trust, p_true=WEAK)
+            self._state = update(self._state, claims, self._areas, trust)
         if before.best is not None and self._state.best is not None:
             self._vouching.follow(planar(before.best.map_from_body), planar(self._state.best.map_from_body))
         if self._state.best is None or self._state.best.weight < self._settings.lost_below:
             self._vouching.doubt()
+
+    def _heeds(self, claims: list[Claim], strong: bool, scan: Scan | None) -> bool:
+        """Whether the claims may change the belief; what they do to its standing is noted."""
+        known = self._vouching.vouched
+        against = self._contradicted and known
+        named = [planar(claim.map_from_body) for claim in claims]
+        if against and not strong or not self._rumour.convinces(named, against=against, held=self._vouching.held):
+            return False
+        if self._contradicted and strong:
+            self._vouching.hear(False)
+            self._vouching.doubt()
+        elif not self._contradicted and (known or (strong and self._fits(scan))):
+            self._vouching.hear(True)
+        return True
+
+    def _fits(self, scan: Scan | None) -> bool:
+        best = self._state.best
+        return best is not None and fits(scan, self._walls, planar(best.map_from_body))
 
     def _due(self) -> bool:
         sure = 1.0 - self._state.elsewhere >= self._settings.tracking_above
@@ -129,7 +160,8 @@ class PlaceLocaliser:
         if best is None:
             return Belief(self._last, NOWHERE, Knowing.LOST, 0.0, details)
         self._last = best.map_from_body
-        probability = best.weight * chance_right(best.covariance) * self._vouching.chance
+        odds = 0.97 if self._vouching.held else 0.5  # that it is right, each time that it is named elsewhere
+        probability = best.weight * chance_right(best.covariance) * self._vouching.chance * odds**self._rumour.pending
         details["guesses"] = float(len(self._state.guesses))
         return Belief(best.map_from_body, best.covariance, self._status(best.weight), probability, details)
 
@@ -137,14 +169,6 @@ class PlaceLocaliser:
         if weight >= self._settings.tracking_above and self._vouching.vouched:
             return Knowing.TRACKING
         return Knowing.CONVERGING if weight >= self._settings.lost_below else Knowing.LOST
-
-
-def _claims(answer: PlaceAnswer) -> list[Claim]:
-    """Each different place that was verified, with its share of the evidence."""
-    return [
-        Claim(r.map_from_body, r.covariance, float(share))
-        for r, share in zip(answer.distinct, shares(answer), strict=True)
-    ]
 
 
 def _inliers(answer: PlaceAnswer) -> float:

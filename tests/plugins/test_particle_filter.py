@@ -13,7 +13,6 @@ from rhs.rays import cast
 from rhs.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
 from rhs.vision import features, share
 from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan
-from rhs_localisers.particle_places import Hearing, Rumour
 from rhs_localisers.sift_db_config import SiftDb
 
 
@@ -116,7 +115,7 @@ def test_places_find_the_robot_and_find_it_again_after_it_was_carried_off():
     part.learn(survey(ring(24)), _blank_grid())
     part.start(None)
     for begin in (0.1, 3.2):
-        angles = begin + 0.1 * np.arange(12)  # 1.5 m: places have to agree with the motion over a metre
+        angles = begin + 0.1 * np.arange(16)  # 2.1 m: places have to agree with the motion over a metre and a half
         path = [se2(1.4 * np.cos(a), 1.4 * np.sin(a), a + 1.5) for a in angles]
         for k, pose in enumerate(path):
             step = np.eye(4) if k == 0 else inverse(path[k - 1]) @ pose
@@ -141,20 +140,6 @@ def test_something_new_in_the_way_does_not_move_a_robot_that_knows_where_it_is()
         belief = part.update(seen, Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK))
     metres, radians = _wrong(belief, se2(*start))
     assert belief.status is Knowing.TRACKING and metres < 0.25 and radians < 0.1
-
-
-def test_a_place_named_elsewhere_is_looked_at_three_times_before_a_sharp_belief_heeds_it():
-    there = Hearing(((np.array([4.0, 0.0, 0.0]), np.diag([0.01] * 3), 1.0),), 20.0, 0.9)
-    further = Hearing(((np.array([4.2, 0.0, 0.0]), np.diag([0.01] * 3), 1.0),), 20.0, 0.9)
-    other = Hearing(((np.array([9.0, 3.0, 1.0]), np.diag([0.01] * 3), 1.0),), 20.0, 0.9)
-    rumour = Rumour()
-    assert rumour.convinces(there, contradicts=False)
-    heard = []
-    last = Hearing(((np.array([4.4, 0.0, 0.0]), np.eye(3), 1.0),), 20.0, 0.9)
-    for hearing in (there, further, other, there, further, last):
-        rumour.move(np.array([0.2, 0.0, 0.0]))
-        heard.append(rumour.convinces(hearing, contradicts=True))
-    assert heard == [False, False, False, False, False, True]
 
 
 @pytest.mark.parametrize("wrong", [

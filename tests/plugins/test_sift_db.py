@@ -55,7 +55,7 @@ def test_carried_away_it_recovers():
     part = _learnt(every=1)
     part.start(Belief(PATH[0], SMALL))
     _walk(part, PATH[:3], lambda step: step)
-    elsewhere = [se2(-1.4 * np.cos(a), -1.4 * np.sin(a), a - 1.6) for a in np.linspace(0.1, 1.2, 8)]
+    elsewhere = [se2(-1.4 * np.cos(a), -1.4 * np.sin(a), a - 1.6) for a in np.linspace(0.1, 1.5, 11)]
     beliefs = _walk(part, elsewhere, lambda step: step)
     assert _wrong_m(beliefs[-1], elsewhere[-1]) < 0.05
     assert beliefs[-1].status is Knowing.TRACKING

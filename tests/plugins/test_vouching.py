@@ -1,42 +1,43 @@
-"""What it takes to be sure again, and which view cannot follow which."""
+"""What it takes to be sure again, and what to be sure no longer."""
 
 import numpy as np
 import pytest
-from painted_survey import FEATURES, SMALL, context, look, ring, survey
+from painted_survey import SMALL, context, look, ring, survey
 
+from rhs.continuity import Continuity
 from rhs.geometry import inverse, se2
 from rhs.grid import OccupancyGrid, frame_of
-from rhs.records import Belief, Knowing, Motion, Tracking
-from rhs.support import breaks
-from rhs.vision import features
+from rhs.records import Belief, Knowing, Motion, Scan, Tracking
+from rhs.scanmatch import ScanMatcher
 from rhs_localisers.particle_filter_config import ParticleFilter
 from rhs_localisers.sift_db_config import SiftDb
-from rhs_localisers.vouching import Vouching
+from rhs_localisers.vouching import AGAINST_M, Rumour, Vouching, fits, watched
 
-STILL = np.eye(4)
+STILL, ON = np.eye(4), se2(0.26, 0.0, 0.0)
+GOES_ON, UNKNOWN, BROKEN = Continuity.GOES_ON, Continuity.UNKNOWN, Continuity.BROKEN
 
 
 def _round(angle):
     return se2(1.4 * np.cos(angle), 1.4 * np.sin(angle), angle + 1.5)
 
 
-def test_places_vouch_again_after_four_that_agree_over_a_metre_and_not_on_the_spot():
+def test_places_vouch_again_after_four_that_agree_over_a_metre_and_a_half_and_not_on_the_spot():
     part = Vouching(False)
     for _ in range(10):
-        part.travel(STILL)
+        part.travel(STILL, GOES_ON)
         part.hear(True)
     assert not part.vouched and part.chance < 0.7
-    for _ in range(4):
-        part.travel(se2(0.26, 0.0, 0.0))
+    for _ in range(6):
+        part.travel(ON, GOES_ON)
         part.hear(True)
     assert part.vouched and part.chance == 1.0
 
 
 def test_a_place_named_elsewhere_makes_the_count_begin_anew_but_does_not_overthrow_what_is_known():
     part, known = Vouching(False), Vouching(True)
-    for k in range(8):
-        part.travel(se2(0.26, 0.0, 0.0))
-        part.hear(k != 4)
+    for k in range(11):
+        part.travel(ON, GOES_ON)
+        part.hear(k != 5)
     assert not part.vouched
     known.hear(False)
     assert known.vouched
@@ -50,14 +51,59 @@ def test_a_belief_that_leaps_off_its_own_motion_is_doubted():
     assert not part.vouched and part.chance < 0.5
 
 
-@pytest.mark.parametrize("angle", [0.1, 1.0, 2.5, 4.0])
-def test_a_view_goes_on_from_the_last_by_the_motion_between_and_not_from_across_the_room(angle):
-    before, after, across = (look(_round(a)) for a in (angle, angle + 0.1, angle + 3.1))
-    step = inverse(_round(angle)) @ _round(angle + 0.1)
-    last = features(before, FEATURES)
-    assert not breaks(last, features(after, FEATURES), before.camera, step)
-    assert breaks(last, features(across, FEATURES), before.camera, step)
-    assert not breaks(None, features(across, FEATURES), before.camera, step)
+def test_a_break_is_a_doubt_and_a_view_that_cannot_tell_is_not():
+    part = Vouching(True)
+    part.travel(ON, UNKNOWN)
+    assert part.vouched and not part.held
+    part.hear(True)
+    assert part.held
+    part.travel(ON, BROKEN)
+    assert not part.vouched
+
+
+def test_silence_tells_a_robot_that_may_have_been_carried_at_once_and_one_that_watched_its_way_after_two_metres():
+    watching, blind = Vouching(True), Vouching(True)
+    blind.travel(STILL, UNKNOWN)
+    for part in (watching, blind):
+        for _ in range(6):
+            part.silent()
+    assert watching.vouched and not watching.silent() and not blind.vouched
+    for _ in range(8):
+        watching.travel(ON, GOES_ON)
+    watching.silent()
+    assert not watching.vouched
+
+
+@pytest.mark.parametrize("held, metres", [(True, AGAINST_M), (False, 0.5)])
+def test_places_named_elsewhere_convince_a_robot_that_watched_its_way_only_after_three_metres(held, metres):
+    rumour, named, way_m = Rumour(), se2(4.0, 2.0, 1.0), 0.0
+    assert rumour.convinces([np.array([9.0, 9.0, 0.0])], against=False, held=held)
+    while not rumour.convinces([np.array([named[0, 3], named[1, 3], 1.0])], against=True, held=held):
+        rumour.move(ON)
+        named, way_m = named @ ON, way_m + 0.26
+        assert way_m < 4.0
+    assert metres <= way_m < metres + 0.27
+
+
+def test_names_that_do_not_move_as_the_robot_does_never_convince():
+    rumour = Rumour()
+    for k in range(30):
+        rumour.move(ON)
+        assert not rumour.convinces([np.array([2.0 * k, 0.0, 0.0])], against=True, held=False)
+
+
+def test_a_scan_that_cannot_have_been_taken_there_does_not_fit_and_one_on_the_walls_replaces_key_points():
+    room = np.full((60, 60), 0.02, np.float32)
+    room[[0, -1]], room[:, [0, -1]] = 0.98, 0.98
+    walls = ScanMatcher(OccupancyGrid(room, 0.1, (0.0, 0.0)))
+    bearings = np.linspace(-0.4, 0.4, 21)
+    scan = Scan(bearings, 2.95 / np.cos(bearings), 8.0)
+    middle, nearer = np.array([3.0, 3.0, 0.0]), np.array([4.5, 3.0, 0.0])
+    assert fits(scan, walls, middle) and not fits(scan, walls, nearer) and fits(None, walls, nearer)
+    assert watched(UNKNOWN, scan, walls, middle) is GOES_ON
+    assert watched(UNKNOWN, scan, walls, nearer) is UNKNOWN
+    assert watched(BROKEN, scan, walls, middle) is BROKEN
+    assert walls.room_m(middle) == pytest.approx(2.9, abs=0.11)
 
 
 @pytest.mark.parametrize("settings", [ParticleFilter(), SiftDb(match_every=0)])
