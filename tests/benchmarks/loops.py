@@ -6,13 +6,15 @@ Every lap is led in the simulator once and kept (tests/benchmarks/laps.py); each
 the loop closer sees other poses, but the pictures are the same: `laps` counts what was led. ATE and end error are taken
 from the known start, without alignment; cuts compare their sums over the laps of a row. A closure is false when it puts
 the later view more than 0.3 m or 5 degrees from where it truly stood (in the directions that its covariance claims to
-know). rebuild: drawing the grid anew from the closed poses. --kept: only laps that are there already.
+know). rebuild: drawing the grid anew from the closed poses. --kept: only laps that are there already. --add: only laps
+that loops_runs.csv does not hold yet, which are added to it.
 Writes results/tables/loops.csv and loops_runs.csv.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import sys
 import time
 from collections.abc import Iterator
@@ -44,10 +46,14 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, default=TABLES.parent / "laps")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--kept", action="store_true", help="only laps that are there already")
+    parser.add_argument("--add", action="store_true", help="only laps that are not in the table yet")
     parser.add_argument("--out", type=Path, default=TABLES)
     options = parser.parse_args()
-    rows: list[list[str]] = []
+    rows = written(options.out / "loops_runs.csv") if options.add else []
+    there = {row[1] for row in rows}
     for world, lap in wanted(options.seeds):
+        if lap.name in there:
+            continue
         if options.kept and not (options.keep / f"{lap.name}.npz").exists():
             continue
         led = taken(lap, options.keep)
@@ -55,11 +61,18 @@ def main() -> int:
             rows += [[world, lap.name, odometry, closer, *measured(lap.world, led, odometry, closer)] for closer in CLOSERS]
         sys.stdout.write(f"{lap.name}: {len(led)} views\n")
         sys.stdout.flush()
-    (options.out / "loops_runs.csv").write_text("\n".join([RUNS, *(",".join(row) for row in rows)]) + "\n")
+    with (options.out / "loops_runs.csv").open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([RUNS.split(","), *rows])
     table = "\n".join([GROUPS, *grouped(rows)]) + "\n"
     (options.out / "loops.csv").write_text(table)
     sys.stdout.write(table)
     return 0
+
+
+def written(path: Path) -> list[list[str]]:
+    """The rows of a table of runs without its head."""
+    with path.open(newline="") as file:
+        return list(csv.reader(file))[1:]
 
 
 def wanted(seeds: int) -> Iterator[tuple[str, Lap]]:

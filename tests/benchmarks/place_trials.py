@@ -4,7 +4,8 @@
 
 The same functions as `python -m rhs experiment=places` (rhs.places_task, rhs.place_trial), over laps that are led once and
 kept. Per seed: every third view of a survey of square_alike at its true pose is stored, every third view of another lap,
-0.3 m and 8 degrees rms off the route, is asked alone. `sequence`: the particle filter started from nothing and led 3 m.
+0.3 m and 8 degrees rms off the route, is asked alone. `sequence`: the particle filter started from nothing and led 3 m;
+--only-sequences measures only these and puts their row into the table that is there.
 Writes results/tables/places.csv, places_abstained.csv (every query not answered rightly, with its reason) and
 results/pictures/precision_recall.png.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -43,6 +45,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--sequences", type=int, default=125)
+    parser.add_argument("--only-sequences", action="store_true")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     answers: dict[str, list[Answered]] = {}
@@ -50,6 +53,9 @@ def main() -> int:
     for seed in range(options.first_seed, options.first_seed + options.seeds):
         stored = taken(Lap(WORLD, seed), options.keep)
         asked = taken(Lap(WORLD, 1000 + seed, "ccw", (), 0.3, 8.0), options.keep)
+        if options.only_sequences:
+            answers.setdefault("sequence", []).extend(sequences(stored, asked, options.sequences))
+            continue
         memory = memory_of(stored.views("procrustes", true_poses=True))
         queries = [Query(asked.features[k], asked.camera, asked.truth[k]) for k in range(0, len(asked), ASK_EVERY)]
         for method, given in trial(memory, queries, checks=5, seed=seed).items():
@@ -58,10 +64,24 @@ def main() -> int:
         answers.setdefault("sequence", []).extend(sequences(stored, asked, options.sequences))
         sys.stdout.write(f"seed {seed}: {len(queries)} queries\n")
         sys.stdout.flush()
+    if options.only_sequences:
+        return replace_row(options.out / "tables" / "places.csv", answers)
     write_tables(options.out / "tables", answers)
     (options.out / "tables" / "places_abstained.csv").write_text("".join(missed))
     precision_recall_picture(options.out / "tables").replace(options.out / "pictures" / "precision_recall.png")
     sys.stdout.write((options.out / "tables" / "places.csv").read_text())
+    return 0
+
+
+def replace_row(table: Path, answers: dict[str, list[Answered]]) -> int:
+    """The rows of these answers take the place of those in the table; the others stay."""
+    with tempfile.TemporaryDirectory() as name:
+        write_tables(Path(name), answers)
+        fresh = (Path(name) / "places.csv").read_text().splitlines()[1:]
+    names = {line.split(",")[0] for line in fresh}
+    stay = [line for line in table.read_text().splitlines() if line.split(",")[0] not in names]
+    table.write_text("\n".join([*stay, *fresh]) + "\n")
+    sys.stdout.write("\n".join(fresh) + "\n")
     return 0
 
 
