@@ -15,8 +15,9 @@ def run(overrides: Sequence[str] = (), *, quiet: bool = False) -> dict[str, Any]
     later is a row whose `status` is not "ok" and whose `reason` says why.
     """
     from .compose import compose_config
-    from .experiment import run_config, unwatched
+    from .experiment import run_config
     from .folders import claim_run
+    from .notebook import unwatched
     from .progress import bar
 
     config = compose_config(list(overrides))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,58 +13,26 @@ import numpy as np
 
 from . import survey as surveying
 from .allocator import keep_freed_memory
-from .compose import RunConfig, build_parts, identity, to_plain, write_config
+from .compose import RunConfig, build_parts, identity
 from .errors import RhsError
-from .files import replacing
-from .floorplan import Box, World, truth_grid
+from .floorplan import Box, World
 from .gating import gated
 from .kidnap import Kidnapper
-from .live import Audience, Listener, LiveView
 from .maps import save_map
 from .metrics import evaluate
+from .notebook import Notebook, Watch, closure_rows, open_notebook, plan_row, unwatched, write_json
 from .parts import Parts, generator
 from .patrol import Led, steps
 from .provenance import commit, peak_memory_mb, versions
-from .recording import Recorder
 from .records import Belief, Step
-from .records import Path as Plan
 from .rowfile import write_row
 from .sentinel import Sentinel
-from .steps import StepTable
 from .survey import Survey, ViewCollector
 from .trajectory import Trajectory, write_tum
 from .world import load_world
 
 OBSTACLE_HEIGHT_M = 1.8
 START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
-Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
-
-
-def unwatched(steps: Iterable[Step], phase: str, expected: int | None) -> Iterable[Step]:
-    """The default watcher: looks away. A progress bar has the same signature."""
-    return steps
-
-
-@dataclass
-class Notebook:
-    """Everything of one run that listens to its steps: the table, the recording, the progress bar."""
-
-    folder: Path
-    table: StepTable
-    recorder: Listener
-    watch: Watch
-    counts: dict[str, int] = field(default_factory=dict)
-    began_s: float | None = None
-    stamp_s: float = 0.0
-
-    def follow(self, steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
-        for step in self.watch(steps, phase, expected):
-            self.table.add(step)
-            self.recorder.step(step)
-            self.counts[phase] = self.counts.get(phase, 0) + 1
-            self.stamp_s = step.stamp_s
-            self.began_s = step.stamp_s if self.began_s is None else self.began_s
-            yield step
 
 
 def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dict[str, Any]:
@@ -160,24 +127,6 @@ def furnished(world: World, config: RunConfig) -> World:
     return replace(world, obstacles=world.obstacles + boxes)
 
 
-def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: Path, watch: Watch) -> Notebook:
-    """The run's files that grow with its steps, and the true plan beside them for the judge."""
-    write_config(config, folder)
-    facts = parts.source.facts
-    places = [{"name": n, "x_m": x, "y_m": y} for n, x, y in facts.places]
-    write_json(folder / "facts.json", {"name": facts.name, "start": list(facts.start), "places": places,
-                                       "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m})
-    if world is not None:
-        save_map(folder / "true_map", truth_grid(world))
-        if world.obstacles:
-            save_map(folder / "true_map_patrol", truth_grid(world, with_obstacles=True))
-    level = "full" if config.recording == "auto" else config.recording
-    listeners: list[Listener] = [Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))]
-    if config.live:
-        listeners.append(LiveView(config.live, parts.source.camera, facts.name))
-    return Notebook(folder, StepTable(folder), Audience(listeners), watch)
-
-
 def lead_round(parts: Parts, config: RunConfig, notebook: Notebook) -> Survey:
     """Survey, settle, close the loop, draw the map; the files of the survey are written here."""
     from .contracts import FeatureSettings
@@ -239,17 +188,6 @@ def take_picture(step: Step, sentinel: Sentinel, folder: Path) -> None:
         write_image(folder / f"{len(arrived):02d}_{arrived[-1].place}.png", step.observation.image)
 
 
-def closure_rows(closure) -> dict[str, Any]:
-    edges = [{"earlier": e.earlier, "later": e.later, "inliers": e.inliers, "accepted": e.accepted, "reason": e.reason,
-              "earlier_from_later": np.round(e.earlier_from_later, 9).tolist()} for e in closure.edges]
-    return {"edges": edges, "details": dict(closure.details)}
-
-
-def plan_row(mission: int, plan: Plan) -> dict[str, Any]:
-    return {"mission": mission, "reason": str(plan.reason), "plan_ms": plan.plan_ms, "learn_ms": plan.learn_ms,
-            "points_m": np.asarray(plan.points_m).tolist(), "raw_m": np.asarray(plan.raw_m).tolist()}
-
-
 def cost(begin: float, notebook: Notebook | None) -> dict[str, float]:
     """Wall time, memory, and how much faster than the robot the program was."""
     wall_s = time.perf_counter() - begin
@@ -258,9 +196,3 @@ def cost(begin: float, notebook: Notebook | None) -> dict[str, float]:
     return {"wall_ms": 1e3 * wall_s, "real_time_factor": robot_s / wall_s,
             "peak_memory_mb": peak_memory_mb(),
             "views": sum(notebook.counts.values()) if notebook is not None else 0}
-
-
-def write_json(path: Path, value: Any) -> None:
-    """Written whole or not at all."""
-    with replacing(path) as file:
-        file.write(json.dumps(value, indent=1) + "\n")

@@ -58,9 +58,9 @@ def run_places(config: RunConfig, folder: Path) -> dict[str, Any]:
 def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) -> tuple[list[tuple[View, Step]], Parts]:
     """One led lap as (view at its true pose, step) pairs, key-points in every view, and the parts it was led with.
 
-    off_route: led `places.off_route_m` rms beside the route and `places.off_route_deg` off its heading; its views are queries
-    and stay as they were taken. The others are stored: with one eye their key-points get the depths of the walls that the
-    odometry settled on, errors and all."""
+    off_route: led `places.off_route_m` rms beside the route and `places.off_route_deg` off its heading; its views are
+    queries and stay as they were taken. The others are stored: with one eye their key-points get the depths of the walls
+    that the odometry settled on, errors and all."""
     from .world import load_world
 
     chosen = dict(config.chosen())

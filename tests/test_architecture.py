@@ -17,7 +17,7 @@ CORE = sorted((ROOT / "rhs").glob("*.py"))
 PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 
 LEVELS = [
-    "errors sealing geometry jit allocator paths provenance mcap_records meanings",
+    "errors sealing distortion geometry jit allocator paths provenance mcap_records meanings",
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings"
     " gate_settings",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
@@ -31,7 +31,7 @@ LEVELS = [
     "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
     " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
     " planning_pictures planning_task planning_table planner_arena places_task"
-    " unroll_task unroll_pictures gating task_row",
+    " unroll_task unroll_pictures gating task_row notebook",
     "experiment told",
     "launcher sweep __init__",
     "__main__",
