@@ -2,6 +2,9 @@
 
     python tests/benchmarks/one_eye.py --tracks /tmp/tracks            # all cases; surveys are rendered once and kept
     python tests/benchmarks/one_eye.py --tracks /tmp/tracks square     # one case
+    python tests/benchmarks/one_eye.py --tracks /tmp/tracks square --runs 4 --filters command   # part of one
+
+Rows of earlier calls in OUT are kept; the same run again replaces its row. Begin in an empty OUT where the code changed.
 
 A case is a world with settings of the source, some seeds and directions, and the filters to try on the same tracks.
 Writes one row per run to OUT/one_eye_runs.csv, and per case and filter the number of runs, how many failed (ever more
@@ -15,8 +18,9 @@ from __future__ import annotations
 import argparse
 import csv
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -65,20 +69,20 @@ class Case:
     filters: dict[str, tuple[str, dict[str, Any]]] = field(default_factory=lambda: MAIN)
 
 
-BOTH = tuple((seed, way) for seed in range(3) for way in ("ccw", "cw"))
-OTHER = ((100, "ccw"), (101, "cw"))
-SIX = tuple((seed, "ccw") for seed in range(6))
+TWELVE = tuple((seed, way) for seed in range(6) for way in ("ccw", "cw"))
+SIX = TWELVE[:6]
 CASES = {
-    "corridor": Case(("world=corridor",), SIX, THESIS),
-    "two_corridors": Case(("world=two_corridors",), SIX, THESIS),
-    "square": Case(("world=square",), BOTH, INPUTS),
-    "square_pivot": Case(("world=square", "source.turn=pivot"), OTHER, MAIN),
-    "square_sparse": Case(("world=square", "source.paintings_density=0.35"), OTHER, MAIN),
-    "square_sway": Case(("world=square", "source.pitch_roll_deg=1.0"), OTHER, SWAYING),
-    "lobby": Case(("world=lobby",), tuple((seed, "ccw") for seed in range(100, 103)), THESIS),
+    "corridor": Case(("world=corridor",), TWELVE, THESIS),
+    "two_corridors": Case(("world=two_corridors",), TWELVE, THESIS),
+    "square": Case(("world=square",), TWELVE, INPUTS),
+    "square_pivot": Case(("world=square", "source.turn=pivot"), SIX, MAIN),
+    "square_sparse": Case(("world=square", "source.paintings_density=0.35"), SIX, MAIN),
+    "square_sway": Case(("world=square", "source.pitch_roll_deg=1.0"), SIX, SWAYING),
+    "lobby": Case(("world=lobby",), SIX, THESIS),
 }
 SHOWN = ("ate_m", "half_way_error_m", "end_error_m", "end_error_percent", "yaw_after_corner_deg", "nees_median",
-         "doubted_share", "offset_median_m", "offset_max_m", "cpu_ms_median", "cpu_ms_p95")
+         "doubted_share", "offset_median_m", "offset_max_m", "cpu_ms_median", "cpu_ms_p95", "tracking_ms_median",
+         "tracking_ms_p95")
 MAP = ("true_walls", "walls", "walls_found", "free_iou")
 
 
@@ -87,26 +91,53 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", default=list(CASES))
     parser.add_argument("--tracks", type=Path, required=True, help="folder for the surveys' tracks")
     parser.add_argument("--out", type=Path, default=Path("results/tables"))
+    parser.add_argument("--runs", type=int, default=12, help="at most so many runs of each case, the first ones")
+    parser.add_argument("--filters", nargs="*", default=[""], help="only filters whose label begins with one of these")
     chosen = parser.parse_args()
     chosen.tracks.mkdir(parents=True, exist_ok=True)
-    rows = [row for name in chosen.cases for row in run_case(name, CASES[name], chosen.tracks)]
-    write(chosen.out / "one_eye_runs.csv", rows)
+    kept = read(chosen.out / "one_eye_runs.csv")
+    for name in chosen.cases:
+        case = CASES[name]
+        filters = {k: v for k, v in case.filters.items() if k.startswith(tuple(chosen.filters))}
+        for row in run_case(name, replace(case, runs=case.runs[: chosen.runs], filters=filters), chosen.tracks):
+            kept[key(row)] = row
+            rows = sorted(kept.values(), key=order)
+            write(chosen.out / "one_eye_runs.csv", rows)
     groups = dict.fromkeys((row["case"], row["filter"]) for row in rows)
     table = [summary([r for r in rows if (r["case"], r["filter"]) == group]) for group in groups]
     write(chosen.out / "one_eye.csv", table)
     print((chosen.out / "one_eye.csv").read_text())
 
 
-def run_case(name: str, case: Case, folder: Path) -> list[dict[str, Any]]:
-    rows, world = [], load_world(case.words[0].removeprefix("world="))
+def key(row: dict[str, Any]) -> tuple[str, ...]:
+    return tuple(str(row[name]) for name in ("case", "filter", "seed", "direction"))
+
+
+def order(row: dict[str, Any]) -> tuple[int, int, int, str]:
+    case = row["case"]
+    return list(CASES).index(case), list(CASES[case].filters).index(row["filter"]), int(row["seed"]), row["direction"]
+
+
+def read(path: Path) -> dict[tuple[str, ...], dict[str, Any]]:
+    """The rows of earlier calls, numbers as numbers, by what makes them one run."""
+    if not path.exists():
+        return {}
+    with path.open(newline="") as file:
+        rows = [{k: v if k in ("case", "filter", "direction") else float(v) for k, v in row.items()}
+                for row in csv.DictReader(file)]
+    return {key(row): row for row in ({**row, "seed": int(row["seed"])} for row in rows)}
+
+
+def run_case(name: str, case: Case, folder: Path) -> Iterator[dict[str, Any]]:
+    world = load_world(case.words[0].removeprefix("world="))
     for seed, way in case.runs:
-        tracks = survey(folder / f"{name}_{way}{seed}.npz", case.words, seed, way)
+        tracks, spent_ms = survey(folder / f"{name}_{way}{seed}.npz", case.words, seed, way)
+        tracking = {"tracking_ms_median": float(np.median(spent_ms)), "tracking_ms_p95": float(np.percentile(spent_ms, 95))}
         for label, (odometry, settings) in case.filters.items():
             played = replay(odometry, settings, tracks)
-            run = {**figures(played), **map_figures(played, world)}
-            rows.append({"case": name, "filter": label, "seed": seed, "direction": way, **run})
+            run = {**figures(played), **map_figures(played, world), **tracking}
             print(name, way, seed, label, f"ate {run['ate_m']:.3f} end {run['end_error_m']:.3f}", flush=True)
-    return rows
+            yield {"case": name, "filter": label, "seed": seed, "direction": way, **run}
 
 
 def map_figures(run: Replay, world: World) -> dict[str, float]:
@@ -159,22 +190,26 @@ def drawn(world: World, poses: Any, scans: Any) -> np.ndarray:
     return mapper.grid().free()
 
 
-def survey(file: Path, words: tuple[str, ...], seed: int, way: str) -> Tracks:
-    """Tracks of the survey, rendered if the file is not there."""
+def survey(file: Path, words: tuple[str, ...], seed: int, way: str) -> tuple[Tracks, np.ndarray]:
+    """Tracks of the survey, rendered if the file is not there, and the CPU ms that following took in each view."""
+    times = file.with_suffix(".ms.npy")
     if file.exists():
-        return load_tracks(file)
+        return load_tracks(file), np.load(times)
     look = f"source.texture_seed={seed + 1}"
     config = compose_config(["sensor=mono", f"seed={seed}", look, f"source.direction={way}", *words])
     with tempfile.TemporaryDirectory() as folder:
         parts = build_parts(config, load_world(config.world), Path(folder))
-        tracker, frames, truth = KltTracker(KltSettings()), [], []
+        tracker, frames, truth, spent_ms = KltTracker(KltSettings()), [], [], []
         while (capture := parts.source.lead()) is not None:
-            frames.append(tracker.track(parts.sensor.sense(capture)))
+            observation, begin = parts.sensor.sense(capture), time.process_time()
+            frames.append(tracker.track(observation))
+            spent_ms.append(1e3 * (time.process_time() - begin))
             truth.append(parts.source.truth())
         tracks = Tracks(parts.source.camera, np.array(parts.source.facts.start), frames, np.stack(truth))
         parts.source.close()
+    np.save(times, spent_ms)
     save_tracks(file, tracks)
-    return tracks
+    return tracks, np.array(spent_ms)
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
