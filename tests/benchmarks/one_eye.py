@@ -92,13 +92,14 @@ def main() -> None:
     parser.add_argument("--tracks", type=Path, required=True, help="folder for the surveys' tracks")
     parser.add_argument("--out", type=Path, default=Path("results/tables"))
     parser.add_argument("--runs", type=int, default=12, help="at most so many runs of each case, the first ones")
-    parser.add_argument("--filters", nargs="*", default=[""], help="only filters whose label begins with one of these")
+    parser.add_argument("--filters", nargs="*", default=[""], help="only filters of this label, or whose label begins so")
     chosen = parser.parse_args()
     chosen.tracks.mkdir(parents=True, exist_ok=True)
     kept = read(chosen.out / "one_eye_runs.csv")
     for name in chosen.cases:
         case = CASES[name]
-        filters = {k: v for k, v in case.filters.items() if k.startswith(tuple(chosen.filters))}
+        filters = {k: v for k, v in case.filters.items()
+                   if any(k == wanted or (wanted not in case.filters and k.startswith(wanted)) for wanted in chosen.filters)}
         for row in run_case(name, replace(case, runs=case.runs[: chosen.runs], filters=filters), chosen.tracks):
             kept[key(row)] = row
             rows = sorted(kept.values(), key=order)
