@@ -28,7 +28,7 @@ import numpy as np
 
 from rhs.compose import build_parts, compose_config
 from rhs.floorplan import World
-from rhs.geometry import se2
+from rhs.geometry import planar, se2
 from rhs.records import Wall
 from rhs.structure import cast_on_walls
 from rhs.world import load_world
@@ -134,31 +134,38 @@ def run_case(name: str, case: Case, folder: Path) -> Iterator[dict[str, Any]]:
     for seed, way in case.runs:
         tracks, spent_ms = survey(folder / f"{name}_{way}{seed}.npz", case.words, seed, way)
         tracking = {"tracking_ms_median": float(np.median(spent_ms)), "tracking_ms_p95": float(np.percentile(spent_ms, 95))}
+        true_free = drawn_truth(world, tracks)
         for label, (odometry, settings) in case.filters.items():
             played = replay(odometry, settings, tracks)
-            run = {**figures(played), **map_figures(played, world), **tracking}
+            run = {**figures(played), **map_figures(played, world, true_free), **tracking}
             print(name, way, seed, label, f"ate {run['ate_m']:.3f} end {run['end_error_m']:.3f}", flush=True)
             yield {"case": name, "filter": label, "seed": seed, "direction": way, **run}
 
 
-def map_figures(run: Replay, world: World) -> dict[str, float]:
+def map_figures(run: Replay, world: World, true_free: np.ndarray) -> dict[str, float]:
     """Walls found: true walls longer than a metre with a wall of the filter along at least half of them, no more than
     0.3 m off; their offsets. Free-space IoU of the map drawn from the filter's poses and walls against the same beams
     drawn from the true poses and walls, without alignment, cells of 0.1 m."""
-    truth = [s for wall in world.walls for s in wall.segments_m if np.linalg.norm(s[1] - s[0]) > 1.0]
+    truth = long_walls(world)
     gaps = np.array([offset_m(s, run.walls) for s in truth])
     found = gaps[gaps <= 0.3]
     out = {"true_walls": float(len(truth)), "walls_found": float(len(found)), "free_iou": np.nan,
            "offset_median_m": float(np.median(found)) if len(found) else np.nan,
            "offset_max_m": float(found.max()) if len(found) else np.nan}
     if run.revision is not None and run.walls:
-        real = [Wall(s[0], s[1]) for s in truth]
-        beams, reach = np.linspace(-np.pi, np.pi, 720, endpoint=False), 4.0
-        poses = [se2(*pose) for pose in run.truth]
-        true_free = drawn(world, poses, [cast_on_walls(real, pose, beams, reach) for pose in poses])
         free = drawn(world, run.revision.poses, run.revision.scans)
         out["free_iou"] = float((free & true_free).sum() / (free | true_free).sum())
     return out
+
+
+def long_walls(world: World) -> list[np.ndarray]:
+    return [s for wall in world.walls for s in wall.segments_m if np.linalg.norm(s[1] - s[0]) > 1.0]
+
+
+def drawn_truth(world: World, tracks: Tracks) -> np.ndarray:
+    real, poses = [Wall(s[0], s[1]) for s in long_walls(world)], [se2(*planar(pose)) for pose in tracks.truth]
+    beams, reach = np.linspace(-np.pi, np.pi, 720, endpoint=False), 4.0
+    return drawn(world, poses, [cast_on_walls(real, pose, beams, reach) for pose in poses])
 
 
 def offset_m(true: np.ndarray, walls: Sequence[Wall]) -> float:
