@@ -42,7 +42,8 @@ def _descent(wide, patch, rows):
             total += weight[i]
             rows[i, 0], rows[i, 1], rows[i, 2] = gx * dx, gx * dy, gx
             rows[i, 3], rows[i, 4], rows[i, 5] = gy * dx, gy * dy, gy
-            mean += weight[i] * rows[i]
+            for a in range(PARAMETERS):
+                mean[a] += weight[i] * rows[i, a]
     mean /= total
     for i in range(SIDE * SIDE):
         for a in range(PARAMETERS):
