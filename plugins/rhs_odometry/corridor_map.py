@@ -104,13 +104,18 @@ def _hidden(p: Plane, others: Sequence[Plane], path_xy: np.ndarray) -> list[floa
     own, out = _firm(p), []
     for o in others:
         apart = abs(o.offset_m - p.offset_m)
-        if o is p or o.axis != p.axis or not SHADOW_M < apart < NICHE_M or not own:
+        if o is p or o.axis != p.axis or not SHADOW_M < apart < NICHE_M or not own or _outlook(o) != _outlook(p):
             continue
         theirs = [k for k in _firm(o) if k not in own and _same_side(p, o, path_xy, (k + 0.5) * BIN_M)]
         for first, last in _runs(theirs, own):
             if last - first + 1 >= BEHIND_BINS:
                 out += [BIN_M * first, *((k + 0.5) * BIN_M for k in range(first, last + 1)), BIN_M * (last + 1)]
     return out
+
+
+def _outlook(p: Plane) -> bool:
+    """Whether the wall was mostly seen from where the coordinate across it is higher."""
+    return p.sides[1] > p.sides[0]
 
 
 def _firm(p: Plane) -> set[int]:

@@ -19,9 +19,9 @@ def segment(x0: float, y0: float, x1: float, y1: float) -> Wall:
     return Wall(np.array([x0, y0]), np.array([x1, y1]))
 
 
-def wall(axis: int, offset: float, stretches: list[tuple[float, float]], per_m: int = 12) -> Plane:
+def wall(axis: int, offset: float, stretches: list[tuple[float, float]], per_m: int = 12, sides=(50, 50)) -> Plane:
     along = np.concatenate([np.linspace(low, high, int(per_m * (high - low))) for low, high in stretches])
-    return with_hits(Plane(axis, offset, 0.0, 0.0, along.min(), along.max(), sides=(50, 50)), along)
+    return with_hits(Plane(axis, offset, 0.0, 0.0, along.min(), along.max(), sides=sides), along)
 
 
 def test_a_beam_that_meets_the_back_of_a_wall_says_nothing():
@@ -56,6 +56,15 @@ def test_of_two_walls_one_behind_the_other_only_the_seen_one_stands():
     assert [e[0] for e in ends] == pytest.approx([1.0, 1.0, 2.5])
     assert ends[0][2] == pytest.approx(7.0, abs=0.6) and ends[1][1] == pytest.approx(13.0, abs=0.6)
     assert ends[2][1:] == pytest.approx((7.0, 13.0), abs=0.6)
+
+
+def test_the_two_faces_of_a_block_do_not_hide_each_other():
+    """A block 4 m thick driven round: its near face was seen at one end only, its far face, from beyond, at the other."""
+    way = np.arange(0.0, 8.0, 0.1)
+    path = np.vstack([np.column_stack([way, np.full(80, -1.0)]), np.column_stack([way[::-1], np.full(80, 5.0)])])
+    near, far = wall(1, 0.0, [(4.0, 6.0)], sides=(24, 0)), wall(1, 4.0, [(1.5, 3.5)], sides=(0, 24))
+    spans = {w.start_xy_m[1]: (w.start_xy_m[0], w.end_xy_m[0]) for w in (d.wall for d in walls_of([near, far], path))}
+    assert spans[0.0][0] < 2.0 and spans[4.0][1] > 5.5  # both go on along the path beside them
 
 
 def test_a_wall_remembers_from_which_side_it_was_seen():
