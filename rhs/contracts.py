@@ -113,7 +113,9 @@ class Odometry(Protocol):
 
     Must survive images without features, empty depth and repeated views; must say `degenerate` or `lost` rather than
     return a confident guess; the covariance must be symmetric and positive definite. An odometry whose metres do not come
-    from depth or wheels may have `scale_from`, a few words for the row: what fixes its scale."""
+    from depth or wheels may have `scale_from`, a few words for the row: what fixes its scale. One that loses itself where
+    the robot turns on the spot may have `keeps_moving = (metres, degrees)`: the patrol then turns on arcs, and goes and
+    turns no further between two views."""
 
     def update(self, observation: Observation) -> Motion: ...
 

@@ -20,6 +20,7 @@ from .gating import gated
 from .kidnap import Kidnapper
 from .maps import save_map
 from .metrics import evaluate
+from .mission import turning
 from .notebook import Notebook, Watch, closure_rows, open_notebook, plan_row, unwatched, write_json
 from .parts import Parts, generator
 from .patrol import Led, steps
@@ -165,7 +166,7 @@ def patrol(parts: Parts, config: RunConfig, survey: Survey, notebook: Notebook) 
     sure = np.clip(np.diag(last.covariance), 1e-6, START_VARIANCE)
     parts.localiser.start(Belief(last.map_from_body, np.diag(sure)))
     sentinel = Sentinel(parts.localiser, parts.planner, survey.grid, free, places=facts.places,
-                        radius_m=facts.robot_radius_m, settings=config.mission)
+                        radius_m=facts.robot_radius_m, settings=turning(config.mission, parts.odometry))
     if config.mission.kidnap:
         sentinel.kidnapper = Kidnapper(generator(config.seed, "kidnapper"), survey.views)
     loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views))

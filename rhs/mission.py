@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -28,8 +28,8 @@ class MissionSettings:
     watch_m: float = 2.5
     # scan points this close to a wall of the map are the wall, metres
     wall_tolerance_m: float = 0.3
-    # turn on the spot, or on an arc that keeps the camera moving: pivot | arc
-    turn: str = "pivot"
+    # turn on the spot, or on an arc that keeps the camera moving: pivot | arc | auto, which takes what the odometry wants
+    turn: str = "auto"
     # radius of arc turns, metres
     arc_radius_m: float = 0.7
     # longest way between two views while patrolling, metres
@@ -49,11 +49,22 @@ class MissionSettings:
         check_range("mission", "stuck_steps", self.stuck_steps, low=2, high=10000)
         check_range("mission", "watch_m", self.watch_m, low=0.2, high=20.0, unit="m")
         check_range("mission", "wall_tolerance_m", self.wall_tolerance_m, low=0.0, high=2.0, unit="m")
-        check_choice("mission", "turn", self.turn, ("pivot", "arc"))
+        check_choice("mission", "turn", self.turn, ("auto", "pivot", "arc"))
         check_range("mission", "arc_radius_m", self.arc_radius_m, low=0.1, high=5.0, unit="m")
         check_range("mission", "step_m", self.step_m, low=0.02, high=2.0, unit="m")
         check_range("mission", "turn_step_deg", self.turn_step_deg, low=1.0, high=90.0, unit="degrees")
         check_range("mission", "speed_mps", self.speed_mps, low=0.02, high=3.0, unit="m/s")
+
+
+def turning(settings: MissionSettings, odometry: object) -> MissionSettings:
+    """The settings with `turn` decided: on arcs and in steps as short as the odometry wants them, where it is left to one
+    that `keeps_moving` (rhs.contracts)."""
+    wanted = getattr(odometry, "keeps_moving", None)
+    if settings.turn != "auto" or wanted is None:
+        return replace(settings, turn="pivot" if settings.turn == "auto" else settings.turn)
+    step_m, turn_step_deg = wanted
+    return replace(settings, turn="arc", step_m=min(settings.step_m, step_m),
+                   turn_step_deg=min(settings.turn_step_deg, turn_step_deg))
 
 
 @dataclass

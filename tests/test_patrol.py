@@ -130,3 +130,26 @@ def test_an_obstacle_on_the_place_itself_is_not_touched_and_the_patrol_goes_on_t
     assert last["a"].status == "gave_up" and "goal_blocked" in last["a"].reason
     assert [last[name].status for name in ("b", "c", "home")] == ["arrived"] * 3
     assert not any(step.collided for step in out)
+
+
+def test_an_odometry_that_wants_a_moving_camera_gets_arcs():
+    """Round the ring, always onwards: with arcs the robot never turns without going forward; otherwise it pivots."""
+    from types import SimpleNamespace
+
+    from rhs.mission import turning
+
+    moving, any_other = SimpleNamespace(keeps_moving=(0.125, 6.5)), SimpleNamespace()
+    assert turning(MissionSettings(), moving).turn == "arc" and turning(MissionSettings(), any_other).turn == "pivot"
+    decided = turning(MissionSettings(step_m=0.1), moving)
+    assert (decided.step_m, decided.turn_step_deg) == (0.1, 6.5)
+    assert turning(MissionSettings(turn="pivot"), moving).turn == "pivot"  # what a person typed holds
+    assert turning(MissionSettings(turn="arc"), any_other).turn == "arc"
+    on_the_spot = {}
+    for odometry in (moving, any_other):
+        world = Flatland(ring(), (1.0, 1.0, 0.6), PLACES)  # looks aside at first
+        sentinel, out = patrol(world, settings=turning(MissionSettings(), odometry))
+        assert [m.status for m in sentinel.book.missions] == ["arrived"] * 4
+        assert not any(step.collided for step in out)
+        told = [step.command for step in out[1:]]
+        on_the_spot[odometry is moving] = sum(c.forward_mps == 0.0 and c.turn_radps != 0.0 for c in told)
+    assert on_the_spot[True] == 0 < on_the_spot[False]

@@ -15,11 +15,16 @@ from .klt import KltSettings, KltTracker
 from .one_eye import OneEye, TrackFilter
 from .track_frames import TrackFrame, Tracks, save_tracks
 
+# Metres and degrees between views: nobody tells how far it went, so that points must be looked for where they were.
+SHORT_STEPS = (0.125, 6.5)
+
 
 def one_eye(settings: Any, context: Context, core: TrackFilter, scale_from: str) -> OneEye:
     """settings: a config with `points` and `save_tracks`. scale_from: what the filter's metres come from, for the row."""
     eye = OneEye(KltTracker(KltSettings(points=settings.points)), core, se2(*context.world.start))
     eye.scale_from = scale_from
+    if getattr(settings, "motion", "none") == "none":
+        eye.keeps_moving = SHORT_STEPS
     if settings.save_tracks:
         eye.keep, eye.at_end = [], partial(_save, context)
     return eye
