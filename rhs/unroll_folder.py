@@ -16,7 +16,8 @@ KINDS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 class Folder:
-    """Iterates over gray pictures (H, W) uint8; `camera` is the one of the settings. Raises ConfigError in words."""
+    """Iterates over gray pictures (H, W) uint8; `camera` is the one of the settings. Every picture is read once before
+    anything is unrolled. Raises ConfigError in words."""
 
     def __init__(self, settings: Unroll) -> None:
         folder = Path(settings.path).expanduser()
@@ -34,14 +35,19 @@ class Folder:
             raise ConfigError(f"unroll.intrinsics={list(settings.intrinsics)} do not fit pictures of {width}x{height}; "
                               f"expected [fx,fy,cx,cy], for example [{width},{width},{width / 2:g},{height / 2:g}]")
         self.camera = Camera(width, height, fx, fy, cx, cy, distortion=tuple(settings.distortion))
+        for file in self._files[1:]:
+            self._checked(file)
 
     def __iter__(self) -> Iterator[np.ndarray]:
         for file in self._files:
-            picture = self._read(file)
-            if picture.shape != (self.camera.height, self.camera.width):
-                raise ConfigError(f"unroll.path: {file.name} is {picture.shape[1]}x{picture.shape[0]}, the first picture "
-                                  f"{self.camera.width}x{self.camera.height}; expected one size")
-            yield picture
+            yield self._checked(file)
+
+    def _checked(self, file: Path) -> np.ndarray:
+        picture = self._read(file)
+        if picture.shape != (self.camera.height, self.camera.width):
+            raise ConfigError(f"unroll.path: {file.name} is {picture.shape[1]}x{picture.shape[0]}, the first picture "
+                              f"{self.camera.width}x{self.camera.height}; expected one size")
+        return picture
 
     def _read(self, file: Path) -> np.ndarray:
         import cv2

@@ -83,7 +83,7 @@ def test_folders_that_are_not_pictures_are_refused_in_one_line(tmp_path):
 
     def complaint(path, intrinsics=camera) -> str:
         with pytest.raises(ConfigError) as caught:
-            list(Folder(Unroll(path=str(path), intrinsics=intrinsics)))
+            Folder(Unroll(path=str(path), intrinsics=intrinsics))
         assert "\n" not in str(caught.value)
         return str(caught.value)
 
@@ -102,6 +102,27 @@ def test_folders_that_are_not_pictures_are_refused_in_one_line(tmp_path):
         Unroll(path="x")
     with pytest.raises(ConfigError, match="expected pairs"):
         Unroll(pieces=[1.0])
+
+
+@pytest.mark.parametrize(("spoil", "complaint"), [
+    (lambda folder: write_image(folder / "3.jpg", np.zeros((30, 41, 3), np.uint8)), "3.jpg is 41x30"),
+    (lambda folder: (folder / "2.jpg").write_bytes(b"\xff\xd8\xff no picture"), "2.jpg cannot be read"),
+    (lambda folder: (folder / "2.jpg").unlink(), "found 1 pictures"),
+])
+def test_a_spoilt_folder_is_refused_before_anything_ran(tmp_path, capfd, spoil, complaint):
+    """In one line, with exit code 2, and without a run folder."""
+    from rhs.__main__ import main
+
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    for k in (1, 2):
+        write_image(pictures / f"{k}.jpg", np.zeros((30, 40, 3), np.uint8))
+    spoil(pictures)
+    words = ["experiment=unroll_tube", f"unroll.path={pictures}", "unroll.intrinsics=[20,20,20,15]"]
+    assert main([*words, f"output={tmp_path / 'run'}"]) == 2
+    said = capfd.readouterr().err
+    assert complaint in said and said.count("\n") == 1
+    assert not (tmp_path / "run" / "row.json").exists()
 
 
 def test_picture_nine_comes_before_picture_ten(tmp_path):
