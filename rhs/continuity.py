@@ -33,12 +33,12 @@ def continuity(last: Features | None, seen: Features, camera: Camera, previous_f
     known = np.isfinite(last.points).all(axis=1)
     seen_from_last = inverse(previous_from_body @ camera.body_from_camera) @ camera.body_from_camera
     drawn = transform(seen_from_last, last.points[known].astype(float))
-    inside = in_view(drawn, camera)
-    drawn, theirs = drawn[inside], last.descriptors[known][inside]
+    pixels, inside = in_view(drawn, camera)
+    drawn, pixels, theirs = drawn[inside], pixels[inside], last.descriptors[known][inside]
     if len(drawn) < TELLING_PAIRS:
         return Continuity.UNKNOWN
     from .nearest import found_again
 
-    found = found_again(np.column_stack([camera.project(drawn), drawn[:, 2]]), theirs, seen.pixels.astype(float),
+    found = found_again(np.column_stack([pixels, drawn[:, 2]]), theirs, seen.pixels.astype(float),
                         seen.points[:, 2].astype(float), seen.descriptors, (PIXELS, DEPTH_SHARE, DEPTH_M, AGAIN))
     return Continuity.BROKEN if found < GOES_ON * len(drawn) else Continuity.GOES_ON

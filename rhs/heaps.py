@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .particles import Cloud, SizeLaw, even, low_variance, needed
+from .particles import Cloud, SizeLaw, even, low_variance, needed, reweighted
 
 LIGHTEST = 1e-5  # heaps below this weight are dropped
 MOST_HEAPS = 12  # heavier ones that are kept alive whatever their weight
@@ -62,6 +62,8 @@ def reweighted_by_heaps(
     """`reweighted` within each heap (labels (N,), see `heaps`), and cautiously between them. The second value is, as
     there, the logarithm of the mean likelihood under the whole cloud."""
     count = int(labels.max()) + 1
+    if count == 1:
+        return reweighted(cloud, log_likelihood)
     before = np.bincount(labels, weights=cloud.weights, minlength=count)
     total = cloud.log_weights + np.where(np.isnan(log_likelihood), -np.inf, log_likelihood)
     peak_log = np.full(count, -np.inf)

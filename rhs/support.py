@@ -80,11 +80,12 @@ def expected(memory: Memory, query: Features, map_from_body: np.ndarray) -> bool
     return bool(np.any((gap < 0.8) & (turn < np.radians(20.0))))
 
 
-def in_view(points: np.ndarray, camera: Camera) -> np.ndarray:
-    """(N,) which points (N, 3) of a camera's frame it sees."""
+def in_view(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (N, 2) of points (N, 3) of a camera's frame, and (N,) which of them it sees."""
     with np.errstate(invalid="ignore"):
         pixels = camera.project(points)
-        return (points[:, 2] > 0.3) & np.all((pixels >= 0) & (pixels < [camera.width, camera.height]), axis=1)
+        inside = (points[:, 2] > 0.3) & np.all((pixels >= 0) & (pixels < [camera.width, camera.height]), axis=1)
+    return pixels, inside
 
 
 def _drawn(memory: Memory, near: np.ndarray, camera: Camera, map_from_body: np.ndarray):
@@ -97,5 +98,5 @@ def _drawn(memory: Memory, near: np.ndarray, camera: Camera, map_from_body: np.n
         points.append(transform(camera_from_map @ stored_camera, memory.points[at].astype(float)))
         rows.append(at)
     drawn, index = np.concatenate(points), np.concatenate(rows)
-    inside = in_view(drawn, camera)
+    _, inside = in_view(drawn, camera)
     return drawn[inside], index[inside]

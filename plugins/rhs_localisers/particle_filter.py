@@ -134,9 +134,9 @@ class ParticleLocaliser:
         most, few = self._settings.particles_max, self._settings.scouts
         count = max(few, int(self._elsewhere * most)) if self._elsewhere > 0.05 else max(few, 1)
         scouts = even(self._field.anywhere(count, self._rng))
-        evidence = self._evidence(self._cloud.states, observation, motion)
-        cloud, gain = reweighted_by_heaps(self._cloud, evidence, heaps(self._cloud.states), CAUTION)
-        scouts, gain_elsewhere = reweighted(scouts, self._evidence(scouts.states, observation, motion))
+        evidence = self._evidence(np.concatenate([self._cloud.states, scouts.states]), observation, motion)
+        cloud, gain = reweighted_by_heaps(self._cloud, evidence[: len(self._cloud)], heaps(self._cloud.states), CAUTION)
+        scouts, gain_elsewhere = reweighted(scouts, evidence[len(self._cloud) :])
         self._cloud = cloud
         self._share_out(gain, gain_elsewhere)
         if self._elsewhere > 0.02:
