@@ -15,6 +15,7 @@ from .corridor_motion import Inertia, MotionNoise, Told
 from .corridor_scan import Drawn, believed_scan, mouths_of
 from .corridor_state import SCALE, WIDTH, CorridorState
 from .corridor_walls import WallRules
+from .klt import KltSettings
 from .one_eye import Estimate, OneEye, StructureAlarm, beams, embed
 from .one_eye_parts import one_eye
 from .track_frames import TrackFrame
@@ -30,7 +31,7 @@ DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree i
 
 def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
     core = corridor_core(settings, context.camera, np.array(context.world.start))
-    return one_eye(settings, context, core, scale_from(settings))
+    return one_eye(settings, context, core, scale_from(settings), KltSettings())
 
 
 def scale_from(settings: CorridorEkf) -> str:

@@ -30,7 +30,7 @@ class KltSettings:
     window_px: int = 13  # side of the patch that is followed
     levels: int = 3  # pyramid levels above the image itself
     check_px: float = 0.6  # largest disagreement between following forward and back
-    patches: PatchRules = field(default_factory=PatchRules)
+    patches: PatchRules | None = field(default_factory=PatchRules)  # None: followed from view to view only, there and back
 
 
 class KltTracker:
@@ -39,7 +39,7 @@ class KltTracker:
     def __init__(self, settings: KltSettings) -> None:
         self._settings = settings
         self._gray: np.ndarray | None = None
-        self._patches = Patches(settings.patches)
+        self._patches = None if settings.patches is None else Patches(settings.patches)
         self._ids = np.zeros(0, np.int64)
         self._pixels = np.zeros((0, 2), np.float32)
         self._next_id = 0
@@ -62,12 +62,15 @@ class KltTracker:
             return
         height, width = after.shape
         there, found = self._flow(before, after, self._pixels)
-        pixels, sure = self._patches.find(after, there.astype(float))
+        pixels, sure = there.astype(float), np.zeros(len(there), bool)
+        if self._patches is not None:
+            pixels, sure = self._patches.find(after, pixels)
         good = found & (sure | self._comes_back(before, after, there, ~sure))
         good &= (pixels >= 3).all(axis=1) & (pixels[:, 0] < width - 3) & (pixels[:, 1] < height - 3)
         self._pixels = pixels.astype(np.float32)
         self._keep(good)
-        self._patches.refresh(after, sure[good])
+        if self._patches is not None:
+            self._patches.refresh(after, sure[good])
 
     def _flow(self, before: np.ndarray, after: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(pixels (N, 2) in the image `after`, found (N,) bool)."""
@@ -87,7 +90,8 @@ class KltTracker:
 
     def _keep(self, mask: np.ndarray) -> None:
         self._ids, self._pixels = self._ids[mask], self._pixels[mask]
-        self._patches.keep(mask)
+        if self._patches is not None:
+            self._patches.keep(mask)
 
     def _refill(self, gray: np.ndarray) -> None:
         """Find new corners away from the followed ones, wall part and floor part each up to its quota."""
@@ -114,9 +118,11 @@ class KltTracker:
         return corners.reshape(-1, 2) + np.array([0, rows.start], np.float32)
 
     def _add(self, gray: np.ndarray, pixels: np.ndarray) -> None:
-        pixels = pixels[whole(pixels, gray)]
+        if self._patches is not None:
+            pixels = pixels[whole(pixels, gray)]
         fresh = np.arange(self._next_id, self._next_id + len(pixels), dtype=np.int64)
         self._next_id += len(pixels)
         self._ids = np.concatenate([self._ids, fresh])
         self._pixels = np.concatenate([self._pixels, pixels]).astype(np.float32)
-        self._patches.add(gray, pixels.astype(float))
+        if self._patches is not None:
+            self._patches.add(gray, pixels.astype(float))

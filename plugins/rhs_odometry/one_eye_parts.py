@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,9 +20,10 @@ from .track_frames import TrackFrame, Tracks, save_tracks
 SHORT_STEPS = (0.125, 6.5)
 
 
-def one_eye(settings: Any, context: Context, core: TrackFilter, scale_from: str) -> OneEye:
-    """settings: a config with `points` and `save_tracks`. scale_from: what the filter's metres come from, for the row."""
-    eye = OneEye(KltTracker(KltSettings(points=settings.points)), core, se2(*context.world.start))
+def one_eye(settings: Any, context: Context, core: TrackFilter, scale_from: str, follow: KltSettings) -> OneEye:
+    """settings: a config with `points` and `save_tracks`. scale_from: what the filter's metres come from, for the row.
+    follow: how points are followed."""
+    eye = OneEye(KltTracker(replace(follow, points=settings.points)), core, se2(*context.world.start))
     eye.scale_from = scale_from
     if getattr(settings, "motion", "none") == "none":
         eye.keeps_moving = SHORT_STEPS

@@ -13,6 +13,7 @@ from rhs.structure import cast_on_walls
 
 from .corridor_fit import Eyes, fit_free
 from .corridor_window import TrackWindow
+from .klt import KltSettings
 from .one_eye import Estimate, OneEye, StructureAlarm, beams
 from .one_eye_parts import one_eye
 from .section_ekf_config import SectionEkf
@@ -40,7 +41,8 @@ ALARM_VIEWS = 12  # views a point is followed before its own depth is compared w
 
 def build_section_ekf(settings: SectionEkf, context: Context) -> OneEye:
     core = section_core(settings, context.camera, np.array(context.world.start))
-    return one_eye(settings, context, core, f"half width {settings.half_size_m:g} m")
+    # this filter takes the earlier of two views for exact: points whose errors begin anew in each view serve it better
+    return one_eye(settings, context, core, f"half width {settings.half_size_m:g} m", KltSettings(patches=None))
 
 
 def section_core(settings: SectionEkf, camera: Camera, start: np.ndarray) -> SectionCore:

@@ -90,3 +90,16 @@ def test_ten_views_on_points_have_not_strayed():
     true = moved(frames[0].pixels[first], 1.02 ** (steps - 1), (0.37 * (steps - 1), 0.21 * (steps - 1)))
     assert len(names) > 20
     assert np.median(np.abs(frames[-1].pixels[last] - true)) < 0.15
+
+
+def test_without_patches_points_are_followed_there_and_back_and_stray():
+    """The same approach: what the patches hold to 0.15 px strays further, so the two ways are not one."""
+    scene, frames = texture(3), []
+    tracker = KltTracker(KltSettings(points=60, floor_points=20, patches=None))
+    for k in range(11):
+        gray = view(scene, 1.02**k, (0.37 * k, 0.21 * k))
+        frames.append(tracker.track(Observation(k, 0.1 * k, CAMERA, image=np.repeat(gray[..., None], 3, axis=2))))
+    _, first, last = np.intersect1d(frames[0].ids, frames[-1].ids, return_indices=True)
+    true = moved(frames[0].pixels[first], 1.02**10, (3.7, 2.1))
+    error = np.median(np.abs(frames[-1].pixels[last] - true))
+    assert len(first) > 20 and 0.15 < error < 2.0
