@@ -68,6 +68,19 @@ def memory_of(views: Sequence[View]) -> Memory:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Rootsift:
+    """(M, 128) RootSIFT descriptors kept as bytes, `packed`; brought to unit length where they are looked at."""
+
+    rows: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, which: slice | np.ndarray) -> np.ndarray:
+        return unpacked(self.rows[which])
+
+
 def packed(descriptors: np.ndarray) -> np.ndarray:
     """(N, 128) uint8 of unit-length RootSIFT descriptors."""
     return np.minimum(np.rint(descriptors * BYTE_SCALE), 255).astype(np.uint8)

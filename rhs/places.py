@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .geometry import Camera, compose_covariance, inverse, planar, wrap
-from .memory import Memory, unpacked
+from .memory import Memory, Rootsift
 from .records import Features
 from .retrieval import make_retrieval
 from .sighting import Sighting, SightingSettings, Snapshot, sight
@@ -73,7 +73,7 @@ class PlaceDatabase:
         self.memory, self._settings, self._rng = memory, settings, rng
         usable = len(memory) > 0 and len(memory.descriptors) > 0
         self.retrieval = (
-            make_retrieval(settings.retrieval, unpacked(memory.descriptors), memory.starts, rng) if usable else None
+            make_retrieval(settings.retrieval, Rootsift(memory.descriptors), memory.starts, rng) if usable else None
         )
 
     def ask(self, query: Features, camera: Camera, also: Sequence[np.ndarray] = ()) -> PlaceAnswer:

@@ -6,7 +6,7 @@ the memory (M, 128) belong to which of P views. Scores are for ranking only and 
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -21,12 +21,20 @@ class Retrieval(Protocol):
     def rank(self, descriptors: np.ndarray, top: int) -> tuple[np.ndarray, np.ndarray]: ...
 
 
-def make_retrieval(kind: str, descriptors: np.ndarray, starts: np.ndarray, rng: np.random.Generator) -> Retrieval:
-    """The ranking called `kind` over the (M, 128) descriptors of a memory."""
+class Descriptors(Protocol):
+    """(M, 128) float32 rows, all at once or made where they are looked at: an array, or rhs.memory.Rootsift."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, which: Any) -> np.ndarray: ...
+
+
+def make_retrieval(kind: str, descriptors: Descriptors, starts: np.ndarray, rng: np.random.Generator) -> Retrieval:
+    """The ranking called `kind` over the descriptors of a memory; `vlad` looks at one view's at a time."""
     if kind == "votes":
-        return Votes(descriptors, starts)
+        return Votes(descriptors[:], starts)
     if kind == "kd_tree":
-        return KdTree(descriptors, starts, rng)
+        return KdTree(descriptors[:], starts, rng)
     return Vlad(descriptors, starts, rng)
 
 
@@ -90,7 +98,7 @@ class Vlad:
     vectors (P, D): one per stored view, of unit length."""
 
     def __init__(
-        self, descriptors: np.ndarray, starts: np.ndarray, rng: np.random.Generator, words: int = 64
+        self, descriptors: Descriptors, starts: np.ndarray, rng: np.random.Generator, words: int = 64
     ) -> None:
         self._words = _vocabulary(descriptors, min(words, max(len(descriptors) // 8, 1)), rng)
         vectors = np.stack([self.vector(descriptors[a:b]) for a, b in zip(starts[:-1], starts[1:], strict=True)])
@@ -125,7 +133,7 @@ def _unit(rows: np.ndarray) -> np.ndarray:
     return rows / np.where(length > 1e-12, length, 1.0)
 
 
-def _vocabulary(descriptors: np.ndarray, words: int, rng: np.random.Generator, rounds: int = 12) -> np.ndarray:
+def _vocabulary(descriptors: Descriptors, words: int, rng: np.random.Generator, rounds: int = 12) -> np.ndarray:
     """(words, 128) centres by Lloyd's k-means over a sample of the descriptors."""
     from scipy.sparse import csr_matrix
 

@@ -1,6 +1,6 @@
 """Loop closer `pose_graph`: loops anywhere on the route, tested before one is believed, then least squares.
 
-1. Appearance: VLAD likeness of all pairs of stored views far apart along the way; the likeliest are checked.
+1. Appearance: VLAD likeness of all pairs of stored views far apart along the way; which are checked: candidates.py.
 2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show (rhs.sighting).
 3. Odometry over a window: the loop moves no pose further than the odometry can have drifted; neighbouring views close the
    same loop; all accepted loops agree pairwise round the cycles they make (rhs.consistency).
@@ -23,10 +23,10 @@ from rhs.filtering import gate
 from rhs.loops import closing_gap, edge_between, poses_of, travelled_m
 from rhs.posegraph import Edges, Solution, chain, joined, optimise
 from rhs.records import Closure, LoopEdge, View
-from rhs.retrieval import Vlad
 from rhs.scanloops import ScanLoopSettings, scan_edges
 from rhs.sighting import SightingSettings
 
+from .candidates import beside, possible_pairs, progress_m, spread
 from .pose_graph_config import PoseGraph
 
 # A loop edge is trusted to this much at best: the check's own covariance leaves out what all its points share.
@@ -44,16 +44,32 @@ class PoseGraphCloser:
         """Candidates, geometry, odometry, graph."""
         poses = poses_of(views)
         way_m = travelled_m(poses) if len(poses) else np.zeros(0)
-        pairs = likely_pairs(views, poses, way_m, self._settings, self._rng)
-        found = [edge_between(views, i, j, settings=self._sighting, rng=self._rng) for i, j in pairs]
-        edges = self._judged([edge for edge in found if edge is not None], poses, way_m)
+        found, checked = self._recognised(views, poses, way_m)
+        edges = self._judged(found, poses, way_m)
         solved = self._solved(edges, views, poses, poses, way_m)
         edges, poses = self._walked_back(solved, views, poses, way_m)
         accepted = sum(edge.accepted for edge in edges)
         details = {"closures": float(accepted), "closures_by_scan": float(sum(e.accepted for e in edges[len(solved[0]):])),
                    "closures_refused": float(len(edges) - accepted),
-                   "pairs_checked": float(len(pairs))}  # fmt: skip
+                   "pairs_checked": float(checked)}  # fmt: skip
         return Closure(poses, tuple(edges), details)
+
+    def _recognised(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> tuple[list[LoopEdge], int]:
+        """Pairs of views that geometry confirms, and how many were checked: half of the checks go to one pair of each
+        stretch of the way, the other half first to those beside a pair that was confirmed."""
+        earlier, later = possible_pairs(views, poses, way_m, self._settings, self._rng)
+        seen_m, most = progress_m(poses), self._settings.checks
+        ends_m = np.stack([seen_m[earlier], seen_m[later]], axis=1)
+        first = spread(ends_m, self._settings.window_m / 3.0, -(-most // 2))
+        edges = [self._edge(views, earlier[k], later[k]) for k in first]
+        hits = [k for k, edge in zip(first, edges, strict=True)
+                if edge is not None and self._plausible(edge, poses, way_m).accepted]
+        second = beside(ends_m, first, hits, self._settings.window_m, most - len(first))
+        edges += [self._edge(views, earlier[k], later[k]) for k in second]
+        return [edge for edge in edges if edge is not None], len(edges)
+
+    def _edge(self, views: Sequence[View], earlier: int, later: int) -> LoopEdge | None:
+        return edge_between(views, int(earlier), int(later), settings=self._sighting, rng=self._rng)
 
     def _walked_back(self, solved: tuple[list[LoopEdge], np.ndarray], views: Sequence[View], believed, way_m: np.ndarray):
         """The edges and poses after the scans of corridors walked the other way round have been heard too."""
@@ -103,31 +119,6 @@ class PoseGraphCloser:
                 return edges, solution.poses
             edges[alive[worst]] = _refused(edges[alive[worst]], "bends the graph: its residual stays outside the gate")
         return edges, believed
-
-
-def likely_pairs(
-    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph, rng: np.random.Generator
-) -> list[tuple[int, int]]:
-    """(earlier, later) positions of the stored views that look most alike, are no neighbours on the way, and lie no
-    further apart than the odometry may have drifted plus what two views of one place can lie apart (4 m)."""
-    at = np.array([k for k, v in enumerate(views) if v.features is not None and len(v.features.pixels) > 1], int)
-    if len(at) < 2:
-        return []
-    likeness = _likeness([views[k] for k in at], rng)
-    way = way_m[at][None, :] - way_m[at][:, None]
-    gap = np.linalg.norm(poses[at][:, None, :2, 3] - poses[at][None, :, :2, 3], axis=2)
-    possible = (way > settings.min_way_m) & (gap < 4.5 + settings.max_drift_share * way)
-    earlier, later = np.nonzero(possible)
-    order = np.argsort(-likeness[earlier, later], kind="stable")[: settings.checks]
-    return [(int(at[i]), int(at[j])) for i, j in zip(earlier[order], later[order], strict=True)]
-
-
-def _likeness(views: Sequence[View], rng: np.random.Generator) -> np.ndarray:
-    """(P, P) cosines between the VLAD vectors of stored views, over a vocabulary of their own."""
-    rows = [view.features.descriptors for view in views if view.features is not None]
-    starts = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
-    vectors = Vlad(np.concatenate(rows), starts, rng).vectors
-    return vectors @ vectors.T
 
 
 def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph) -> Edges:

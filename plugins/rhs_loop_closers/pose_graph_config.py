@@ -17,6 +17,8 @@ class PoseGraph:
 
     # Two views closer than this along the way are neighbours, not a loop, metres.
     min_way_m: float = 5.0
+    # ... nor are views between which the camera looked away by more than this and back, degrees: a hand hardly moves on.
+    min_turn_deg: float = 90.0
     # So many pairs of views, the likeliest ones, are checked by geometry: about 8 ms each at 320x240.
     checks: int = 60
     # Key-points that must agree on one motion between the views.
@@ -42,6 +44,7 @@ class PoseGraph:
     def __post_init__(self) -> None:
         owner = "loop_closer.pose_graph"
         check_range(owner, "min_way_m", self.min_way_m, low=0.1, high=10000.0, unit="m")
+        check_range(owner, "min_turn_deg", self.min_turn_deg, low=1.0, high=180.0, unit="degrees")
         check_range(owner, "checks", self.checks, low=1, high=100000)
         check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
         check_range(owner, "min_coverage", self.min_coverage, low=0.0, high=1.0)

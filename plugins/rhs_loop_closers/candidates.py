@@ -1,0 +1,86 @@
+"""Which pairs of views may show one place, and which of them are worth a check.
+
+Pairs are ranked by VLAD likeness. The likeliest of all would be many views of the one place where the camera stood longest;
+so one pair of each stretch of the way is checked first, and then what lies beside the pairs that were confirmed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rhs.memory import Rootsift, memory_of
+from rhs.records import View
+from rhs.retrieval import Vlad
+
+from .pose_graph_config import PoseGraph
+
+APART_M = 4.5  # two views of one place stand at most so far apart, half a metre of drift included
+
+
+def possible_pairs(
+    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) and (N,) positions of earlier and later stored views, most alike first: no neighbours, and no further apart
+    than the odometry may have drifted plus what two views of one place can lie apart."""
+    at = np.array([k for k, v in enumerate(views) if v.features is not None and len(v.features.pixels) > 1], int)
+    if len(at) < 2:
+        return np.empty(0, int), np.empty(0, int)
+    likeness = _likeness([views[k] for k in at], rng)
+    way = way_m[at][None, :] - way_m[at][:, None]
+    gap = np.linalg.norm(poses[at][:, None, :2, 3] - poses[at][None, :, :2, 3], axis=2)
+    again = (way > settings.min_way_m) | looked_back(poses[at][:, :3, :3], np.radians(settings.min_turn_deg))
+    earlier, later = np.nonzero(again & (way >= 0) & (gap < APART_M + settings.max_drift_share * way))
+    order = np.argsort(-likeness[earlier, later], kind="stable")
+    return at[earlier[order]], at[later[order]]
+
+
+def looked_back(rotations: np.ndarray, turn_rad: float) -> np.ndarray:
+    """(P, P) bool of (P, 3, 3) attitudes in the order of time: between the earlier (row) and the later view the camera
+    looked away by more than `turn_rad`, and the later one looks within half of that where the earlier one looked."""
+    trace = np.einsum("iab,jab->ij", rotations, rotations)
+    angle = np.triu(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))
+    away = np.maximum.accumulate(angle, axis=1) > turn_rad
+    return away & (angle < 0.5 * turn_rad) & np.triu(np.ones_like(away), 1)
+
+
+def progress_m(poses: np.ndarray) -> np.ndarray:
+    """(N,) metres: how much has come into sight up to each of (N, 4, 4) poses; a radian of turning counts as a metre of
+    way, since about as much is new in the picture."""
+    step = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    trace = np.einsum("nab,nab->n", poses[:-1, :3, :3], poses[1:, :3, :3])
+    return np.concatenate([[0.0], np.cumsum(step + np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))])
+
+
+def spread(ends_m: np.ndarray, reach_m: float, most: int) -> np.ndarray:
+    """(K,) rows of pairs, K <= most, given best first by the progress (N, 2) at their ends: those without a better one
+    within `reach_m` of both."""
+    chosen, hidden = [], np.zeros(len(ends_m), bool)
+    while len(chosen) < most and not hidden.all():
+        best = int(np.argmin(hidden))
+        chosen.append(best)
+        hidden |= _near(ends_m, ends_m[best], reach_m)
+    return np.array(chosen, int)
+
+
+def beside(ends_m: np.ndarray, taken: np.ndarray, hits: Sequence[int], reach_m: float, most: int) -> np.ndarray:
+    """(K,) rows, K <= most, that are not taken: first those within `reach_m` of both ends of a hit, then the others,
+    each best first."""
+    near = np.zeros(len(ends_m), bool)
+    for hit in hits:
+        near |= _near(ends_m, ends_m[hit], reach_m)
+    left = np.ones(len(ends_m), bool)
+    left[taken] = False
+    return np.concatenate([np.nonzero(left & near)[0], np.nonzero(left & ~near)[0]])[:most]
+
+
+def _near(ends_m: np.ndarray, pair_m: np.ndarray, reach_m: float) -> np.ndarray:
+    return (np.abs(ends_m - pair_m) < reach_m).all(axis=1)
+
+
+def _likeness(views: Sequence[View], rng: np.random.Generator) -> np.ndarray:
+    """(P, P) cosines between the VLAD vectors of stored views, over a vocabulary of their own."""
+    memory = memory_of(views)
+    vectors = Vlad(Rootsift(memory.descriptors), memory.starts, rng).vectors
+    return vectors @ vectors.T
