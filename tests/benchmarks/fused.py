@@ -11,7 +11,6 @@ runs and how many failed (ever more than a metre wrong) to OUT/fused.csv. Times 
 from __future__ import annotations
 
 import argparse
-import csv
 import tempfile
 import time
 from dataclasses import replace
@@ -19,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shared import odometry, write
 
-from rhs import registry
 from rhs.compose import build_parts, compose_config
 from rhs.contracts import Context, FeatureSettings
 from rhs.geometry import planar, wrap
@@ -79,18 +78,6 @@ def one_run(world: str, seed: int, direction: str, words: list[str]) -> list[dic
     return [{**about, "odometry": word, **one.row(np.array(truth))} for word, one in zip(words, followed, strict=True)]
 
 
-def odometry(word: str, context: Context) -> Any:
-    """The part for `name:key=value,key=value`."""
-    name, _, overrides = word.partition(":")
-    cls = registry.load("odometry", name)
-    values: dict[str, Any] = {}
-    for item in filter(None, overrides.split(",")):
-        key, _, text = item.partition("=")
-        kind = type(getattr(cls(), key))
-        values[key] = text in ("true", "True") if kind is bool else kind(text)
-    return cls(**values).build(context)
-
-
 class Followed:
     """An odometry, its poses so far, its statuses and the CPU time it took."""
 
@@ -131,15 +118,6 @@ def summary(rows: list[dict[str, Any]], world: str, word: str) -> dict[str, Any]
         values = np.array([row[name] for row in mine])
         out |= {f"{name}_median": float(np.median(values)), f"{name}_max": float(values.max())}
     return out
-
-
-def write(path: Path, rows: list[dict[str, Any]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        for row in rows:
-            table.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
 
 
 if __name__ == "__main__":

@@ -19,7 +19,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np  # noqa: E402
-from odometry_square import VARIANTS, write  # noqa: E402
+from odometry_square import VARIANTS  # noqa: E402
+from shared import write  # noqa: E402
 
 from rhs import registry  # noqa: E402
 from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402

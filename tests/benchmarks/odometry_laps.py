@@ -13,7 +13,6 @@ in per cent of the way. Times are CPU times of one process; features shared by t
 from __future__ import annotations
 
 import argparse
-import csv
 import tempfile
 import time
 from dataclasses import replace
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shared import odometry, write
 
 from rhs import registry
 from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse
@@ -79,18 +79,6 @@ def one_run(world: str, seed: int, direction: str, width: int, words: list[str])
     return [{**about, "odometry": word, **one.row(true)} for word, one in zip(words, followed, strict=True)]
 
 
-def odometry(word: str, context: Context) -> Any:
-    """The part for `name:key=value,key=value`."""
-    name, _, overrides = word.partition(":")
-    cls = registry.load("odometry", name)
-    values = {}
-    for item in filter(None, overrides.split(",")):
-        key, _, text = item.partition("=")
-        kind = type(getattr(cls(), key))
-        values[key] = text in ("true", "True") if kind is bool else kind(text)
-    return cls(**values).build(context)
-
-
 class Followed:
     """An odometry, its poses so far, its statuses and the CPU time it took."""
 
@@ -143,14 +131,6 @@ def summary(rows: list[dict[str, Any]], word: str) -> dict[str, Any]:
         out[f"{column}_95"] = f"{low:.3g}..{high:.3g}"
         out[f"{column}_worst"] = f"{values.max():.4g}"
     return out
-
-
-def write(path: Path, rows: list[dict[str, Any]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ reading and decoding it, all threads. The first two are medians.
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import time
 from pathlib import Path
@@ -18,6 +17,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np  # noqa: E402
+from shared import write  # noqa: E402
 
 from rhs import registry  # noqa: E402
 from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
@@ -56,11 +56,7 @@ def main() -> None:
         for name in chosen.odometries:
             rows.append({"recording": recording, "odometry": name, **measure(ROOT / recording, settings, name)})
             print(*rows[-1].values(), flush=True)
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    with chosen.out.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    write(chosen.out, rows)
 
 
 def measure(folder: Path, settings: dict, name: str) -> dict:

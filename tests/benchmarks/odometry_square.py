@@ -11,7 +11,6 @@ end_pct: distance between the ends of estimate and truth, per cent of the way.
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import time
 from pathlib import Path
@@ -20,6 +19,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np  # noqa: E402
+from shared import write  # noqa: E402
 
 from rhs import registry  # noqa: E402
 from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
@@ -63,13 +63,6 @@ def main() -> None:
                 print(*rows[-1].values(), flush=True)
         write(chosen.out, rows)
         write(chosen.out.with_stem(chosen.out.stem + "_summary"), summary(rows))
-
-
-def write(path: Path, rows: list[dict]) -> None:
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
 
 
 def summary(rows: list[dict]) -> list[dict]:

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shared import write
 
 from rhs.compose import build_parts, compose_config
 from rhs.floorplan import World
@@ -235,15 +236,6 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         known = values[name][np.isfinite(values[name])]
         out[f"{name}_median"], out[f"{name}_min"] = (np.median(known), known.min()) if len(known) else (np.nan, np.nan)
     return out
-
-
-def write(path: Path, rows: list[dict[str, Any]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
 
 
 if __name__ == "__main__":

@@ -13,11 +13,11 @@ case and filter, medians, largest values and how many runs missed their target, 
 from __future__ import annotations
 
 import argparse
-import csv
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shared import write
 
 from rhs.geometry import camera_from_fov, inverse, log_so3, se2
 from rhs_odometry import synthetic
@@ -124,15 +124,6 @@ def summary(rows: list[dict[str, Any]], case: str, name: str) -> dict[str, Any]:
         out[f"{column}_95"] = f"{np.percentile(draws, 2.5):.3g}..{np.percentile(draws, 97.5):.3g}"
         out[f"{column}_max"] = float(values.max())
     return out
-
-
-def write(path: Path, rows: list[dict[str, Any]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        for row in rows:
-            table.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
 
 
 if __name__ == "__main__":
