@@ -44,9 +44,11 @@ def bootstrap(values: np.ndarray, draws: int = DRAWS) -> tuple[float, float]:
 
 
 def complete(table: pandas.DataFrame) -> np.ndarray:
-    """(N,) bool: the run ended well, visited every place it had, and found the path it was asked for."""
+    """(N,) bool: the run ended well, visited every place it was sent to, and found the path it was asked for."""
     visited = table["places_visited"].astype("float64").fillna(0).to_numpy()
     wanted = table["places_total"].astype("float64").fillna(0).to_numpy()
+    if "task" in table:  # a survey is sent to no place
+        wanted = np.where(table["task"].fillna("").to_numpy() == "survey", 0, wanted)
     planned = table["plan_success"].astype("float64").fillna(1).to_numpy() if "plan_success" in table else 1.0
     return (table["status"].fillna("").to_numpy() == "ok") & (visited >= wanted) & (planned == 1.0)
 

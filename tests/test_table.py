@@ -150,3 +150,11 @@ def test_the_command(tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert main([str(tmp_path / "empty")]) == 2
     assert "python -m rhs" in capsys.readouterr().err
+
+
+def test_a_survey_is_complete_without_the_places_it_was_not_sent_to(tmp_path):
+    run(tmp_path, "a", task="survey", places_visited=0)
+    run(tmp_path, "b", task="patrol", places_visited=0, seed=1)
+    run(tmp_path, "c", task="patrol", places_visited=4, seed=2)
+    table = summarise(rows([tmp_path]), group=["task"])
+    assert table.set_index("task")["complete"].astype(str).str[:4].to_dict() == {"survey": "1.00", "patrol": "0.50"}
