@@ -31,7 +31,7 @@ LEVELS = [
     "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
     " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
     " planning_pictures planning_task planning_table planner_arena places_task"
-    " unroll_task unroll_pictures gating task_row notebook",
+    " unroll_task unroll_truth unroll_pictures gating task_row notebook",
     "experiment told",
     "launcher sweep __init__",
     "__main__",
@@ -60,6 +60,12 @@ def core_imports(path: Path, package: str = "rhs") -> set[str]:
 
 def test_every_module_of_the_core_has_a_level():
     assert {path.stem for path in CORE} - set(LEVEL) == set(), "give it a level in LEVELS"
+
+
+def test_the_guide_to_the_core_names_every_module():
+    guide = (ROOT / "rhs" / "README.md").read_text("utf-8")
+    missing = {path.stem for path in CORE if f"`{path.stem}`" not in guide}
+    assert {name for name in missing if not name.startswith(("__", "testing_"))} == set()
 
 
 @pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,12 +19,12 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 from odometry_square import VARIANTS  # noqa: E402
-from shared import write  # noqa: E402
+from shared import follow, write  # noqa: E402
 
 from rhs import registry  # noqa: E402
 from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
 from rhs.contracts import Context, FeatureSettings  # noqa: E402
-from rhs.geometry import Camera, exp_so3, orthonormal, se3  # noqa: E402
+from rhs.geometry import Camera, exp_so3, se3  # noqa: E402
 from rhs.parts import generator  # noqa: E402
 from rhs.records import Capture, Observation, Tracking  # noqa: E402
 from rhs.trajectory import Trajectory  # noqa: E402
@@ -106,15 +105,9 @@ def measure(name: str, seed: int, views: list[Observation], truth: Trajectory, c
     """One odometry on these views."""
     kind, settings = VARIANTS[name]
     odometry = registry.load("odometry", kind)(**settings).build(replace(context, rng=generator(seed, "odometry")))
-    pose, poses, statuses, seconds = truth.poses[0], [], [], []
-    for number, view in enumerate(views):
-        begin = time.process_time()
-        motion = odometry.update(view)
-        seconds.append(time.process_time() - begin)
-        pose = orthonormal(pose @ motion.previous_from_body) if number else pose
-        poses.append(pose)
-        statuses.append(motion.status)
-    both = pair(Trajectory(truth.stamps_s, np.array(poses)), truth, 1e-6)
+    poses, motions, seconds = follow(odometry, views, truth.poses[0])
+    statuses = [motion.status for motion in motions]
+    both = pair(Trajectory(truth.stamps_s, poses), truth, 1e-6)
     steps_m, steps_rad = relative_errors(both, consecutive(len(poses)))
     return {"views": len(views), "way_m": float(truth.travelled_m[-1]), "ate_m": rmse(absolute_errors_m(both, "se3")),
             "rpe_m": rmse(steps_m), "rpe_rad": rmse(steps_rad),

@@ -12,19 +12,17 @@ from __future__ import annotations
 
 import argparse
 import os
-import time
 from pathlib import Path
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np  # noqa: E402
-from shared import write  # noqa: E402
+from shared import follow, write  # noqa: E402
 
 from rhs import registry  # noqa: E402
 from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
 from rhs.contracts import Context, FeatureSettings, SourceContext  # noqa: E402
-from rhs.geometry import orthonormal  # noqa: E402
 from rhs.parts import generator  # noqa: E402
 from rhs.records import Observation, Tracking  # noqa: E402
 from rhs.trajectory import Trajectory  # noqa: E402
@@ -97,15 +95,8 @@ def measure(name: str, seed: int, views: list[Observation], truth: Trajectory, c
     kind, settings = VARIANTS[name]
     own = Context(generator(seed, "odometry"), context.camera, context.world, context.folder, context.features)
     odometry = registry.load("odometry", kind)(**settings).build(own)
-    pose, poses, motions, seconds = truth.poses[0], [], [], []
-    for number, view in enumerate(views):
-        begin = time.process_time()
-        motion = odometry.update(view)
-        seconds.append(time.process_time() - begin)
-        pose = orthonormal(pose @ motion.previous_from_body) if number else pose
-        poses.append(pose)
-        motions.append(motion)
-    both = pair(Trajectory(truth.stamps_s, np.array(poses)), truth, 1e-6)
+    poses, motions, seconds = follow(odometry, views, truth.poses[0])
+    both = pair(Trajectory(truth.stamps_s, poses), truth, 1e-6)
     steps_m, steps_rad = relative_errors(both, consecutive(len(poses)))
     distance = float(truth.travelled_m[-1])
     end = float(np.linalg.norm(poses[-1][:2, 3] - truth.poses[-1][:2, 3]))
@@ -124,7 +115,7 @@ def measure(name: str, seed: int, views: list[Observation], truth: Trajectory, c
     }
 
 
-def along_share(poses: list[np.ndarray], truth: Trajectory) -> float:
+def along_share(poses: np.ndarray, truth: Trajectory) -> float:
     """Length of the first corridor as estimated over its true length: 1 is right, less has slid along the walls."""
     count = int(np.argmax(np.linalg.norm(truth.poses[:, :2, 3] - truth.poses[0, :2, 3], axis=1) > 12.0))
     gone = np.linalg.norm(poses[count][:2, 3] - poses[0][:2, 3])

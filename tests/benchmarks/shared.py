@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import csv
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rhs import registry
 from rhs.contracts import Context
+from rhs.geometry import orthonormal
+from rhs.records import Motion, Observation
 
 
 def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -30,3 +35,18 @@ def odometry(word: str, context: Context) -> Any:
         kind = type(getattr(cls(), key))
         values[key] = text in ("true", "True") if kind is bool else kind(text)
     return cls(**values).build(context)
+
+
+def follow(
+    part: Any, views: Sequence[Observation], start: np.ndarray
+) -> tuple[np.ndarray, list[Motion], list[float]]:
+    """Poses (N, 4, 4) from `start` on, motions, and CPU seconds of each view, of an odometry shown these views."""
+    pose, poses, motions, seconds = start, [], [], []
+    for number, view in enumerate(views):
+        begin = time.process_time()
+        motion = part.update(view)
+        seconds.append(time.process_time() - begin)
+        pose = orthonormal(pose @ motion.previous_from_body) if number else pose
+        poses.append(pose)
+        motions.append(motion)
+    return np.array(poses), motions, seconds
