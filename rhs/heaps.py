@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .jit import compiled
 from .particles import Cloud, SizeLaw, even, low_variance, needed, reweighted
 
 LIGHTEST = 1e-5  # heaps below this weight are dropped
@@ -23,8 +24,6 @@ def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cell
     """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / turns) are of one heap.
 
     States spread over more than `most_cells` bins count as one heap."""
-    from scipy.ndimage import label
-
     low = np.floor(states[:, :2].min(axis=0) / cell_m)
     at = (np.floor(states[:, :2] / cell_m) - low).astype(int)
     heading = np.floor(states[:, 2] / (2.0 * np.pi) * turns).astype(int) % turns
@@ -33,17 +32,7 @@ def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cell
         return np.zeros(len(states), int)
     if size[0] * size[1] * turns > most_cells:
         return np.zeros(len(states), int)
-    taken = np.zeros((size[0], size[1], turns + 1), bool)
-    taken[at[:, 0], at[:, 1], heading] = True
-    taken[:, :, turns] = taken[:, :, 0]  # the circle closes
-    names, count = label(taken, np.ones((3, 3, 3)))
-    joined = np.arange(count + 1)
-    for a, b in np.unique(np.stack([names[:, :, 0], names[:, :, turns]], axis=-1)[taken[:, :, 0]], axis=0):
-        joined[joined == joined[b]] = joined[a]
-    label_of = joined[names[at[:, 0], at[:, 1], heading]]
-    present = np.zeros(count + 1, int)
-    present[label_of] = 1
-    return (np.cumsum(present) - 1)[label_of]  # without gaps
+    return _touching(at, heading, (int(size[0]), int(size[1]), turns))
 
 
 @dataclass(frozen=True)
@@ -110,3 +99,37 @@ def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, 
         logs.append(np.full(size, np.log(share / size)))
     log_weights = np.concatenate(logs)
     return Cloud(np.concatenate(states), log_weights - _log_sum(log_weights))
+
+
+@compiled
+def _touching(at, heading, size):
+    """(N,) numbers, from 0 in the order of first sight, of the groups of touching bins (at (N, 2), heading (N,)) of a box of
+    `size` bins; the last heading touches the first."""
+    name = np.zeros(size, np.int32)  # 0: empty, -1: taken, else the group's number from 1
+    for k in range(len(at)):
+        name[at[k, 0], at[k, 1], heading[k]] = -1
+    out, waiting, groups = np.empty(len(at), np.int64), np.empty((len(at), 3), np.int64), 0
+    for k in range(len(at)):
+        count = 0
+        if name[at[k, 0], at[k, 1], heading[k]] == -1:
+            groups += 1
+            count = _take(name, at[k, 0], at[k, 1], heading[k], groups, waiting, count)
+        while count:
+            count -= 1
+            x, y, turn = waiting[count]
+            for nx in range(max(x - 1, 0), min(x + 2, size[0])):
+                for ny in range(max(y - 1, 0), min(y + 2, size[1])):
+                    for near in range(turn - 1, turn + 2):
+                        count = _take(name, nx, ny, near % size[2], groups, waiting, count)
+        out[k] = name[at[k, 0], at[k, 1], heading[k]] - 1
+    return out
+
+
+@compiled
+def _take(name, x, y, turn, group, waiting, count):
+    """Give a taken bin without a group this group, and let it wait for its neighbours to be looked at."""
+    if name[x, y, turn] != -1:
+        return count
+    name[x, y, turn] = group
+    waiting[count, 0], waiting[count, 1], waiting[count, 2] = x, y, turn
+    return count + 1

@@ -104,15 +104,18 @@ def _score(states, start, ends, tables, log_stray, least_open):
         in_the_open = 0.0
         for b in range(len(ends)):
             ex, ey = x0 + c * ends[b, 0] - s * ends[b, 1], y0 + s * ends[b, 0] + c * ends[b, 1]
-            if ex < 0 or ey < 0 or ex >= columns or ey >= rows:
+            if not (ex >= 0 and ey >= 0 and ex < columns and ey < rows):
                 total += log_stray
                 continue
             dx, dy = ex - sx, ey - sy
-            if (solid[int(sy + 0.35 * dy), int(sx + 0.35 * dx)] or solid[int(sy + 0.7 * dy), int(sx + 0.7 * dx)]):
+            early = np.uint32(sy + 0.35 * dy), np.uint32(sx + 0.35 * dx)  # unsigned: an index from the end is not looked for
+            late = np.uint32(sy + 0.7 * dy), np.uint32(sx + 0.7 * dx)
+            end = np.uint32(ey), np.uint32(ex)
+            if solid[early] or solid[late]:
                 total += log_stray
-            elif open_room[int(ey), int(ex)]:
-                in_the_open += log_end[int(ey), int(ex)]
+            elif open_room[end]:
+                in_the_open += log_end[end]
             else:
-                total += log_end[int(ey), int(ex)]
+                total += log_end[end]
         out[k] = total + max(in_the_open, least_open)
     return out

@@ -1,5 +1,5 @@
-"""Loops over pairs of key-points: ratio-test matches per stored view, key-points found again. Loads numba: import it when it
-is needed."""
+"""Loops over key-points: ratio-test matches per stored view, key-points found again, residuals to words. Loads numba: import
+it when it is needed."""
 
 from __future__ import annotations
 
@@ -47,3 +47,21 @@ def found_again(drawn, theirs, pixels, depths, descriptors, limits):
                 count += 1
                 break
     return count
+
+
+@compiled
+def residuals(descriptors, likeness, words):
+    """(W * 128,) float32: for each word the sum of what the descriptors (N, 128) whose likeness (N, W) is greatest for it
+    differ from it, brought to unit length word by word and then as a whole; zero without descriptors."""
+    out = np.zeros(words.shape, np.float32)
+    for k in range(len(descriptors)):
+        word = likeness[k].argmax()
+        for d in range(descriptors.shape[1]):
+            out[word, d] += descriptors[k, d] - words[word, d]
+    used = 0
+    for word in range(len(words)):
+        length = np.sqrt((out[word] ** 2).sum())
+        if length > 1e-6:  # below, it is what rounding left
+            out[word] /= length
+            used += 1
+    return out.ravel() / np.float32(np.sqrt(max(used, 1)))

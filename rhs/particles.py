@@ -129,15 +129,30 @@ def _densest(cloud: Cloud, cell_m: float = 0.5, cell_rad: float = np.radians(20.
     """Index of the heaviest particle in the heaviest bin."""
     keys = np.floor(cloud.states / [cell_m, cell_m, cell_rad]).astype(np.int64)
     keys[:, 2] %= round(2.0 * np.pi / cell_rad)
-    _, bins = np.unique((keys[:, 0] * 1_000_003 + keys[:, 1]) * 1_009 + keys[:, 2], return_inverse=True)
-    heaviest = int(np.bincount(bins, weights=cloud.weights).argmax())
-    return int(np.where(bins == heaviest, cloud.log_weights, -np.inf).argmax())
+    return int(_heaviest(keys[:, 0] * 1_000_003 * 1_009 + keys[:, 1] * 1_009 + keys[:, 2], cloud.log_weights, cloud.weights))
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
     """A matrix whose product with its transpose is the covariance, which may be singular."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+@compiled
+def _heaviest(keys, log_weights, weights):
+    """Index of the heaviest row of the key (N,) whose rows weigh most together; the first among equals."""
+    order = np.argsort(keys, kind="mergesort")
+    best, best_mass, mass, row = order[0], -1.0, 0.0, order[0]
+    for n in range(len(order)):
+        k = order[n]
+        if n and keys[k] != keys[order[n - 1]]:
+            mass, row = 0.0, k
+        mass += weights[k]
+        if log_weights[k] > log_weights[row]:
+            row = k
+        if mass > best_mass and (n + 1 == len(order) or keys[order[n + 1]] != keys[k]):
+            best, best_mass = row, mass
+    return best
 
 
 @compiled

@@ -101,6 +101,7 @@ class Vlad:
         self, descriptors: Descriptors, starts: np.ndarray, rng: np.random.Generator, words: int = 64
     ) -> None:
         self._words = _vocabulary(descriptors, min(words, max(len(descriptors) // 8, 1)), rng)
+        self._half_squared = 0.5 * (self._words**2).sum(axis=1)
         vectors = np.stack([self.vector(descriptors[a:b]) for a, b in zip(starts[:-1], starts[1:], strict=True)])
         self._basis = _principal(vectors) if len(vectors) > COMPRESS_ABOVE else None
         self.vectors = vectors if self._basis is None else _unit(vectors @ self._basis)
@@ -115,12 +116,9 @@ class Vlad:
 
     def vector(self, descriptors: np.ndarray) -> np.ndarray:
         """(words * 128,) float32 of unit length, zero for a view without key-points."""
-        out = np.zeros((len(self._words), 128), np.float32)
-        if len(descriptors):
-            word = (descriptors @ self._words.T - 0.5 * (self._words**2).sum(axis=1)).argmax(axis=1)
-            members = word == np.arange(len(self._words))[:, None]
-            out = members.astype(np.float32) @ descriptors - members.sum(axis=1, keepdims=True) * self._words
-        return _unit(_unit(out.astype(np.float32)).ravel())
+        from .nearest import residuals
+
+        return residuals(descriptors, descriptors @ self._words.T - self._half_squared, self._words)
 
 
 def _best(scores: np.ndarray, top: int) -> tuple[np.ndarray, np.ndarray]:
