@@ -100,7 +100,7 @@ class ParticleLocaliser:
             if self._expected is not None:
                 self._vouching.follow(self._expected, self._peak.mean)
             if self._peak.mass * (1.0 - self._elsewhere) < SHAKEN:
-                self._vouching.doubt()
+                self._vouching.divided()
         self._sure_views = self._sure_views + 1 if self._status() is Knowing.TRACKING else 0
         return self._belief(self._peak)
 
@@ -226,8 +226,8 @@ class ParticleLocaliser:
         covariance[PLANE] = heap.covariance
         assert self._cloud is not None
         details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "heap_mass": heap.mass}
-        odds = 0.97 if self._vouching.held else 0.5  # that it is right, each time that it is named elsewhere
-        probability = heap.near * (1.0 - self._elsewhere) * odds**self._rumour.pending * self._vouching.chance
+        standing = self._rumour.chance(held=self._vouching.held) * self._vouching.chance
+        probability = heap.near * (1.0 - self._elsewhere) * standing
         return Belief(se2(*heap.mean), covariance, self._status(), probability, details)
 
 

@@ -119,7 +119,7 @@ class PlaceLocaliser:
         if before.best is not None and self._state.best is not None:
             self._vouching.follow(planar(before.best.map_from_body), planar(self._state.best.map_from_body))
         if self._state.best is None or self._state.best.weight < self._settings.lost_below:
-            self._vouching.doubt()
+            self._vouching.divided()
 
     def _heeds(self, claims: list[Claim], strong: bool, scan: Scan | None) -> bool:
         """Whether the claims may change the belief; what they do to its standing is noted."""
@@ -160,8 +160,8 @@ class PlaceLocaliser:
         if best is None:
             return Belief(self._last, NOWHERE, Knowing.LOST, 0.0, details)
         self._last = best.map_from_body
-        odds = 0.97 if self._vouching.held else 0.5  # that it is right, each time that it is named elsewhere
-        probability = best.weight * chance_right(best.covariance) * self._vouching.chance * odds**self._rumour.pending
+        standing = self._rumour.chance(held=self._vouching.held) * self._vouching.chance
+        probability = best.weight * chance_right(best.covariance) * standing
         details["guesses"] = float(len(self._state.guesses))
         return Belief(best.map_from_body, best.covariance, self._status(best.weight), probability, details)
 

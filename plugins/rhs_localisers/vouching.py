@@ -42,6 +42,7 @@ class Vouching:
         self._clear()
 
     def _clear(self) -> None:
+        self._named = False  # a place has been named where the robot believes to be, since it was last contradicted
         self._count, self._way_m = 0, 0.0
         self._silences, self._silent_m = 0, 0.0
 
@@ -55,6 +56,12 @@ class Vouching:
         self.vouched = False
         self._clear()
 
+    def divided(self) -> None:
+        """The belief is shared between places: it is not sure, and those that vouch have to begin anew."""
+        named = self._named
+        self.doubt()
+        self._named = named
+
     def travel(self, previous_from_body: np.ndarray, seen: Continuity) -> None:
         """The robot moved (4x4), and its view went on from the last or not. Way counts from the first confirmation on."""
         way_m = float(np.hypot(*planar(previous_from_body)[:2]))
@@ -67,6 +74,7 @@ class Vouching:
     def hear(self, agrees: bool) -> None:
         """A place was named with much support: where the robot believes to be, or elsewhere. One named elsewhere does not
         overthrow what is vouched for, but those that vouch have to begin anew."""
+        self._named = agrees
         if not agrees:
             self._count, self._way_m = 0, 0.0
             return
@@ -91,10 +99,11 @@ class Vouching:
 
     @property
     def chance(self) -> float:
-        """Chance that the best belief is right at all: low while nothing confirmed it, rising with the way confirmed."""
+        """Chance that the best belief is right, were its weight one: low while no place was named there, rising with the way
+        confirmed."""
         if self.vouched:
             return 1.0
-        return 0.2 if not self._count else 0.6 + 0.35 * min(self._count / CONFIRMATIONS, self._way_m / WAY_M, 1.0)
+        return 0.6 + 0.35 * min(self._count / CONFIRMATIONS, self._way_m / WAY_M, 1.0) if self._named else 0.2
 
 
 class Rumour:
@@ -112,6 +121,11 @@ class Rumour:
     def pending(self) -> int:
         """Checked views in a row that have named another place than the one believed in."""
         return self._count
+
+    def chance(self, *, held: bool) -> float:
+        """What the belief keeps of its chance: each place named elsewhere takes half of it, or 3 % of a belief that is
+        held; there no more of them count than would overthrow it."""
+        return 0.97 ** min(self._count, AGAINST) if held else 0.5**self._count
 
     def move(self, previous_from_body: np.ndarray) -> None:
         """The robot moved (4x4), and so would the named places have."""

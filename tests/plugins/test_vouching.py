@@ -51,6 +51,30 @@ def test_a_belief_that_leaps_off_its_own_motion_is_doubted():
     assert not part.vouched and part.chance < 0.5
 
 
+def test_a_belief_divided_between_two_places_keeps_that_it_was_named_and_a_contradiction_does_not():
+    part = Vouching(True)
+    part.hear(True)
+    part.divided()
+    assert not part.vouched and part.chance == pytest.approx(0.6)  # its weight, a half, says the rest
+    for _ in range(4):
+        part.hear(True)
+    part.travel(ON, GOES_ON)
+    assert not part.vouched and part.chance < 0.7  # those that vouch began anew
+    part.hear(False)
+    part.doubt()
+    assert part.chance == pytest.approx(0.2)
+
+
+def test_names_elsewhere_halve_the_chance_of_a_loose_belief_and_take_little_from_one_that_is_held():
+    rumour, elsewhere = Rumour(), [np.array([9.0, 9.0, 0.0])]
+    for _ in range(3):
+        rumour.convinces(elsewhere, against=True, held=True)
+    assert rumour.chance(held=False) == pytest.approx(0.125) and rumour.chance(held=True) == pytest.approx(0.97**3)
+    for _ in range(100):  # on the spot: they would never overthrow it, so they do not take all of its chance either
+        rumour.convinces(elsewhere, against=True, held=True)
+    assert rumour.chance(held=True) > 0.8
+
+
 def test_a_break_is_a_doubt_and_a_view_that_cannot_tell_is_not():
     part = Vouching(True)
     part.travel(ON, UNKNOWN)
