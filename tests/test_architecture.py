@@ -21,7 +21,7 @@ LEVELS = [
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings"
     " gate_settings",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
-    " consistency structure memory likelihood heaps scanmatch mosaic bending unrolling bend_finder"
+    " consistency structure memory likelihood heaps scanmatch walllines mosaic bending unrolling bend_finder"
     " unroll_folder",
     "contracts mission control obstacles sighting support continuity loops scanloops places place_files place_trial"
     " ros playback recording maps judge judge_kernels recover tape"

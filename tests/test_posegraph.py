@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rhs.geometry import exp_se3, inverse, log_se3, planar, se2
-from rhs.posegraph import Edges, chain, exp_poses, joined, log_poses, optimise
+from rhs.posegraph import CommonScale, Edges, chain, exp_poses, joined, log_poses, optimise
 
 
 def _covariances(count, sigma_m=0.01, sigma_rad=0.005):
@@ -55,6 +55,24 @@ def test_a_noisy_square_closes_and_comes_nearer_to_the_truth():
     found = optimise(believed, edges)
     assert _ate(found.poses, truth) < 0.4 * _ate(believed, truth)
     assert np.linalg.norm(log_se3(inverse(truth[-1]) @ found.poses[-1])) < 0.02
+
+
+def test_metres_that_are_all_too_short_are_found_out():
+    """Ten steps of one metre each, measured as 0.97 m, and the end known to be 10 m off: every metre is 1 / 0.97 long, the
+    ways between are stretched evenly, and with a sigma of nothing the steps take the blame instead."""
+    poses = np.stack([se2(0.97 * x, 0, 0) @ se2(0, 0, 0.2 * (x > 4)) for x in range(11)])
+    steps = chain(poses, _covariances(10))
+    ends = _loop_edge(0, 10, poses[-1] @ se2(0, 0, 0), sigma=1e-5, robust=False)
+    ends.from_from_to[0, :3, 3] /= 0.97
+    graph = joined(steps, ends)
+    chosen = np.arange(11) < 10
+    found = optimise(poses, graph, scale=CommonScale(chosen, 10.0))
+    assert found.share == pytest.approx(1 / 0.97 - 1.0, abs=1e-4)
+    np.testing.assert_allclose(found.poses[:, :3, 3], poses[:, :3, 3] / 0.97, atol=1e-3)
+    assert found.chi2.max() < 1e-3
+    blamed = optimise(poses, graph, scale=CommonScale(chosen, 1e-6))
+    assert abs(blamed.share) < 1e-6 and blamed.chi2.max() > 1.0
+    assert optimise(poses, graph).share == 0.0
 
 
 def test_a_false_loop_is_outvoted_by_the_kernel_and_shown_by_its_chi2():

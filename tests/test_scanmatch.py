@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rhs.geometry import inverse, planar, se2
+from rhs.geometry import camera_from_fov, inverse, planar, se2
 from rhs.grid import OccupancyGrid
 from rhs.loops import travelled_m
 from rhs.rays import cast
@@ -72,6 +72,9 @@ def test_an_empty_map_and_no_motion_beyond_the_prior():
     np.testing.assert_allclose(found.state, [16.0, 1.0, 0.0], atol=0.01)
 
 
+CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)
+
+
 def _there_and_back(heading_drift: float):
     """Views along the corridor and back; on the way back the believed heading and side are off by what was drifted."""
     grid = _corridor(end_wall=True)
@@ -81,7 +84,7 @@ def _there_and_back(heading_drift: float):
     views = []
     for k, pose in enumerate(way):
         believed = off @ pose if k >= 48 else pose
-        views.append(View(k, 0.1 * k, None, Motion(np.eye(4), np.eye(6), Tracking.OK), believed, np.eye(6),
+        views.append(View(k, 0.1 * k, CAMERA, Motion(np.eye(4), np.eye(6), Tracking.OK), believed, np.eye(6),
                           _scan(grid, planar(pose), 0.02), None))
     return way, views
 
@@ -105,8 +108,8 @@ def test_a_corridor_walked_back_the_other_way_is_recognised_by_its_walls():
 def test_pose_graph_straightens_the_way_back_by_the_walls_alone():
     way, views = _there_and_back(0.04)
     context = SimpleNamespace(rng=np.random.default_rng(0), features=FeatureSettings())
-    closure = PoseGraph().build(context).close(views)
-    untouched = PoseGraph(scan_every_m=0.0).build(context).close(views)
+    closure = PoseGraph(walls_every_m=0.0).build(context).close(views)
+    untouched = PoseGraph(walls_every_m=0.0, scan_every_m=0.0).build(context).close(views)
     assert closure.details["closures_by_scan"] >= 3 and untouched.details["closures"] == 0
 
     def sideways_m(poses):

@@ -56,7 +56,8 @@ def progress_m(poses: np.ndarray) -> np.ndarray:
 def spread(ends_m: np.ndarray, reach_m: float, most: int) -> np.ndarray:
     """(K,) rows of pairs, K <= most, given best first by the progress (N, 2) at their ends: those without a better one
     within `reach_m` of both."""
-    chosen, hidden = [], np.zeros(len(ends_m), bool)
+    chosen: list[int] = []
+    hidden = np.zeros(len(ends_m), bool)
     while len(chosen) < most and not hidden.all():
         best = int(np.argmin(hidden))
         chosen.append(best)

@@ -8,12 +8,16 @@
    and on the way back are laid onto one another (rhs.scanloops), which stand the same tests.
 5. Graph: after solving (rhs.posegraph), a loop that stays unhappy or bends the odometry between its neighbours is thrown
    out and the rest is solved again.
+
+What lies between the loops is held by the odometry, and by the straight walls that scans saw on the way (walls.py), which
+know its heading far better; with walls, what share the odometry's metres are too short by is solved for too. Without loops
+the walls alone straighten the survey.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,16 +25,39 @@ from rhs.consistency import DriftBounds, agreement, largest_agreeing, supported
 from rhs.contracts import Context
 from rhs.filtering import gate
 from rhs.loops import closing_gap, edge_between, poses_of, travelled_m
-from rhs.posegraph import Edges, Solution, chain, joined, optimise
+from rhs.posegraph import CommonScale, Edges, Effort, Solution, chain, joined, optimise
 from rhs.records import Closure, LoopEdge, View
 from rhs.scanloops import ScanLoopSettings, scan_edges
 from rhs.sighting import SightingSettings
 
 from .candidates import beside, possible_pairs, progress_m, spread
 from .pose_graph_config import PoseGraph
+from .walls import WallGraph, WallSettings, crooked, followed, wall_graph
 
 # A loop edge is trusted to this much at best: the check's own covariance leaves out what all its points share.
 EDGE_SIGMA_M, EDGE_SIGMA_RAD = 0.02, 0.005
+# The graph with walls is solved when a step lowers its cost by less than this share: to a tenth of a millimetre.
+EFFORT = Effort(settled=1e-5)
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """What holds the way between the loops: the poses (N, 4, 4) believed, the odometry that led there, the walls seen."""
+
+    believed: np.ndarray
+    odometry: Edges
+    walls: WallGraph | None
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """edges: all of them, those refused that the graph does not bear. poses (N, 4, 4). walls: those that it bears. share: of
+    which the odometry's metres are too short."""
+
+    edges: list[LoopEdge]
+    poses: np.ndarray
+    walls: WallGraph | None
+    share: float = 0.0
 
 
 class PoseGraphCloser:
@@ -45,14 +72,22 @@ class PoseGraphCloser:
         poses = poses_of(views)
         way_m = travelled_m(poses) if len(poses) else np.zeros(0)
         found, checked = self._recognised(views, poses, way_m)
-        edges = self._judged(found, poses, way_m)
-        solved = self._solved(edges, views, poses, poses, way_m)
-        edges, poses = self._walked_back(solved, views, poses, way_m)
-        accepted = sum(edge.accepted for edge in edges)
-        details = {"closures": float(accepted), "closures_by_scan": float(sum(e.accepted for e in edges[len(solved[0]):])),
-                   "closures_refused": float(len(edges) - accepted),
-                   "pairs_checked": float(checked)}  # fmt: skip
-        return Closure(poses, tuple(edges), details)
+        between = self._between(views, poses, way_m)
+        first = self._solved(self._judged(found, poses, way_m), poses, between)
+        last = self._walked_back(first, views, between, way_m)
+        accepted = sum(edge.accepted for edge in last.edges)
+        by_scan = sum(edge.accepted for edge in last.edges[len(first.edges):])
+        details = {"closures": float(accepted), "closures_by_scan": float(by_scan),
+                   "closures_refused": float(len(last.edges) - accepted), "pairs_checked": float(checked),
+                   **_of_walls(last)}  # fmt: skip
+        return Closure(last.poses, tuple(last.edges), details)
+
+    def _between(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> Between:
+        every_m = self._settings.walls_every_m
+        seen = WallSettings(every_m)
+        walls = wall_graph(followed(views, poses, seen), poses, seen) if every_m > 0 and len(views) > 1 else None
+        odometry = _odometry_edges(views, poses, way_m, self._settings)
+        return Between(poses, odometry, walls)
 
     def _recognised(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> tuple[list[LoopEdge], int]:
         """Pairs of views that geometry confirms, and how many were checked: half of the checks go to one pair of each
@@ -71,16 +106,15 @@ class PoseGraphCloser:
     def _edge(self, views: Sequence[View], earlier: int, later: int) -> LoopEdge | None:
         return edge_between(views, int(earlier), int(later), settings=self._sighting, rng=self._rng)
 
-    def _walked_back(self, solved: tuple[list[LoopEdge], np.ndarray], views: Sequence[View], believed, way_m: np.ndarray):
-        """The edges and poses after the scans of corridors walked the other way round have been heard too."""
-        edges, poses = solved
+    def _walked_back(self, solved: Solved, views: Sequence[View], between: Between, way_m: np.ndarray) -> Solved:
+        """What follows after the scans of corridors walked the other way round have been heard too."""
         if self._settings.scan_every_m <= 0 or len(views) < 2:
-            return edges, poses
-        found = scan_edges(views, poses, way_m, ScanLoopSettings(self._settings.scan_every_m))
-        more = self._judged(found, poses, way_m)
+            return solved
+        found = scan_edges(views, solved.poses, way_m, ScanLoopSettings(self._settings.scan_every_m))
+        more = self._judged(found, solved.poses, way_m)
         if not any(edge.accepted for edge in more):
-            return edges + more, poses
-        return self._solved(edges + more, views, poses, believed, way_m)
+            return replace(solved, edges=solved.edges + more)
+        return self._solved(solved.edges + more, solved.poses, replace(between, walls=solved.walls))
 
     def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray) -> list[LoopEdge]:
         """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others."""
@@ -105,26 +139,38 @@ class PoseGraphCloser:
             return edge
         return _refused(edge, f"moves the later view by {shift_m:.1f} m after {way:.1f} m of way")
 
-    def _solved(self, edges: list[LoopEdge], views: Sequence[View], poses: np.ndarray, believed, way_m: np.ndarray):
-        """The edges, with those refused that the graph does not bear, and the poses that follow from the rest; solved from
-        `poses` on, with the odometry that led to the `believed` ones (both (N, 4, 4))."""
-        odometry = _odometry_edges(views, believed, way_m, self._settings) if len(views) > 1 else None
-        while any(edge.accepted for edge in edges):
-            assert odometry is not None
+    def _solved(self, edges: list[LoopEdge], poses: np.ndarray, between: Between) -> Solved:
+        """The graph solved from `poses` on, without the walls and the loops that it does not bear."""
+        walls, kernel = between.walls, self._settings.kernel_sigma
+        while walls is not None or any(edge.accepted for edge in edges):
             alive = [k for k, edge in enumerate(edges) if edge.accepted]
-            graph = joined(odometry, _loop_edges([edges[k] for k in alive]))
-            solution = optimise(poses, graph, kernel=self._settings.kernel_sigma)
-            worst = _unhappy(solution, len(odometry), self._settings.kernel_sigma)
-            if worst is None:
-                return edges, solution.poses
-            edges[alive[worst]] = _refused(edges[alive[worst]], "bends the graph: its residual stays outside the gate")
-        return edges, believed
+            solution = self._optimised([edges[k] for k in alive], poses, replace(between, walls=walls))
+            loops, seen = np.split(solution.chi2[len(between.odometry):], [len(alive)])
+            bad = crooked(walls, seen, WallSettings()) if walls is not None else np.zeros(0, bool)
+            worst = _unhappy(loops, kernel)
+            if walls is not None and bad.any():
+                walls = walls.without(bad)
+            elif worst is not None:
+                edges[alive[worst]] = _refused(edges[alive[worst]], "bends the graph: its residual stays outside the gate")
+            else:
+                return Solved(edges, solution.poses[: len(poses)], walls, solution.share)
+        return Solved(edges, between.believed, walls)
+
+    def _optimised(self, loops: list[LoopEdge], poses: np.ndarray, between: Between) -> Solution:
+        """The graph of odometry, loops and walls, in this order, solved from `poses` on."""
+        graph, walls = joined(between.odometry, _loop_edges(loops)), between.walls
+        if walls is None:
+            return optimise(poses, graph, kernel=self._settings.kernel_sigma)
+        graph = joined(graph, walls.edges)
+        stretched = np.arange(len(graph)) < len(between.odometry)
+        return optimise(np.concatenate([poses, walls.nodes(poses)]), graph, kernel=self._settings.kernel_sigma,
+                        scale=CommonScale(stretched, self._settings.scale_sigma), effort=EFFORT)  # fmt: skip
 
 
 def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph) -> Edges:
     """The chain of motions as the poses hold it, its covariance widened by the drift the settings expect."""
     step_m = np.diff(way_m)
-    turn = np.array([views[k].motion.covariance for k in range(1, len(views))])
+    turn = np.array([view.motion.covariance for view in views[1:]]).reshape(-1, 6, 6)
     drift_m = settings.drift_m_per_m * step_m + 1e-3
     drift_rad = settings.drift_rad_per_m * step_m + 1e-3
     floor = np.zeros_like(turn)
@@ -136,17 +182,24 @@ def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray,
 def _loop_edges(edges: Sequence[LoopEdge]) -> Edges:
     floor = np.diag([EDGE_SIGMA_M**2] * 3 + [EDGE_SIGMA_RAD**2] * 3)
     return Edges(
-        np.array([edge.earlier for edge in edges]), np.array([edge.later for edge in edges]),
-        np.stack([edge.earlier_from_later for edge in edges]), np.stack([edge.covariance + floor for edge in edges]),
-        np.ones(len(edges), bool),
+        np.array([edge.earlier for edge in edges], int), np.array([edge.later for edge in edges], int),
+        np.array([edge.earlier_from_later for edge in edges]).reshape(-1, 4, 4),
+        np.array([edge.covariance + floor for edge in edges]).reshape(-1, 6, 6), np.ones(len(edges), bool),
     )  # fmt: skip
 
 
-def _unhappy(solution: Solution, odometry_count: int, kernel: float) -> int | None:
-    """Which loop edge (position among them) is worst and outside the gate, or None when all fit."""
-    loops = solution.chi2[odometry_count:]
-    worst = int(loops.argmax())
-    return worst if loops[worst] > gate(6, 0.999) * kernel**2 else None
+def _unhappy(chi2: np.ndarray, kernel: float) -> int | None:
+    """Which loop (position among their squared residuals) is worst and outside the gate, or None when all fit."""
+    worst = int(chi2.argmax()) if len(chi2) else -1
+    return worst if worst >= 0 and chi2[worst] > gate(6, 0.999) * kernel**2 else None
+
+
+def _of_walls(solved: Solved) -> dict[str, float]:
+    """What the closure says of walls: how many, seen how many times (edges between the loops), and the odometry's scale."""
+    if solved.walls is None:
+        return {"walls": 0.0, "edges_between": 0.0}
+    return {"walls": float(len(np.unique(solved.walls.wall_of))), "edges_between": float(len(solved.walls.edges)),
+            "odometry_short_share": solved.share}
 
 
 def _refused(edge: LoopEdge, reason: str) -> LoopEdge:

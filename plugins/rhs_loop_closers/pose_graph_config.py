@@ -34,6 +34,12 @@ class PoseGraph:
     max_drift_share: float = 0.15
     # Where a corridor is walked back the other way round its scans are tried every so many metres; 0: never.
     scan_every_m: float = 1.0
+    # Straight walls hold the way between loops: the scans of every so many metres (a radian of turning counts as one) are
+    # looked at; 0: never. No camera that is carried, and no scan that was made from walls an odometry believes in.
+    walls_every_m: float = 0.6
+    # With walls: the odometry's metres may all be too long or too short by such a share (1 sigma), which is solved for; a
+    # wheel whose radius is not quite known is 0.01 to 0.03 off.
+    scale_sigma: float = 0.03
     # Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a step) ...
     drift_m_per_m: float = 0.03
     # ... and radians per metre.
@@ -52,6 +58,8 @@ class PoseGraph:
         check_range(owner, "window_m", self.window_m, low=0.1, high=1000.0, unit="m")
         check_range(owner, "max_drift_share", self.max_drift_share, low=0.0, high=10.0)
         check_range(owner, "scan_every_m", self.scan_every_m, low=0.0, high=1000.0, unit="m")
+        check_range(owner, "walls_every_m", self.walls_every_m, low=0.0, high=1000.0, unit="m")
+        check_range(owner, "scale_sigma", self.scale_sigma, low=1e-6, high=1.0)
         check_range(owner, "drift_m_per_m", self.drift_m_per_m, low=1e-5, high=1.0)
         check_range(owner, "drift_rad_per_m", self.drift_rad_per_m, low=1e-5, high=1.0)
         check_range(owner, "kernel_sigma", self.kernel_sigma, low=0.1, high=1000.0)

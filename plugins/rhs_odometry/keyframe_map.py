@@ -114,7 +114,7 @@ class KeyframeMap:
             np.array([x.a for x in e]), np.array([x.b for x in e]), np.array([x.a_from_b for x in e]),
             np.array([x.covariance for x in e]), np.array([x.loop for x in e]),
         )
-        self.poses = posegraph.optimise(self.poses, edges, iterations=ROUNDS).poses
+        self.poses = posegraph.optimise(self.poses, edges, effort=posegraph.Effort(ROUNDS)).poses
 
     def overlap(self, map_from_camera: np.ndarray, look, camera, *, exclude: set[int]) -> list[tuple[int, np.ndarray]]:
         """Key frames whose points should be in view, most first: (key frame, ids of those points).
