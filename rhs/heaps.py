@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .geometry import se2
 from .jit import compiled
 from .particles import Cloud, SizeLaw, even, low_variance, needed, reweighted
 
@@ -99,6 +100,21 @@ def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, 
         logs.append(np.full(size, np.log(share / size)))
     log_weights = np.concatenate(logs)
     return Cloud(np.concatenate(states), log_weights - _log_sum(log_weights))
+
+
+def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:
+    """Mean poses (4x4) of the heaviest heaps of a cloud."""
+    labels = heaps(cloud.states)
+    weights = cloud.weights
+    mass = np.bincount(labels, weights=weights)
+    out = []
+    for heap in np.argsort(-mass)[:most]:
+        inside = labels == heap
+        if mass[heap] > 0.02:
+            share = weights[inside] / mass[heap]
+            x, y, yaw = cloud.states[inside].T
+            out.append(se2(share @ x, share @ y, float(np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw)))))
+    return out
 
 
 @compiled

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from rhs.belief import RIGHT_M, RIGHT_RAD
-from rhs.continuity import CARRIED, Continuity
+from rhs.continuity import CARRIED, Continuity, scan_continuity
 from rhs.contracts import Context
 from rhs.geometry import planar, se2
 from rhs.grid import OccupancyGrid
-from rhs.heaps import Caution, heaps, resampled_by_heaps, reweighted_by_heaps
+from rhs.heaps import Caution, believed, heaps, resampled_by_heaps, reweighted_by_heaps
 from rhs.likelihood import FieldSettings, LikelihoodField
 from rhs.particles import (
     Cloud,
@@ -37,11 +37,13 @@ from rhs.support import SILENCE
 
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import Hearing, Places
+from .scan_search import summits, throws
 from .vouching import Rumour, Vouching
 
 CAUTION = Caution()
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 SHAKEN = 0.75  # below this mass a robot with places has to hear of one before it tracks again: scans fit every corridor
+SEARCHING = 0.2  # above this chance of being elsewhere a filter without places searches the whole map
 LONG_SURE = 10  # views of knowing its place after which a robot takes what is not on the map for something new
 BASE_SIGMA = np.array([0.005, 0.005, 0.003])  # least motion noise: metres, metres, radians
 
@@ -57,6 +59,7 @@ class ParticleLocaliser:
         self._elsewhere = 1.0
         self._peak: Peak | None = None
         self._expected: np.ndarray | None = None  # where the last belief and the motion since put the robot
+        self._scan: Scan | None = None  # the last one
         self._rumour = Rumour()
         self._sure_views = 0
         self._vouching = Vouching(places is None)
@@ -78,7 +81,7 @@ class ParticleLocaliser:
             states = around(planar(belief.map_from_body), spread, 2 * self._settings.particles_min, self._rng)
             self._elsewhere = float(np.clip(1.0 - belief.probability, 1e-4, 0.99))
         self._cloud = even(states)
-        self._peak = None
+        self._peak, self._scan = None, None
         if self._places is not None:
             self._places.begin()
         self._rumour = Rumour()
@@ -107,11 +110,13 @@ class ParticleLocaliser:
     def _watch(self, observation: Observation, motion: Motion) -> None:
         """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
         self._expected = None if self._peak is None else planar(se2(*self._peak.mean) @ motion.previous_from_body)
-        if self._places is None:
-            return
-        seen = self._places.goes_on(observation, motion, self._expected)
-        self._rumour.move(motion.previous_from_body)
-        self._vouching.travel(motion.previous_from_body, seen)
+        if self._places is not None:
+            seen = self._places.goes_on(observation, motion, self._expected)
+            self._rumour.move(motion.previous_from_body)
+            self._vouching.travel(motion.previous_from_body, seen)
+        else:
+            last, self._scan = self._scan, scan_of(observation, motion)
+            seen = scan_continuity(last, self._scan, motion.previous_from_body)
         if seen is Continuity.BROKEN:
             self._sure_views = 0
             self._elsewhere = max(self._elsewhere, CARRIED)
@@ -129,20 +134,26 @@ class ParticleLocaliser:
     def _weigh(self, observation: Observation, motion: Motion) -> None:
         """Weigh the cloud and scouts spread over the map by the same evidence; what the scouts gain the cloud loses.
 
-        The less the robot knows, the more scouts there are, and the more of them join the cloud."""
+        The less the robot knows, the more scouts there are, and the more of them join the cloud: as they are where places
+        are to be named, else the places that they climb to."""
         assert self._cloud is not None and self._field is not None
-        most, few = self._settings.particles_max, self._settings.scouts
-        count = max(few, int(self._elsewhere * most)) if self._elsewhere > 0.05 else max(few, 1)
-        scouts = even(self._field.anywhere(count, self._rng))
+        searching = self._places is None and self._elsewhere >= SEARCHING and scan_of(observation, motion) is not None
+        scouts = even(self._field.anywhere(throws(self._field.area_m2) if searching else self._scouts(), self._rng))
         evidence = self._evidence(np.concatenate([self._cloud.states, scouts.states]), observation, motion)
-        cloud, gain = reweighted_by_heaps(self._cloud, evidence[: len(self._cloud)], heaps(self._cloud.states), CAUTION)
-        scouts, gain_elsewhere = reweighted(scouts, evidence[len(self._cloud) :])
-        self._cloud = cloud
+        here, there = evidence[: len(self._cloud)], evidence[len(self._cloud) :]
+        self._cloud, gain = reweighted_by_heaps(self._cloud, here, heaps(self._cloud.states), CAUTION)
+        weighed, gain_elsewhere = reweighted(scouts, there)
         self._share_out(gain, gain_elsewhere)
         if self._elsewhere > 0.02:
+            if searching:
+                weighed = summits(scouts.states, there, lambda s: self._evidence(s, observation, motion), self._rng)
             joining = 0.5 * self._elsewhere
-            self._cloud = merged(cloud, 1.0 - self._elsewhere, scouts, joining)
+            self._cloud = merged(self._cloud, 1.0 - self._elsewhere, weighed, joining)
             self._elsewhere -= joining
+
+    def _scouts(self) -> int:
+        few = max(self._settings.scouts, 1)
+        return max(few, int(self._elsewhere * self._settings.particles_max)) if self._elsewhere > 0.05 else few
 
     def _share_out(self, gain: float, gain_elsewhere: float) -> None:
         """Bayes between the cloud and `elsewhere`, as cautiously as between heaps."""
@@ -234,18 +245,3 @@ class ParticleLocaliser:
 def scan_of(observation: Observation, motion: Motion) -> Scan | None:
     """What the sensor measured, else what the odometry made of it."""
     return observation.scan if observation.scan is not None else motion.scan
-
-
-def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:
-    """Mean poses (4x4) of the heaviest heaps of a cloud."""
-    labels = heaps(cloud.states)
-    weights = cloud.weights
-    mass = np.bincount(labels, weights=weights)
-    out = []
-    for heap in np.argsort(-mass)[:most]:
-        inside = labels == heap
-        if mass[heap] > 0.02:
-            share = weights[inside] / mass[heap]
-            x, y, yaw = cloud.states[inside].T
-            out.append(se2(share @ x, share @ y, float(np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw)))))
-    return out

@@ -29,6 +29,7 @@ STRONG = 0.25  # support (rhs.support) of a named place below which it neither v
 SMOOTH = 0.9  # share above which a scan shows that a robot without key-points to tell is still where it expects to be
 FITS = 0.7  # least share of a scan's ends on walls of the map, seen from a pose that a place vouches for
 ROOM_M = 0.15  # a robot does not stand as near to a wall as this
+FORGOTTEN_M = 2.0  # way after which a place named elsewhere, and not again, is forgotten
 SAME_M, SAME_RAD = 1.0, np.radians(20.0)  # two named poses as near as this are one place
 
 
@@ -114,7 +115,11 @@ class Rumour:
     AGAINST of them over AGAINST_M."""
 
     def __init__(self, repeats: int = 3) -> None:
-        self._repeats, self._count, self._way_m = repeats, 0, 0.0
+        self._repeats = repeats
+        self._forget()
+
+    def _forget(self) -> None:
+        self._count, self._way_m, self._silent_m = 0, 0.0, 0.0
         self._named = np.empty((0, 3))
 
     @property
@@ -130,13 +135,17 @@ class Rumour:
     def move(self, previous_from_body: np.ndarray) -> None:
         """The robot moved (4x4), and so would the named places have."""
         self._named = np.array([planar(se2(*pose) @ previous_from_body) for pose in self._named]).reshape(-1, 3)
-        self._way_m += float(np.hypot(*planar(previous_from_body)[:2])) if self._count else 0.0
+        way_m = float(np.hypot(*planar(previous_from_body)[:2])) if self._count else 0.0
+        self._way_m, self._silent_m = self._way_m + way_m, self._silent_m + way_m
+        if self._silent_m > FORGOTTEN_M:
+            self._forget()
 
     def convinces(self, named: Sequence[np.ndarray], *, against: bool, held: bool) -> bool:
         """Whether the named poses (3,) are to be heeded. Those that do not speak against a sharp belief always are."""
         if not against:
-            self._count, self._way_m, self._named = 0, 0.0, np.empty((0, 3))
+            self._forget()
             return True
+        self._silent_m = 0.0
         again = any(same_place(pose, mean) for mean in self._named for pose in named)
         self._count, self._way_m = (self._count + 1, self._way_m) if again else (1, 0.0)
         self._named = np.array(named).reshape(-1, 3)

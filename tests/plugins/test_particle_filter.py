@@ -96,6 +96,28 @@ def test_a_robot_carried_off_notices_and_finds_itself():
     assert _wrong(beliefs[-1], truth)[0] < 0.25 and beliefs[-1].status is Knowing.TRACKING
 
 
+def test_a_robot_carried_off_in_a_room_that_looks_alike_both_ways_round_states_an_even_chance():
+    part = _scan_filter(seed=4)
+    probability = np.full((41, 61), 0.02, np.float32)
+    probability[[0, -1]] = probability[:, [0, -1]] = 0.98
+    room = OccupancyGrid(probability, 0.1, (0.0, 0.0))
+    part.learn([], room)
+    part.start(Belief(se2(1.0, 1.0, 0.0), np.diag([1e-3] * 6)))
+    truth, beliefs = se2(1.0, 1.0, 0.0), []
+    for k in range(12):
+        if k == 4:
+            truth = se2(4.0, 2.5, 2.0)  # its double is (2.1, 1.6, -1.14)
+        step = se2(0.1, 0.0, 0.05)
+        truth = truth @ step
+        x, y, yaw = planar(truth)
+        bearings = np.linspace(-2.0, 2.0, 181)
+        scan = Scan(bearings, cast(room.occupied(), room, np.array([x, y]), bearings + yaw, 8.0) + 0.05, 8.0)
+        beliefs.append(part.update(Observation(k, 0.1 * k, None, scan=scan), Motion(step, 1e-6 * np.eye(6), Tracking.OK)))
+    assert all(belief.status is Knowing.TRACKING for belief in beliefs[1:4])
+    assert all(belief.status is not Knowing.TRACKING for belief in beliefs[4:])
+    assert 0.4 < beliefs[-1].probability < 0.8
+
+
 def test_the_same_seed_gives_the_same_belief():
     ends = []
     for _ in range(2):

@@ -109,6 +109,15 @@ def test_places_named_elsewhere_convince_a_robot_that_watched_its_way_only_after
     assert metres <= way_m < metres + 0.27
 
 
+def test_a_name_that_is_not_heard_again_for_two_metres_is_forgotten():
+    rumour = Rumour()
+    rumour.convinces([np.array([9.0, 9.0, 0.0])], against=True, held=False)
+    rumour.move(se2(1.9, 0.0, 0.0))
+    assert rumour.pending == 1 and rumour.chance(held=False) == 0.5
+    rumour.move(se2(0.2, 0.0, 0.0))
+    assert rumour.pending == 0 and rumour.chance(held=False) == 1.0
+
+
 def test_names_that_do_not_move_as_the_robot_does_never_convince():
     rumour = Rumour()
     for k in range(30):
