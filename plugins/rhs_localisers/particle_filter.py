@@ -83,7 +83,7 @@ class ParticleLocaliser:
         self._cloud = even(states)
         self._peak, self._scan = None, None
         if self._places is not None:
-            self._places.begin()
+            self._places.watching.begin()
         self._rumour = Rumour()
         told = belief is not None and belief.probability > 0.9
         self._sure_views = LONG_SURE if told else 0
@@ -111,7 +111,7 @@ class ParticleLocaliser:
         """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
         self._expected = None if self._peak is None else planar(se2(*self._peak.mean) @ motion.previous_from_body)
         if self._places is not None:
-            seen = self._places.goes_on(observation, motion, self._expected)
+            seen = self._places.watching.goes_on(observation, motion, self._expected)
             self._rumour.move(motion.previous_from_body)
             self._vouching.travel(motion.previous_from_body, seen)
         else:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.continuity import Continuity, continuity
 from rhs.contracts import Context
 from rhs.geometry import planar, se2, wrap
 from rhs.grid import OccupancyGrid
@@ -15,7 +14,7 @@ from rhs.jit import compiled
 from rhs.memory import Memory, memory_of
 from rhs.particles import around
 from rhs.places import PlaceDatabase, PlaceSettings, shares
-from rhs.records import Features, Motion, Observation, Scan, View
+from rhs.records import Observation, Scan, View
 from rhs.retrieval import Vlad
 from rhs.scanmatch import ScanMatcher
 from rhs.sighting import SightingSettings
@@ -23,7 +22,8 @@ from rhs.support import expected
 from rhs.vision import features
 
 from .particle_filter_config import ParticleFilter
-from .vouching import STRONG, fits, possible, same_place, watched
+from .vouching import STRONG, fits, possible, same_place
+from .watching import Watching
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 CLAIM_SIGMA = np.array([0.05, 0.05, 0.02])  # least spread of a claim: what the check's own covariance leaves out
@@ -79,18 +79,20 @@ class Hearing:
 
 
 class Places:
-    """Evidence from stored views."""
+    """Evidence from stored views. watching: whether each view goes on from the last."""
+
+    watching: Watching
 
     def __init__(self, settings: ParticleFilter, context: Context) -> None:
         self._settings, self._context = settings, context
         self._vlad: Vlad | None = None
         self._since_check = settings.check_every
         self._heard: tuple[Observation, np.ndarray] | None = None
-        self._last: Features | None = None
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the views and tabulate which of them is nearest to any pose."""
         self._walls = ScanMatcher(grid)
+        self.watching = Watching(self._context.features, self._walls)
         sighting = SightingSettings(self._settings.min_inliers, ratio=self._context.features.ratio)
         memory = memory_of(views)
         settings = PlaceSettings("vlad", self._settings.checks, sighting=sighting)
@@ -98,16 +100,6 @@ class Places:
         self._vlad = self._database.retrieval if isinstance(self._database.retrieval, Vlad) else None
         self._areas = max(2.0, 0.5 * len(memory))
         self._table = NearestView(memory)
-
-    def begin(self) -> None:
-        """The next view is the first one."""
-        self._last = None
-
-    def goes_on(self, observation: Observation, motion: Motion, expected: np.ndarray | None) -> Continuity:
-        """Whether this view can be one motion after the last, which put the robot at `expected` (3,); see rhs.continuity."""
-        last, self._last = self._last, features(observation, self._context.features)
-        seen = continuity(last, self._last, observation.camera, motion.previous_from_body)
-        return watched(seen, observation.scan, self._walls, expected)
 
     def log_likelihood(self, states: np.ndarray, observation: Observation) -> np.ndarray:
         """(N,) how much more the view looks like the stored view nearest each state than like an average one."""

@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from rhs.belief import chance_right
-from rhs.continuity import CARRIED, Continuity, continuity
+from rhs.continuity import CARRIED, Continuity
 from rhs.contracts import Context
 from rhs.geometry import planar
 from rhs.grid import OccupancyGrid
 from rhs.hypotheses import Claim, Guesses, Trust, begin, carried, confirms, predict, silent, update
 from rhs.memory import memory_of
 from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, Recognised, shares
-from rhs.records import Belief, Features, Knowing, Motion, Observation, Scan, View
+from rhs.records import Belief, Knowing, Motion, Observation, Scan, View
 from rhs.scanmatch import ScanMatcher
 from rhs.sighting import SightingSettings
 from rhs.support import SILENCE, expected
@@ -29,7 +29,8 @@ from rhs.vision import features
 
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
-from .vouching import STRONG, Rumour, Vouching, fits, possible, watched
+from .vouching import STRONG, Rumour, Vouching, fits, possible
+from .watching import Watching
 
 WEAK = 0.5  # chance that a place named with little support is right
 NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of not knowing, square metres and square radians
@@ -48,7 +49,7 @@ class PlaceLocaliser:
         self._steps = 0
         self._contradicted = False
         self._last = np.eye(4)
-        self._seen: Features | None = None
+        self._watching = Watching(context.features, None)
         self._vouching, self._rumour = Vouching(False), Rumour()
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
@@ -58,12 +59,14 @@ class PlaceLocaliser:
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
         self._walls = ScanMatcher(grid) if grid is not None else None
+        self._watching = Watching(self._context.features, self._walls)
         self._matcher = self._walls if self._settings.match_every > 0 else None
         self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
 
     def start(self, belief: Belief | None) -> None:
         """Begin from a belief, or anywhere."""
-        self._steps, self._contradicted, self._seen = 0, False, None
+        self._steps, self._contradicted = 0, False
+        self._watching.begin()
         self._rumour = Rumour()
         self._vouching = Vouching(belief is not None and belief.probability > 0.9)
         if belief is None:
@@ -92,10 +95,9 @@ class PlaceLocaliser:
 
     def _watch(self, observation: Observation, motion: Motion) -> None:
         """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
-        last, self._seen = self._seen, features(observation, self._context.features)
-        seen = continuity(last, self._seen, observation.camera, motion.previous_from_body)
         best = self._state.best
-        seen = watched(seen, observation.scan, self._walls, None if best is None else planar(best.map_from_body))
+        expected = None if best is None else planar(best.map_from_body)
+        seen = self._watching.goes_on(observation, motion, expected)
         self._vouching.travel(motion.previous_from_body, seen)
         self._rumour.move(motion.previous_from_body)
         if seen is Continuity.BROKEN:
@@ -166,7 +168,8 @@ class PlaceLocaliser:
         return Belief(best.map_from_body, best.covariance, self._status(best.weight), probability, details)
 
     def _status(self, weight: float) -> Knowing:
-        if weight >= self._settings.tracking_above and self._vouching.vouched:
+        named_elsewhere = self._rumour.pending >= 2 and not self._vouching.held
+        if weight >= self._settings.tracking_above and self._vouching.vouched and not named_elsewhere:
             return Knowing.TRACKING
         return Knowing.CONVERGING if weight >= self._settings.lost_below else Knowing.LOST
 

@@ -26,9 +26,10 @@ JUMP_M, JUMP_RAD = 0.75, np.radians(30.0)  # a belief that moved so far off its 
 SILENCES, SILENT_M = 6, 2.0  # views in which a place was expected and none recognised; way of a robot that watched its way
 STRONG = 0.25  # support (rhs.support) of a named place below which it neither vouches nor speaks against what is known: in a
 # building of eight paintings 6 of 7 right ones have more, 3 of 4 wrong ones less
-SMOOTH = 0.9  # share above which a scan shows that a robot without key-points to tell is still where it expects to be
 FITS = 0.7  # least share of a scan's ends on walls of the map, seen from a pose that a place vouches for
 ROOM_M = 0.15  # a robot does not stand as near to a wall as this
+UNNAMED = 0.2  # chance of a belief that no place confirms
+STALE_M = 2.0  # way without a place that halves the chance of a belief which is not vouched for
 FORGOTTEN_M = 2.0  # way after which a place named elsewhere, and not again, is forgotten
 SAME_M, SAME_RAD = 1.0, np.radians(20.0)  # two named poses as near as this are one place
 
@@ -43,7 +44,8 @@ class Vouching:
         self._clear()
 
     def _clear(self) -> None:
-        self._named = False  # a place has been named where the robot believes to be, since it was last contradicted
+        self._named, self._stale_m = False, 0.0  # a place was named where the robot believes to be, after the last
+        # contradiction, and the way since then
         self._count, self._way_m = 0, 0.0
         self._silences, self._silent_m = 0, 0.0
 
@@ -59,15 +61,16 @@ class Vouching:
 
     def divided(self) -> None:
         """The belief is shared between places: it is not sure, and those that vouch have to begin anew."""
-        named = self._named
+        named, stale_m = self._named, self._stale_m
         self.doubt()
-        self._named = named
+        self._named, self._stale_m = named, stale_m
 
     def travel(self, previous_from_body: np.ndarray, seen: Continuity) -> None:
         """The robot moved (4x4), and its view went on from the last or not. Way counts from the first confirmation on."""
         way_m = float(np.hypot(*planar(previous_from_body)[:2]))
         self._way_m += way_m if self._count else 0.0
         self._silent_m += way_m if self._silences else 0.0
+        self._stale_m += way_m
         self.watched = self.watched and seen is Continuity.GOES_ON
         if seen is Continuity.BROKEN:
             self.doubt()
@@ -75,7 +78,7 @@ class Vouching:
     def hear(self, agrees: bool) -> None:
         """A place was named with much support: where the robot believes to be, or elsewhere. One named elsewhere does not
         overthrow what is vouched for, but those that vouch have to begin anew."""
-        self._named = agrees
+        self._named, self._stale_m = agrees, 0.0
         if not agrees:
             self._count, self._way_m = 0, 0.0
             return
@@ -101,10 +104,11 @@ class Vouching:
     @property
     def chance(self) -> float:
         """Chance that the best belief is right, were its weight one: low while no place was named there, rising with the way
-        confirmed."""
-        if self.vouched:
-            return 1.0
-        return 0.6 + 0.35 * min(self._count / CONFIRMATIONS, self._way_m / WAY_M, 1.0) if self._named else 0.2
+        confirmed, falling with the way in which nothing more was: then it is time to look round again (rhs.search)."""
+        if self.vouched or not self._named:
+            return 1.0 if self.vouched else UNNAMED
+        confirmed = 0.6 + 0.35 * min(self._count / CONFIRMATIONS, self._way_m / WAY_M, 1.0)
+        return max(confirmed * 0.5 ** (self._stale_m / STALE_M), UNNAMED)
 
 
 class Rumour:
@@ -162,13 +166,6 @@ def possible(answer: PlaceAnswer, walls: ScanMatcher | None) -> list[Recognised]
 def fits(scan: Scan | None, walls: ScanMatcher | None, pose: np.ndarray) -> bool:
     """Whether a scan, if there is one, could have been taken from a planar pose (3,)."""
     return scan is None or walls is None or not walls.share(scan, pose) < FITS
-
-
-def watched(seen: Continuity, scan: Scan | None, walls: ScanMatcher | None, pose: np.ndarray | None) -> Continuity:
-    """The continuity of a view; where its key-points cannot tell, a measured scan that lies on the walls does."""
-    if seen is not Continuity.UNKNOWN or scan is None or walls is None or pose is None:
-        return seen
-    return Continuity.GOES_ON if walls.share(scan, pose) >= SMOOTH else seen
 
 
 def same_place(pose_a: np.ndarray, pose_b: np.ndarray) -> bool:

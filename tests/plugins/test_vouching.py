@@ -2,16 +2,18 @@
 
 import numpy as np
 import pytest
-from painted_survey import SMALL, context, look, ring, survey
+from painted_survey import FEATURES, SMALL, context, look, ring, survey
 
 from rhs.continuity import Continuity
 from rhs.geometry import inverse, se2
 from rhs.grid import OccupancyGrid, frame_of
-from rhs.records import Belief, Knowing, Motion, Scan, Tracking
+from rhs.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
 from rhs.scanmatch import ScanMatcher
+from rhs.vision import share
 from rhs_localisers.particle_filter_config import ParticleFilter
 from rhs_localisers.sift_db_config import SiftDb
-from rhs_localisers.vouching import AGAINST_M, Rumour, Vouching, fits, watched
+from rhs_localisers.vouching import AGAINST_M, Rumour, Vouching, fits
+from rhs_localisers.watching import Watching
 
 STILL, ON = np.eye(4), se2(0.26, 0.0, 0.0)
 GOES_ON, UNKNOWN, BROKEN = Continuity.GOES_ON, Continuity.UNKNOWN, Continuity.BROKEN
@@ -125,18 +127,51 @@ def test_names_that_do_not_move_as_the_robot_does_never_convince():
         assert not rumour.convinces([np.array([2.0 * k, 0.0, 0.0])], against=True, held=False)
 
 
-def test_a_scan_that_cannot_have_been_taken_there_does_not_fit_and_one_on_the_walls_replaces_key_points():
+def _walls():
     room = np.full((60, 60), 0.02, np.float32)
     room[[0, -1]], room[:, [0, -1]] = 0.98, 0.98
-    walls = ScanMatcher(OccupancyGrid(room, 0.1, (0.0, 0.0)))
+    return ScanMatcher(OccupancyGrid(room, 0.1, (0.0, 0.0)))
+
+
+def _facing(metres):
+    """A wall straight ahead."""
     bearings = np.linspace(-0.4, 0.4, 21)
-    scan = Scan(bearings, 2.95 / np.cos(bearings), 8.0)
-    middle, nearer = np.array([3.0, 3.0, 0.0]), np.array([4.5, 3.0, 0.0])
-    assert fits(scan, walls, middle) and not fits(scan, walls, nearer) and fits(None, walls, nearer)
-    assert watched(UNKNOWN, scan, walls, middle) is GOES_ON
-    assert watched(UNKNOWN, scan, walls, nearer) is UNKNOWN
-    assert watched(BROKEN, scan, walls, middle) is BROKEN
-    assert walls.room_m(middle) == pytest.approx(2.9, abs=0.11)
+    return Scan(bearings, metres / np.cos(bearings), 8.0)
+
+
+MIDDLE, NEARER = np.array([3.0, 3.0, 0.0]), np.array([4.5, 3.0, 0.0])
+
+
+def test_a_scan_fits_only_where_it_can_have_been_taken():
+    assert fits(_facing(2.95), _walls(), MIDDLE) and not fits(_facing(2.95), _walls(), NEARER)
+    assert fits(None, _walls(), NEARER)
+    assert _walls().room_m(MIDDLE) == pytest.approx(2.9, abs=0.11)
+
+
+def test_without_key_points_scans_tell_whether_a_view_goes_on():
+    def seen(scan, pose, before=None):
+        part = Watching(FEATURES, _walls())
+        for scan_of_view in (before, scan):
+            view = Observation(0, 0.0, None, scan=scan_of_view)
+            share(view, FEATURES, Features(np.empty((0, 2)), np.empty((0, 128)), np.empty((0, 3))))
+            out = part.goes_on(view, Motion(STILL, SMALL, Tracking.OK), pose)
+        return out
+
+    assert seen(_facing(2.95), MIDDLE) is GOES_ON  # it lies on the walls of the map
+    assert seen(_facing(2.95), NEARER) is UNKNOWN and seen(_facing(2.95), None) is UNKNOWN
+    assert seen(_facing(2.95), MIDDLE, before=_facing(1.5)) is BROKEN
+    assert seen(None, MIDDLE) is UNKNOWN
+
+
+def test_a_belief_that_no_place_confirms_any_longer_loses_half_its_chance_every_two_metres():
+    part = Vouching(False)
+    part.hear(True)
+    assert part.chance == pytest.approx(0.6)
+    for _ in range(2):
+        part.travel(se2(1.0, 0.0, 0.0), GOES_ON)
+    assert part.chance == pytest.approx(0.5 * (0.6 + 0.35 * 0.25))
+    part.hear(True)
+    assert part.chance > 0.75
 
 
 @pytest.mark.parametrize("settings", [ParticleFilter(), SiftDb(match_every=0)])

@@ -1,0 +1,44 @@
+"""Has the robot watched its own way? Each view is compared with the one before, by key-points and scans (rhs.continuity)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.continuity import Continuity, continuity, scan_continuity
+from rhs.records import Features, FeatureSettings, Motion, Observation, Scan
+from rhs.scanmatch import ScanMatcher
+from rhs.vision import features
+
+SMOOTH = 0.9  # share above which a scan shows that a robot without key-points to tell is still where it expects to be
+
+
+class Watching:
+    """Remembers the last view. walls: the map, or None for a robot without one."""
+
+    def __init__(self, settings: FeatureSettings, walls: ScanMatcher | None) -> None:
+        self._settings, self._walls = settings, walls
+        self.begin()
+
+    def begin(self) -> None:
+        """The next view is the first one."""
+        self._features: Features | None = None
+        self._scan: Scan | None = None
+
+    def goes_on(self, observation: Observation, motion: Motion, expected: np.ndarray | None) -> Continuity:
+        """Whether this view can be one motion after the last, which put the robot at `expected` (3,), None if unknown.
+
+        Where the key-points cannot tell, measured scans do: they break where one cannot follow the other, and go on where
+        the new one lies on the walls of the map as well."""
+        last, scan = self._features, self._scan
+        self._features, self._scan = features(observation, self._settings), observation.scan
+        seen = continuity(last, self._features, observation.camera, motion.previous_from_body)
+        if seen is not Continuity.UNKNOWN:
+            return seen
+        if scan_continuity(scan, self._scan, motion.previous_from_body) is Continuity.BROKEN:
+            return Continuity.BROKEN
+        return Continuity.GOES_ON if self._on_walls(expected) else seen
+
+    def _on_walls(self, pose: np.ndarray | None) -> bool:
+        if self._scan is None or self._walls is None or pose is None:
+            return False
+        return self._walls.share(self._scan, pose) >= SMOOTH
