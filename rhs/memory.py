@@ -6,7 +6,7 @@ Descriptors are kept as bytes (512 times the RootSIFT value), so that ten thousa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,8 @@ BYTE_SCALE = 512.0
 @dataclass(frozen=True, eq=False)
 class Memory:
     """Stored views as plain arrays: poses (P, 4, 4) map_from_body; indices (P,) of the views in their survey;
-    starts (P + 1,) rows of the key-points of each view in pixels (M, 2), descriptors (M, 128) uint8, points (M, 3)."""
+    starts (P + 1,) rows of the key-points of each view in pixels (M, 2), descriptors (M, 128) uint8, points (M, 3);
+    greys (P, h, w) uint8: the views at a glance, empty pictures when they were not kept."""
 
     poses: np.ndarray
     indices: np.ndarray
@@ -29,6 +30,7 @@ class Memory:
     descriptors: np.ndarray
     points: np.ndarray
     camera: Camera
+    greys: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 0), np.uint8))
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -65,7 +67,16 @@ def memory_of(views: Sequence[View]) -> Memory:
         descriptors=np.concatenate([packed(part.descriptors) for part in parts]),
         points=np.concatenate([part.points for part in parts]).astype(np.float32),
         camera=kept[0].camera,
+        greys=_greys(parts),
     )
+
+
+def _greys(parts: Sequence[Features]) -> np.ndarray:
+    """(P, h, w) uint8 pictures at a glance; of no pixels unless all views have one, of the same size."""
+    glances = [part.glance for part in parts]
+    if any(g is None for g in glances) or len({g.grey.shape for g in glances if g is not None}) != 1:
+        return np.empty((len(parts), 0, 0), np.uint8)
+    return np.stack([g.grey for g in glances if g is not None])
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,6 +35,8 @@ def load(path: Path) -> Memory:
             data = {name: file[name] for name in file.files}
         if int(data["format"]) != FORMAT:
             raise ValueError(f"format {int(data['format'])}, expected {FORMAT}")
+        if "greys" not in data:  # written before views were kept at a glance
+            data["greys"] = np.empty((len(data["poses"]), 0, 0), np.uint8)
         memory = Memory(**{name: data[name] for name in _ARRAYS}, camera=_camera_of(data))
         _check_sizes(memory)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
@@ -48,7 +50,7 @@ def _camera_of(data: dict[str, np.ndarray]) -> Camera:
     return Camera(int(width), int(height), fx, fy, cx, cy, skew, distortion, data["body_from_camera"])
 
 
-_ARRAYS = ("poses", "indices", "starts", "pixels", "descriptors", "points")
+_ARRAYS = ("poses", "indices", "starts", "pixels", "descriptors", "points", "greys")
 
 
 def _check_sizes(memory: Memory) -> None:
@@ -56,5 +58,5 @@ def _check_sizes(memory: Memory) -> None:
     steps = np.diff(memory.starts)
     if len(memory.starts) != places + 1 or memory.starts[0] != 0 or memory.starts[-1] != rows or np.any(steps < 0):
         raise ValueError("its rows do not add up")
-    if len(memory.pixels) != rows or len(memory.points) != rows or len(memory.indices) != places:
+    if len(memory.pixels) != rows or len(memory.points) != rows or not places == len(memory.indices) == len(memory.greys):
         raise ValueError("its arrays differ in length")

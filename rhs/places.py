@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .geometry import Camera, compose_covariance, inverse, planar, wrap
+from .glances import Blocks, Fit, blocks, fit, outdoes
 from .memory import Memory, Rootsift
 from .records import Features
 from .retrieval import make_retrieval
@@ -20,6 +21,7 @@ from .support import nearest_views, support
 # The map is drawn from the very poses of the stored views; a place is as exact in it as its neighbours are.
 PLACE_SIGMA_M, PLACE_SIGMA_RAD = 0.03, np.radians(0.5)
 TIE, SLOPE = 0.12, 12.0  # of the support of two places, see `shares`
+MOST = 4  # different places whose support is asked for
 APART_M, APART_RAD = 1.0, np.radians(20.0)  # two sightings further apart than this are two different places
 
 
@@ -27,32 +29,49 @@ APART_M, APART_RAD = 1.0, np.radians(20.0)  # two sightings further apart than t
 class PlaceSettings:
     """retrieval: votes, kd_tree or vlad. checks: candidates checked by geometry. min_score: least support (rhs.support) of
     an answer. rival_share: if a second, distant place has more than this share of the best one's support, the answer is
-    abstained: the two look alike."""
+    abstained: the two look alike.
+
+    Where views are kept at a glance (rhs.glances): a place fits up to `misfit`, and refutes places that fit worse by `level`
+    sigmas (3.1: by chance once in 1,000). One that does not fit is no answer below a support of plain_score. If none fits,
+    faint_checks candidates are asked whether they fit with no more than faint_inliers agreeing key-points."""
 
     retrieval: str = "vlad"
     checks: int = 5
     min_score: float = 0.02
     rival_share: float = 0.85
+    misfit: float = 1.5
+    level: float = 3.1
+    plain_score: float = 0.25
+    faint_inliers: int = 6
+    faint_checks: int = 12
     sighting: SightingSettings = field(default_factory=SightingSettings)
 
 
 @dataclass(frozen=True, eq=False)
 class Recognised:
-    """One verified candidate: the stored place, how it was seen, the pose in the map that follows, and how much of the
-    view the memory explains from there (NaN for a weaker candidate of the same place)."""
+    """One verified candidate: the stored place, how it was seen, the pose in the map that follows, how much of the view
+    the memory explains from there (NaN for a weaker candidate of the same place), and how the picture fits, where known."""
 
     place: int
     sighting: Sighting
     map_from_body: np.ndarray
     covariance: np.ndarray
     score: float = np.nan
+    fit: Fit | None = None
+
+    def fits(self, limit: float) -> bool:
+        """Whether the picture is known to look as it must from here; never true of one that cannot be compared."""
+        return self.fit is not None and self.fit.misfit <= limit
+
+    def misfits(self, limit: float) -> bool:
+        return self.fit is not None and self.fit.misfit > limit
 
 
 @dataclass(frozen=True, eq=False)
 class PlaceAnswer:
-    """best: the place recognised, or None when abstained, for `reason`. verified: all candidates that passed the check,
-    most inliers first. distinct: the best of each different place, best supported first. ranked (T,): the candidates as
-    retrieved, with their scores (T,)."""
+    """best: the place recognised, or None when abstained, for `reason`. verified: the best candidate of each different place
+    that passed the check, most inliers first. distinct: those of them that the picture does not refute, best supported
+    first. ranked (T,): the candidates as retrieved, with their scores (T,)."""
 
     best: Recognised | None
     reason: str
@@ -64,6 +83,14 @@ class PlaceAnswer:
     @property
     def abstained(self) -> bool:
         return self.best is None
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """A view that is asked: its key-points and its blocks."""
+
+    snapshot: Snapshot
+    blocks: Blocks | None
 
 
 class PlaceDatabase:
@@ -84,51 +111,70 @@ class PlaceDatabase:
         """
         if self.retrieval is None or len(query.pixels) < 2:
             return _abstained("nothing stored" if self.retrieval is None else "no key-points in the view")
-        ranked, scores = self.retrieval.rank(query.descriptors, 4 * self._settings.checks)
-        places = dict.fromkeys([*self._spread(ranked), *(int(v) for pose in also for v in self._nearest(pose))])
-        found = [self._check(place, Snapshot(query, camera)) for place in places]
-        verified = tuple(sorted((item for item in found if item is not None), key=lambda r: -r.sighting.inliers))
-        return self._judged(verified, Snapshot(query, camera), ranked, scores)
+        ranked, scores = self.retrieval.rank(query.descriptors, 4 * max(self._settings.checks, self._settings.faint_checks))
+        believed = [int(view) for pose in also for view in nearest_views(self.memory, pose, 1)]
+        view = _Asked(Snapshot(query, camera), blocks(query.glance, camera))
+        likely = self._likely([*self._spread(ranked, self._settings.checks), *believed], view, self._settings.sighting)
+        if view.blocks is not None and self.memory.greys.size and not any(map(self._fits, likely)):
+            faint = replace(self._settings.sighting, min_inliers=self._settings.faint_inliers)
+            more = self._likely([*self._spread(ranked, self._settings.faint_checks), *believed], view, faint)
+            likely = [item for item in more if self._enough(item) or self._fits(item)]
+        return self._judged(likely, ranked, scores)
 
-    def _spread(self, ranked: np.ndarray) -> list[int]:
+    def _spread(self, ranked: np.ndarray, most: int) -> list[int]:
         """The best candidates, no more than two of them from one neighbourhood: look-alikes get a hearing."""
         chosen: list[int] = []
         for place in ranked:
             same = sum(not apart(self.memory.poses[place], self.memory.poses[other]) for other in chosen)
             if same < 2:
                 chosen.append(int(place))
-            if len(chosen) == self._settings.checks:
+            if len(chosen) == most:
                 break
         return chosen
 
-    def _nearest(self, map_from_body: np.ndarray) -> np.ndarray:
-        return nearest_views(self.memory, map_from_body, 1)
+    def _likely(self, places: Sequence[int], view: _Asked, sighting: SightingSettings) -> list[Recognised]:
+        """Different places among candidates that enough key-points agree on, with support and fit; most inliers first."""
+        found = [self._check(place, view.snapshot, sighting) for place in dict.fromkeys(places)]
+        passed = sorted((item for item in found if item is not None), key=lambda r: -r.sighting.inliers)
+        looked = [self._looked(item, view) for item in _distinct(passed, MOST)]
+        return [item for item in looked if item.score >= self._settings.min_score]
 
-    def _check(self, place: int, query: Snapshot) -> Recognised | None:
+    def _check(self, place: int, query: Snapshot, sighting: SightingSettings) -> Recognised | None:
         stored = Snapshot(self.memory.features(place), self.memory.camera)
-        seen = sight(stored, query, settings=self._settings.sighting, rng=self._rng)
+        seen = sight(stored, query, settings=sighting, rng=self._rng)
         if seen is None:
             return None
         covariance = compose_covariance(_place_covariance(), seen.stored_from_query, seen.covariance)
         return Recognised(place, seen, self.memory.poses[place] @ seen.stored_from_query, covariance)
 
-    def _judged(self, verified: tuple[Recognised, ...], query: Snapshot, ranked: np.ndarray, scores: np.ndarray):
-        scored = [self._scored(item, query) for item in _distinct(verified)]
-        distinct = tuple(sorted((r for r in scored if r.score >= self._settings.min_score), key=lambda r: -r.score))
+    def _judged(self, likely: Sequence[Recognised], ranked: np.ndarray, scores: np.ndarray) -> PlaceAnswer:
+        fitting = [item for item in likely if self._fits(item)]
+        left = [r for r in likely if not any(outdoes(other.fit, r.fit) > self._settings.level for other in fitting)]
+        distinct = tuple(sorted(left, key=lambda r: -r.score))
         best, reason = None, ""
         if not distinct:
             reason = "no candidate passed the geometric check"
         elif any(rival.score > self._settings.rival_share * distinct[0].score for rival in distinct[1:]):
             reason = "two places look alike"
+        elif distinct[0].misfits(self._settings.misfit) and distinct[0].score < self._settings.plain_score:
+            reason = "the picture does not look like the place"
         else:
             best = distinct[0]
-        return PlaceAnswer(best, reason, verified, distinct, ranked, scores)
+        return PlaceAnswer(best, reason, tuple(likely), distinct, ranked, scores)
 
-    def _scored(self, item: Recognised, query: Snapshot) -> Recognised:
-        return replace(item, score=support(self.memory, query.features, query.camera, item.map_from_body).score)
+    def _looked(self, item: Recognised, view: _Asked) -> Recognised:
+        """The candidate with its support and with how the picture fits there."""
+        score = support(self.memory, view.snapshot.features, view.snapshot.camera, item.map_from_body).score
+        return replace(item, score=score, fit=fit(self.memory, view.blocks, item.map_from_body))
+
+    def _enough(self, item: Recognised) -> bool:
+        return item.sighting.inliers >= self._settings.sighting.min_inliers
+
+    def _fits(self, item: Recognised) -> bool:
+        return item.fits(self._settings.misfit)
 
 
-def _distinct(verified: Sequence[Recognised], most: int = 4) -> list[Recognised]:
+def _distinct(verified: Sequence[Recognised], most: int) -> list[Recognised]:
     """The verified candidate with most inliers of each different place, at most `most` of them."""
     out: list[Recognised] = []
     for item in verified:

@@ -160,13 +160,24 @@ class FeatureSettings:
 
 
 @dataclass(frozen=True, eq=False)
+class Glance:
+    """A view at a glance: means over blocks of its picture, of which faint, wide patterns of a wall remain where noise and
+    key-points do not. grey (h, w) uint8; depth (h, w) float32, metres along the optical axis, NaN where a pixel of the
+    block is unknown."""
+
+    grey: np.ndarray
+    depth: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Features:
     """Key-points of one view. pixels (N, 2) float32; descriptors (N, D) (float32 RootSIFT or uint8 ORB);
-    points (N, 3) float32 in the camera frame, NaN where depth is unknown."""
+    points (N, 3) float32 in the camera frame, NaN where depth is unknown; glance: the view they are of, if it is kept."""
 
     pixels: np.ndarray
     descriptors: np.ndarray
     points: np.ndarray
+    glance: Glance | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ This module is OpenCV's home in the core; OpenCV is imported at the first call a
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ import numpy as np
 from .allocator import keep_freed_memory
 from .errors import RhsError
 from .files import replacing
-from .records import Features, FeatureSettings, Observation
+from .records import Features, FeatureSettings, Glance, Observation
+from .sealing import seal
 
 # The image size that FeatureSettings.count is meant for.
 REFERENCE_PX = 320 * 240
@@ -36,6 +38,8 @@ PATCH_DIAMETERS = 1.5
 # Key-points over edges are left without depth when they are at most this share: in a corridor they bend the path, in a
 # cluttered view they are too many to lose (measured: half the drift in the square, a third more error on a desk).
 FEW_OVER_EDGES = 0.1
+
+GLANCE_COLUMNS = 80  # of a view at a glance: blocks of 4 by 4 pixels of a picture of 320 by 240
 
 ORB_RATIO = 1.2  # of the sizes of two levels of ORB's pyramid
 
@@ -83,6 +87,21 @@ def match(a: Features, b: Features, ratio: float, *, mutual: bool = True) -> np.
 def gray(image: np.ndarray) -> np.ndarray:
     """(H, W) uint8 luminance of an (H, W, 3) RGB or (H, W) image."""
     return image if image.ndim == 2 else _cv2().cvtColor(image, _cv2().COLOR_RGB2GRAY)
+
+
+def glance(observation: Observation) -> Glance | None:
+    """The view in blocks, GLANCE_COLUMNS of them side by side; None without an image."""
+    if observation.image is None:
+        return None
+    image = gray(observation.image)
+    height, width = image.shape
+    size = (min(GLANCE_COLUMNS, width), max(1, round(height * min(GLANCE_COLUMNS, width) / width)))
+    area = _cv2().INTER_AREA
+    depth = np.full(size[::-1], np.nan, np.float32)
+    if observation.depth is not None:
+        known = np.where(observation.depth > 0, observation.depth, np.nan).astype(np.float32)
+        depth = _cv2().resize(known, size, interpolation=area)
+    return Glance(_cv2().resize(image, size, interpolation=area), depth)
 
 
 def depth_at(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -159,7 +178,8 @@ def _sift(observation: Observation, settings: FeatureSettings) -> Features:
     detector = _detector("sift", max(1, round(settings.count * pixels / REFERENCE_PX)), settings.contrast)
     pixels, sizes, descriptors = _detect(observation, detector, np.empty((0, 128), np.float32))
     descriptors = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
-    return _lifted(observation, pixels, sizes, descriptors.astype(np.float32))
+    found = _lifted(observation, pixels, sizes, descriptors.astype(np.float32))
+    return replace(found, glance=seal(glance(observation)))
 
 
 def _orb(observation: Observation, count: int) -> Features:

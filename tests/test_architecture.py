@@ -21,9 +21,9 @@ LEVELS = [
     "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings"
     " gate_settings",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
-    " consistency structure memory likelihood heaps scanmatch walllines mosaic bending unrolling bend_finder"
+    " consistency structure memory glance_kernels likelihood heaps scanmatch walllines mosaic bending unrolling bend_finder"
     " unroll_folder",
-    "contracts mission control obstacles sighting support continuity loops scanloops places place_files place_trial"
+    "contracts mission control obstacles sighting support glances continuity loops scanloops places place_files place_trial"
     " ros playback recording maps judge judge_kernels recover tape"
     " live movingai arena plan_files",
     "patrol survey sentinel search kidnap steps progress knowing metrics map_metrics testing_room"
