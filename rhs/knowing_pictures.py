@@ -72,15 +72,19 @@ def precision_recall_picture(folder: Path) -> Path:
     with (Path(folder) / "precision_recall.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             curves.setdefault(row["method"], []).append((float(row["recall"]), float(row["precision"])))
-    figure = new_figure(7.0, 4.6)
-    axes = figure.add_subplot()
-    for k, (method, points) in enumerate(curves.items()):
-        recall, precision = np.array(points).T
-        style = "-" if "+check" in method else ":" if method == "sequence" else "--"
-        axes.plot(recall, precision, style, color=f"C{k}", linewidth=1.5, label=method)
-        axes.plot(recall[-1], precision[-1], "o", color=f"C{k}", markersize=4)
-    axes.set_xlabel("recall: share of all queries answered correctly")
-    axes.set_ylabel("precision: share of the answers given that are correct")
-    axes.set_ylim(min(0.7, axes.get_ylim()[0]), 1.01)
-    axes.legend(fontsize=8, frameon=False, loc="lower center")
+    protocols = {name: name.partition(": ")[0] if ": " in name else "" for name in curves}
+    panels = [word for word in dict.fromkeys(protocols.values()) if word] or [""]
+    figure = new_figure(5.5 * len(panels), 4.6)
+    for number, panel in enumerate(panels):
+        axes = figure.add_subplot(1, len(panels), number + 1)
+        for k, (method, points) in enumerate((m, p) for m, p in curves.items() if protocols[m] in (panel, "")):
+            recall, precision = np.array(points).T
+            style = "-" if "+check" in method else ":" if method == "sequence" else "--"
+            axes.plot(recall, precision, style, color=f"C{k}", linewidth=1.5, label=method.removeprefix(f"{panel}: "))
+            axes.plot(recall[-1], precision[-1], "o", color=f"C{k}", markersize=4)
+        axes.set_title(f"queries: {panel}" if panel else "", fontsize=9)
+        axes.set_xlabel("recall: share of all queries answered correctly")
+        axes.set_ylabel("precision: share of the answers given that are correct")
+        axes.set_ylim(min(0.7, axes.get_ylim()[0]), 1.01)
+        axes.legend(fontsize=8, frameon=False, loc="lower center")
     return write_whole(Path(folder) / "precision_recall.png", lambda partial: save(figure, partial))

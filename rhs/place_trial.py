@@ -1,6 +1,7 @@
 """Single-image global localisation, the thesis's protocol (section 5.2), as pure functions.
 
-Every third view of a survey is stored; other views are queried alone. Definitions (the thesis gives none in metres):
+Every third view of a survey is stored; other views are queried alone: the rest of the same lap (the thesis), or another lap
+off the route, which is harder. Definitions (the thesis gives none in metres):
 
 an answer that names a stored view (plain votes): correct if it is the stored view nearest to where the query was taken
 or a direct neighbour of it (within 0.65 m and 31 degrees, one storing distance); near if it stands within 3 m and 45
@@ -12,7 +13,7 @@ wrong otherwise; abstained when no pose is given.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ from .places import PlaceDatabase, PlaceSettings
 from .records import Features
 from .retrieval import Retrieval
 
+SAME_LAP, OFF_ROUTE = "same lap", "off the route"  # where the queries are taken
 CORRECT, NEAR, WRONG, ABSTAINED = "correct", "near", "wrong", "abstained"
 OUTCOMES = (CORRECT, NEAR, WRONG, ABSTAINED)
 
@@ -78,7 +80,8 @@ def named_views(memory: Memory, retrieval: Retrieval, queries: Sequence[Query]) 
 
 
 def checked_poses(database: PlaceDatabase, queries: Sequence[Query]) -> list[Answered]:
-    """Each query answered by a verified pose, or not at all. Confidence: the lead in support over the second place."""
+    """Each query answered by a verified pose, or not at all. Confidence: the lead in support over the second place that
+    the picture does not refute."""
     out = []
     for query in queries:
         answer = database.ask(query.features, query.camera)
@@ -86,6 +89,11 @@ def checked_poses(database: PlaceDatabase, queries: Sequence[Query]) -> list[Ans
         scores = [item.score for item in answer.distinct] + [0.0, 0.0]
         out.append(Answered(judge_pose(pose, query.truth), scores[0] - scores[1]))
     return out
+
+
+def named(protocol: str, answers: Mapping[str, list[Answered]]) -> dict[str, list[Answered]]:
+    """The methods under the name of the protocol they were asked by."""
+    return {f"{protocol}: {method}": given for method, given in answers.items()}
 
 
 def shares(answers: Sequence[Answered]) -> dict[str, float]:
@@ -103,10 +111,11 @@ def precision_recall(answers: Sequence[Answered]) -> np.ndarray:
     return np.column_stack([[a.confidence for a in given], right / number, right / max(len(answers), 1)])
 
 
-def trial(memory: Memory, queries: Sequence[Query], *, checks: int, seed: int = 0) -> dict[str, list[Answered]]:
-    """Method -> answers: the three ways of retrieval, each alone and followed by the geometric check."""
+def trial(memory: Memory, queries: Sequence[Query], *, checks: int, seed: int = 0,
+          kinds: Sequence[str] = ("votes", "kd_tree", "vlad")) -> dict[str, list[Answered]]:
+    """Method -> answers: ways of retrieval, each alone and followed by the check."""
     out: dict[str, list[Answered]] = {}
-    for kind in ("votes", "kd_tree", "vlad"):
+    for kind in kinds:
         database = PlaceDatabase(memory, PlaceSettings(kind, checks), np.random.default_rng(seed))
         assert database.retrieval is not None, "a trial needs stored views"
         out[kind] = named_views(memory, database.retrieval, queries)

@@ -1,4 +1,6 @@
-"""The places task: one survey stored, another lap queried view by view; how often is the place right? (thesis 5.2, T3)
+"""The places task: one survey stored, other views queried one by one; how often is the place right? (thesis 5.2, T3)
+
+Queried are the views of the same lap that were not stored (the thesis), and another lap off the route, which is harder.
 
 Files of the run folder: config.yaml, places.csv (a row per method), precision_recall.csv and .png, places.npz (the memory),
 row.json. Stored views stand at their true poses, so that the score is that of recognition and not of odometry.
@@ -22,13 +24,29 @@ from .memory import Memory, memory_of
 from .parts import Parts, build
 from .patrol import Led, steps
 from .place_files import save
-from .place_trial import ABSTAINED, CORRECT, WRONG, Answered, Query, judge_pose, precision_recall, shares, trial
+from .place_trial import (
+    ABSTAINED,
+    CORRECT,
+    OFF_ROUTE,
+    SAME_LAP,
+    WRONG,
+    Answered,
+    Query,
+    judge_pose,
+    named,
+    precision_recall,
+    shares,
+    trial,
+)
 from .records import Knowing, Motion, Observation, Step, Tracking, View
 from .survey import ViewCollector, draw, revise
 from .task_row import run_task
 from .vision import features
 
 QUERY_SEED = 1000  # added to the seed for the lap that is queried: other noise, another wobble
+# Columns of the row begin with these words; what is not said to be of the same lap is off the route.
+COLUMNS = {"loc": f"{OFF_ROUTE}: votes", "loc_check": f"{OFF_ROUTE}: vlad+check", "loc_same_lap": f"{SAME_LAP}: votes",
+           "loc_same_lap_check": f"{SAME_LAP}: vlad+check", "loc_sequence": "sequence"}
 STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
 
 
@@ -48,11 +66,20 @@ def run_places(config: RunConfig, folder: Path) -> dict[str, Any]:
     save(memory, folder / "places.npz")
     asked = [step for k, step in enumerate(queried) if k % config.places.ask_every == 0]
     queries = [Query(view.features, view.camera, view.map_from_body) for view, _ in asked if view.features is not None]
-    answers = trial(memory, queries, checks=config.places.checks, seed=config.seed)
+    rest = [_query(view, step, config) for k, (view, step) in enumerate(stored) if views[k].features is None]
+    checks, seed = config.places.checks, config.seed
+    answers = named(SAME_LAP, trial(memory, rest, checks=checks, seed=seed, kinds=("votes", "vlad")))
+    answers |= named(OFF_ROUTE, trial(memory, queries, checks=checks, seed=seed))
     answers["sequence"] = sequences(parts, views, queried, config)
     write_tables(folder, answers)
     precision_recall_picture(folder)
     return columns(memory, answers)
+
+
+def _query(view: View, step: Step, config: RunConfig) -> Query:
+    """A view as it was taken: what the odometry said about walls later is not known to it."""
+    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
+    return Query(features(step.observation, shared), view.camera, view.map_from_body)
 
 
 def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) -> tuple[list[tuple[View, Step]], Parts]:
@@ -111,8 +138,8 @@ def _seen(step: Step) -> Observation:
 
 def columns(memory: Memory, answers: dict[str, list[Answered]]) -> dict[str, Any]:
     """The row: the plain vote under the thesis's names, the best check and the sequence beside it."""
-    out: dict[str, Any] = {"places_stored": len(memory), "queries": len(answers["votes"])}
-    for prefix, method in (("loc", "votes"), ("loc_check", "vlad+check"), ("loc_sequence", "sequence")):
+    out: dict[str, Any] = {"places_stored": len(memory), "queries": len(answers[f"{OFF_ROUTE}: votes"])}
+    for prefix, method in COLUMNS.items():
         out.update({f"{prefix}_{name}": value for name, value in shares(answers[method]).items()})
     return out
 
@@ -137,4 +164,4 @@ def told(folder: Path) -> str:
     """places.csv as text, with the thesis's figures above ours."""
     rows = [line.split(",") for line in (folder / "places.csv").read_text(encoding="utf-8").splitlines()]
     rows.insert(1, ["thesis (votes)", "-", "0.80", "0.08", "0.12", "-", "-"])
-    return "\n".join(f"{row[0]:<16}" + "".join(f"{cell:>11}" for cell in row[1:]) for row in rows)
+    return "\n".join(f"{row[0]:<28}" + "".join(f"{cell:>11}" for cell in row[1:]) for row in rows)

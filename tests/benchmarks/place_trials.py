@@ -3,9 +3,10 @@
     python tests/benchmarks/place_trials.py --keep results/laps --seeds 4 --sequences 125
 
 The same functions as `python -m rhs experiment=places` (rhs.places_task, rhs.place_trial), over laps that are led once and
-kept. Per seed: every third view of a survey of square_alike at its true pose is stored, every third view of another lap,
-0.3 m and 8 degrees rms off the route, is asked alone. `sequence`: the particle filter started from nothing and led 3 m;
---only-sequences measures only these and puts their row into the table that is there.
+kept. Per seed every third view of a survey of square_alike at its true pose is stored. Asked alone are the other views of
+that lap (rows "same lap", the thesis's protocol) and every third view of another lap, 0.3 m and 8 degrees rms off the route
+(rows "off the route"). `sequence`: the particle filter started from nothing and led 3 m; --only-sequences measures only
+these and puts their row into the table that is there, --sequences 0 leaves that row as it is.
 Writes results/tables/places.csv, places_abstained.csv (every query not answered rightly, with its reason) and
 results/pictures/precision_recall.png.
 """
@@ -28,7 +29,7 @@ from rhs.geometry import planar
 from rhs.knowing_pictures import precision_recall_picture
 from rhs.memory import memory_of
 from rhs.parts import generator
-from rhs.place_trial import CORRECT, Answered, Query, judge_pose, trial
+from rhs.place_trial import CORRECT, OFF_ROUTE, SAME_LAP, Answered, Query, judge_pose, named, trial
 from rhs.places import PlaceDatabase, PlaceSettings
 from rhs.places_task import write_tables
 from rhs.records import Knowing
@@ -36,7 +37,8 @@ from rhs.survey import draw
 from rhs.world import load_world
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
-WORLD, SEQUENCE_M, ASK_EVERY = "square_alike", 3.0, 3
+WORLD, SEQUENCE_M, STORED_EVERY, ASK_EVERY = "square_alike", 3.0, 3, 3
+KINDS = ("votes", "kd_tree", "vlad")
 
 
 def main() -> int:
@@ -49,7 +51,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     answers: dict[str, list[Answered]] = {}
-    missed = ["seed,view,x_m,y_m,yaw_deg,key_points,outcome,reason,best_score,second_score,best_is\n"]
+    missed = ["queries,seed,view,x_m,y_m,yaw_deg,key_points,outcome,reason,best_score,second_score,best_is\n"]
     for seed in range(options.first_seed, options.first_seed + options.seeds):
         stored = taken(Lap(WORLD, seed), options.keep)
         asked = taken(Lap(WORLD, 1000 + seed, "ccw", (), 0.3, 8.0), options.keep)
@@ -57,16 +59,24 @@ def main() -> int:
             answers.setdefault("sequence", []).extend(sequences(stored, asked, options.sequences))
             continue
         memory = memory_of(stored.views("procrustes", true_poses=True))
-        queries = [Query(asked.features[k], asked.camera, asked.truth[k]) for k in range(0, len(asked), ASK_EVERY)]
-        for method, given in trial(memory, queries, checks=5, seed=seed).items():
-            answers.setdefault(method, []).extend(given)
-        missed += misses(seed, memory, asked)
-        answers.setdefault("sequence", []).extend(sequences(stored, asked, options.sequences))
-        sys.stdout.write(f"seed {seed}: {len(queries)} queries\n")
-        sys.stdout.flush()
+        rest = [k for k in range(len(stored) - 1) if k % STORED_EVERY]
+        beside = list(range(0, len(asked), ASK_EVERY))
+        for protocol, lap, which, kinds in ((SAME_LAP, stored, rest, KINDS[::2]), (OFF_ROUTE, asked, beside, KINDS)):
+            queries = [Query(lap.features[k], lap.camera, lap.truth[k]) for k in which]
+            for method, given in named(protocol, trial(memory, queries, checks=5, seed=seed, kinds=kinds)).items():
+                answers.setdefault(method, []).extend(given)
+            missed += misses(seed, memory, lap, which, protocol)
+            sys.stdout.write(f"seed {seed}: {len(queries)} queries, {protocol}\n")
+            sys.stdout.flush()
+        if options.sequences:
+            answers.setdefault("sequence", []).extend(sequences(stored, asked, options.sequences))
     if options.only_sequences:
         return replace_row(options.out / "tables" / "places.csv", answers)
+    before = [line for line in kept_rows(options.out / "tables" / "places.csv") if line.startswith("sequence,")]
     write_tables(options.out / "tables", answers)
+    if not options.sequences:
+        with (options.out / "tables" / "places.csv").open("a") as file:
+            file.writelines(f"{line}\n" for line in before)
     (options.out / "tables" / "places_abstained.csv").write_text("".join(missed))
     precision_recall_picture(options.out / "tables").replace(options.out / "pictures" / "precision_recall.png")
     sys.stdout.write((options.out / "tables" / "places.csv").read_text())
@@ -79,16 +89,21 @@ def replace_row(table: Path, answers: dict[str, list[Answered]]) -> int:
         write_tables(Path(name), answers)
         fresh = (Path(name) / "places.csv").read_text().splitlines()[1:]
     names = {line.split(",")[0] for line in fresh}
-    stay = [line for line in table.read_text().splitlines() if line.split(",")[0] not in names]
+    stay = [line for line in kept_rows(table) if line.split(",")[0] not in names]
     table.write_text("\n".join([*stay, *fresh]) + "\n")
     sys.stdout.write("\n".join(fresh) + "\n")
     return 0
 
 
-def misses(seed: int, memory, asked: Taken) -> list[str]:
+def kept_rows(table: Path) -> list[str]:
+    """Lines of a table, none if it is not there."""
+    return table.read_text().splitlines() if table.exists() else []
+
+
+def misses(seed: int, memory, asked: Taken, which: list[int], protocol: str) -> list[str]:
     """A line per query that VLAD with the check did not answer rightly; what a query costs goes to the screen."""
     database, out, spent_s, count = PlaceDatabase(memory, PlaceSettings(), np.random.default_rng(seed)), [], 0.0, 0
-    for k in range(0, len(asked), ASK_EVERY):
+    for k in which:
         begin = time.process_time()
         answer = database.ask(asked.features[k], asked.camera)
         spent_s, count = spent_s + time.process_time() - begin, count + 1
@@ -97,9 +112,9 @@ def misses(seed: int, memory, asked: Taken) -> list[str]:
             x, y, yaw = planar(asked.truth[k])
             scores = [item.score for item in answer.distinct] + [0.0, 0.0]
             top = judge_pose(answer.distinct[0].map_from_body, asked.truth[k]) if answer.distinct else "-"
-            out.append(f"{seed},{k},{x:.2f},{y:.2f},{np.degrees(yaw):.0f},{len(asked.features[k].pixels)},{outcome},"
+            out.append(f"{protocol},{seed},{k},{x:.2f},{y:.2f},{np.degrees(yaw):.0f},{len(asked.features[k].pixels)},{outcome},"
                        f"{answer.reason},{scores[0]:.3f},{scores[1]:.3f},{top}\n")
-    sys.stdout.write(f"seed {seed}: a query with its check takes {1e3 * spent_s / count:.1f} ms of CPU time\n")
+    sys.stdout.write(f"seed {seed}, {protocol}: a query with its check takes {1e3 * spent_s / count:.1f} ms of CPU time\n")
     return out
 
 
