@@ -32,8 +32,9 @@ class PlaceSettings:
     abstained: the two look alike.
 
     Where views are kept at a glance (rhs.glances): a place fits up to `misfit`, and refutes places that fit worse by `level`
-    sigmas (3.1: by chance once in 1,000). One that does not fit is no answer below a support of plain_score. If none fits,
-    faint_checks candidates are asked whether they fit with no more than faint_inliers agreeing key-points."""
+    sigmas (3.1: by chance once in 1,000). One that does not fit is no answer with fewer than misfit_inliers agreeing
+    key-points; pictures of real cameras seldom fit, but many key-points agree in them. If none fits, faint_checks
+    candidates are asked whether they fit with no more than faint_inliers agreeing key-points."""
 
     retrieval: str = "vlad"
     checks: int = 5
@@ -41,7 +42,7 @@ class PlaceSettings:
     rival_share: float = 0.85
     misfit: float = 1.5
     level: float = 3.1
-    plain_score: float = 0.25
+    misfit_inliers: int = 30
     faint_inliers: int = 6
     faint_checks: int = 12
     sighting: SightingSettings = field(default_factory=SightingSettings)
@@ -62,9 +63,6 @@ class Recognised:
     def fits(self, limit: float) -> bool:
         """Whether the picture is known to look as it must from here; never true of one that cannot be compared."""
         return self.fit is not None and self.fit.misfit <= limit
-
-    def misfits(self, limit: float) -> bool:
-        return self.fit is not None and self.fit.misfit > limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +154,7 @@ class PlaceDatabase:
             reason = "no candidate passed the geometric check"
         elif any(rival.score > self._settings.rival_share * distinct[0].score for rival in distinct[1:]):
             reason = "two places look alike"
-        elif distinct[0].misfits(self._settings.misfit) and distinct[0].score < self._settings.plain_score:
+        elif self._doubtful(distinct[0]):
             reason = "the picture does not look like the place"
         else:
             best = distinct[0]
@@ -169,6 +167,11 @@ class PlaceDatabase:
 
     def _enough(self, item: Recognised) -> bool:
         return item.sighting.inliers >= self._settings.sighting.min_inliers
+
+    def _doubtful(self, item: Recognised) -> bool:
+        """Whether the picture is known not to fit, and too few key-points agree to outweigh that."""
+        misfit = np.nan if item.fit is None else item.fit.misfit
+        return bool(misfit > self._settings.misfit) and item.sighting.inliers < self._settings.misfit_inliers
 
     def _fits(self, item: Recognised) -> bool:
         return item.fits(self._settings.misfit)

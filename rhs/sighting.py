@@ -106,13 +106,16 @@ def _pnp(points: np.ndarray, pixels: np.ndarray, lifted: np.ndarray, camera: Cam
     cv2.setNumThreads(1)
     p, u = points[lifted].astype(float), camera.project(camera.rays(pixels[lifted].astype(float)))
     distortion = np.asarray(camera.distortion, float) if camera.distortion else None
-    ok, turn, shift, inliers = cv2.solvePnPRansac(
-        p, u, camera.matrix, distortion, iterationsCount=200, reprojectionError=2.0 * pixel_px, flags=cv2.SOLVEPNP_SQPNP
-    )
-    if not ok or inliers is None or len(inliers) < 6:
+    try:
+        ok, turn, shift, inliers = cv2.solvePnPRansac(
+            p, u, camera.matrix, distortion, iterationsCount=200, reprojectionError=2.0 * pixel_px, flags=cv2.SOLVEPNP_SQPNP
+        )
+        if not ok or inliers is None or len(inliers) < 6:
+            return None
+        chosen = inliers.ravel()
+        turn, shift = cv2.solvePnPRefineLM(p[chosen], u[chosen], camera.matrix, distortion, turn, shift)
+    except cv2.error:  # points on one spot or line fix no pose, and OpenCV says so by failing
         return None
-    chosen = inliers.ravel()
-    turn, shift = cv2.solvePnPRefineLM(p[chosen], u[chosen], camera.matrix, distortion, turn, shift)
     pose = se3(exp_so3(turn.ravel()), shift.ravel())
     covariance = _pnp_covariance(pose, p[chosen], camera, pixel_px)
     agreed = np.zeros(len(lifted), bool)

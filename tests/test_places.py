@@ -84,6 +84,17 @@ def test_without_depth_in_the_query_the_pose_comes_from_pnp():
     assert sight(Snapshot(nobody, CAMERA), Snapshot(flat, CAMERA), settings=settings, rng=rng) is None
 
 
+def test_key_points_that_crowd_on_two_spots_fix_no_pose():
+    spots = np.array([[0.3, 0.1, 2.0], [-0.4, 0.2, 3.0]])
+    here, there = [0, 0, 1, 1, 0, 0, 0, 0, 1, 1], [0, 0, 1, 1, 0, 1, 1, 1, 1, 0]
+    words = np.zeros((10, 128), np.float32)
+    stored = Features(CAMERA.project(spots[here]), words, spots[here])
+    query = Features(CAMERA.project(spots[there]), words, np.full((10, 3), np.nan))
+    pairs, settings = np.tile(np.arange(10)[:, None], 2), SightingSettings(min_inliers=6)
+    rng = np.random.default_rng(0)
+    assert sight(Snapshot(stored, CAMERA), Snapshot(query, CAMERA), settings=settings, rng=rng, pairs=pairs) is None
+
+
 def test_coverage_is_high_at_the_same_place():
     stored, query = features(look(se2(1.5, 0.0, 1.6)), FEATURES), features(look(se2(1.5, 0.1, 1.6)), FEATURES)
     rng = np.random.default_rng(0)
@@ -103,7 +114,18 @@ def test_a_memory_is_written_and_read_back_the_same(memory, tmp_path):
     np.testing.assert_array_equal(back.poses, memory.poses)
     np.testing.assert_array_equal(back.descriptors, memory.descriptors)
     np.testing.assert_array_equal(back.camera.matrix, memory.camera.matrix)
+    np.testing.assert_array_equal(back.greys, memory.greys)
+    assert memory.greys.shape == (len(memory), 60, 80)
     assert [p.name for p in tmp_path.iterdir()] == ["places.npz"]
+
+
+def test_a_memory_of_before_views_were_kept_at_a_glance_is_still_read(memory, tmp_path):
+    save(memory, tmp_path / "new.npz")
+    with np.load(tmp_path / "new.npz") as file:
+        np.savez(tmp_path / "old.npz", **{name: file[name] for name in file.files if name != "greys"})
+    old = PlaceDatabase(load(tmp_path / "old.npz"), PlaceSettings(), np.random.default_rng(0))
+    answer = old.ask(features(look(se2(1.3, 0.3, 1.9)), FEATURES), CAMERA)
+    assert answer.best.fit is None and _error(answer.best.map_from_body, se2(1.3, 0.3, 1.9))[0] < 0.03
 
 
 def test_pickles_and_rubbish_are_refused_by_name(memory, tmp_path):
