@@ -25,6 +25,7 @@ from .records import Features
 from .retrieval import Retrieval
 
 SAME_LAP, OFF_ROUTE = "same lap", "off the route"  # where the queries are taken
+SECOND_LOOK = 12  # candidates of PlaceSettings.faint_checks: a single view has no next one
 CORRECT, NEAR, WRONG, ABSTAINED = "correct", "near", "wrong", "abstained"
 OUTCOMES = (CORRECT, NEAR, WRONG, ABSTAINED)
 
@@ -113,10 +114,11 @@ def precision_recall(answers: Sequence[Answered]) -> np.ndarray:
 
 def trial(memory: Memory, queries: Sequence[Query], *, checks: int, seed: int = 0,
           kinds: Sequence[str] = ("votes", "kd_tree", "vlad")) -> dict[str, list[Answered]]:
-    """Method -> answers: ways of retrieval, each alone and followed by the check."""
+    """Method -> answers: ways of retrieval, each alone and followed by the check with a second look at SECOND_LOOK
+    candidates."""
     out: dict[str, list[Answered]] = {}
     for kind in kinds:
-        database = PlaceDatabase(memory, PlaceSettings(kind, checks), np.random.default_rng(seed))
+        database = PlaceDatabase(memory, PlaceSettings(kind, checks, faint_checks=SECOND_LOOK), np.random.default_rng(seed))
         assert database.retrieval is not None, "a trial needs stored views"
         out[kind] = named_views(memory, database.retrieval, queries)
         out[f"{kind}+check"] = checked_poses(database, queries)

@@ -33,8 +33,9 @@ class PlaceSettings:
 
     Where views are kept at a glance (rhs.glances): a place fits up to `misfit`, and refutes places that fit worse by `level`
     sigmas (3.1: by chance once in 1,000). One that does not fit is no answer with fewer than misfit_inliers agreeing
-    key-points; pictures of real cameras seldom fit, but many key-points agree in them. If none fits, faint_checks
-    candidates are asked whether they fit with no more than faint_inliers agreeing key-points."""
+    key-points; pictures of real cameras seldom fit, but many key-points agree in them. If none fits, a second look asks
+    faint_checks candidates whether they fit with no more than faint_inliers agreeing key-points: worth its time (it doubles
+    a query that finds nothing) for a view asked alone; a robot on its way asks with its next view, so 0 by default."""
 
     retrieval: str = "vlad"
     checks: int = 5
@@ -44,7 +45,7 @@ class PlaceSettings:
     level: float = 3.1
     misfit_inliers: int = 30
     faint_inliers: int = 6
-    faint_checks: int = 12
+    faint_checks: int = 0
     sighting: SightingSettings = field(default_factory=SightingSettings)
 
 
@@ -113,7 +114,8 @@ class PlaceDatabase:
         believed = [int(view) for pose in also for view in nearest_views(self.memory, pose, 1)]
         view = _Asked(Snapshot(query, camera), blocks(query.glance, camera))
         likely = self._likely([*self._spread(ranked, self._settings.checks), *believed], view, self._settings.sighting)
-        if view.blocks is not None and self.memory.greys.size and not any(map(self._fits, likely)):
+        comparable = view.blocks is not None and self.memory.greys.size > 0
+        if self._settings.faint_checks > 0 and comparable and not any(map(self._fits, likely)):
             faint = replace(self._settings.sighting, min_inliers=self._settings.faint_inliers)
             more = self._likely([*self._spread(ranked, self._settings.faint_checks), *believed], view, faint)
             likely = [item for item in more if self._enough(item) or self._fits(item)]

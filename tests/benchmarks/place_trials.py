@@ -29,7 +29,7 @@ from rhs.geometry import planar
 from rhs.knowing_pictures import precision_recall_picture
 from rhs.memory import memory_of
 from rhs.parts import generator
-from rhs.place_trial import CORRECT, OFF_ROUTE, SAME_LAP, Answered, Query, judge_pose, named, trial
+from rhs.place_trial import CORRECT, OFF_ROUTE, SAME_LAP, SECOND_LOOK, Answered, Query, judge_pose, named, trial
 from rhs.places import PlaceDatabase, PlaceSettings
 from rhs.places_task import write_tables
 from rhs.records import Knowing
@@ -102,7 +102,8 @@ def kept_rows(table: Path) -> list[str]:
 
 def misses(seed: int, memory, asked: Taken, which: list[int], protocol: str) -> list[str]:
     """A line per query that VLAD with the check did not answer rightly; what a query costs goes to the screen."""
-    database, out, spent_s, count = PlaceDatabase(memory, PlaceSettings(), np.random.default_rng(seed)), [], 0.0, 0
+    settings = PlaceSettings(faint_checks=SECOND_LOOK)
+    database, out, spent_s, count = PlaceDatabase(memory, settings, np.random.default_rng(seed)), [], 0.0, 0
     for k in which:
         begin = time.process_time()
         answer = database.ask(asked.features[k], asked.camera)
