@@ -33,6 +33,8 @@ from rhs.sighting import SightingSettings
 
 from .error_distribution_config import ErrorDistribution
 
+UNUSED = "not used: more key-points agree on another closure"
+
 
 class ErrorSpreader:
     """Closes one loop: the last views against the first ones."""
@@ -53,6 +55,8 @@ class ErrorSpreader:
         used = next((edge for edge in judged if edge.accepted), None)
         if used is None:
             return Closure(poses, tuple(judged), {"closures": 0.0})
+        judged = [replace(edge, accepted=False, reason=UNUSED) if edge.accepted and edge is not used else edge
+                  for edge in judged]  # fmt: skip
         if self._settings.trust == "both":
             used = weighed(poses, used, views[-1].covariance, self._noise())
         corrected = spread(poses, used, turned=self._settings.positions == "turned")

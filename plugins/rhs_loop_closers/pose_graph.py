@@ -2,8 +2,9 @@
 
 1. Appearance: VLAD likeness of all pairs of stored views far apart along the way; which are checked: candidates.py.
 2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show (rhs.sighting).
-3. Odometry over a window: the loop moves no pose further than the odometry can have drifted; neighbouring views close the
-   same loop; all accepted loops agree pairwise round the cycles they make (rhs.consistency).
+3. Odometry over a window: the loop moves and turns no pose further than the odometry, straightened by the walls seen on
+   the way, can have drifted; neighbouring views close the same loop; all accepted loops agree pairwise round the cycles
+   they make (rhs.consistency).
 4. Scans: where a corridor is walked back the other way round no camera recognises anything; its walls on the way there
    and on the way back are laid onto one another (rhs.scanloops), which stand the same tests.
 5. Graph: after solving (rhs.posegraph), a loop that stays unhappy or bends the odometry between its neighbours is thrown
@@ -24,6 +25,7 @@ import numpy as np
 from rhs.consistency import DriftBounds, agreement, largest_agreeing, supported
 from rhs.contracts import Context
 from rhs.filtering import gate
+from rhs.geometry import log_so3
 from rhs.loops import closing_gap, edge_between, poses_of, travelled_m
 from rhs.posegraph import CommonScale, Edges, Effort, Solution, chain, joined, optimise
 from rhs.records import Closure, LoopEdge, View
@@ -36,6 +38,8 @@ from .walls import WallGraph, WallSettings, crooked, followed, wall_graph
 
 # A loop edge is trusted to this much at best: the check's own covariance leaves out what all its points share.
 EDGE_SIGMA_M, EDGE_SIGMA_RAD = 0.02, 0.005
+# Odometry may turn by this share too much or too little.
+TURN_SHARE = 0.05
 # The graph with walls is solved when a step lowers its cost by less than this share: to a tenth of a millimetre.
 EFFORT = Effort(settled=1e-5)
 
@@ -68,11 +72,13 @@ class PoseGraphCloser:
         self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio)
 
     def close(self, views: Sequence[View]) -> Closure:
-        """Candidates, geometry, odometry, graph."""
+        """Walls, candidates, geometry, odometry, graph."""
         poses = poses_of(views)
         way_m = travelled_m(poses) if len(poses) else np.zeros(0)
-        found, checked = self._recognised(views, poses, way_m)
         between = self._between(views, poses, way_m)
+        straight = self._solved([], poses, between)
+        between, poses = replace(between, walls=straight.walls), straight.poses
+        found, checked = self._recognised(views, poses, way_m)
         first = self._solved(self._judged(found, poses, way_m), poses, between)
         last = self._walked_back(first, views, between, way_m)
         accepted = sum(edge.accepted for edge in last.edges)
@@ -134,10 +140,15 @@ class PoseGraphCloser:
 
     def _plausible(self, edge: LoopEdge, poses: np.ndarray, way_m: np.ndarray) -> LoopEdge:
         way = way_m[edge.later] - way_m[edge.earlier]
-        shift_m = float(np.linalg.norm(closing_gap(poses, edge)[:3, 3]))
-        if shift_m <= 0.5 + self._settings.max_drift_share * way:
-            return edge
-        return _refused(edge, f"moves the later view by {shift_m:.1f} m after {way:.1f} m of way")
+        gap = closing_gap(poses, edge)
+        shift_m, turn_rad = float(np.linalg.norm(gap[:3, 3])), float(np.linalg.norm(log_so3(gap[:3, :3])))
+        if shift_m > 0.5 + self._settings.max_drift_share * way:
+            return _refused(edge, f"moves the later view by {shift_m:.1f} m after {way:.1f} m of way")
+        turned_rad = max(progress_m(poses[edge.earlier : edge.later + 1])[-1] - way, 0.0)
+        bounds = DriftBounds()
+        if turn_rad > bounds.base_rad + bounds.rad_per_m * way + TURN_SHARE * turned_rad:
+            return _refused(edge, f"turns the later view by {np.degrees(turn_rad):.0f} degrees after {way:.1f} m of way")
+        return edge
 
     def _solved(self, edges: list[LoopEdge], poses: np.ndarray, between: Between) -> Solved:
         """The graph solved from `poses` on, without the walls and the loops that it does not bear."""
