@@ -50,6 +50,26 @@ def test_a_closure_no_odometry_could_have_earned_is_refused_with_the_reason():
     np.testing.assert_array_equal(closure.poses[-1], views[-1].map_from_body)
 
 
+def test_only_the_closure_that_is_used_counts_as_taken():
+    views = survey(TRUTH, drift=se2(0.01, 0.004, 0.01))
+    edges = ErrorDistribution().build(context()).close(views).edges
+    assert [edge.accepted for edge in edges] == [True] + [False] * (len(edges) - 1) and len(edges) > 1
+    assert all("not used" in edge.reason for edge in edges[1:])
+
+
+def test_a_loop_that_turns_a_view_further_than_an_odometry_can_is_refused():
+    """Fourteen degrees after five metres: no odometry; after a whole lap of turning on the spot it may be."""
+    closer = PoseGraph().build(context())
+    straight = np.stack([se2(0.25 * k, 0.0, 0.0) for k in range(21)])
+    spun = np.stack([se2(0.0, 0.0, np.radians(18.0 * k)) for k in range(21)])
+    turned = se2(5.0, 0.0, np.radians(14.0))
+    refused = closer._plausible(LoopEdge(0, 20, turned, np.eye(6), 30), straight, travelled_m(straight))
+    assert not refused.accepted and "turns the later view by 14 degrees" in refused.reason
+    assert closer._plausible(LoopEdge(0, 20, se2(5.1, 0.0, 0.1), np.eye(6), 30), straight, travelled_m(straight)).accepted
+    back = LoopEdge(0, 20, se2(0.0, 0.0, np.radians(14.0)), np.eye(6), 30)
+    assert closer._plausible(back, spun, travelled_m(spun)).accepted
+
+
 def test_two_views_or_none_do_not_break_it():
     closer = ErrorDistribution().build(context())
     assert closer.close([]).poses.shape == (0, 4, 4)
