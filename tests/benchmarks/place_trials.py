@@ -48,13 +48,15 @@ def main() -> int:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--sequences", type=int, default=125)
     parser.add_argument("--only-sequences", action="store_true")
+    parser.add_argument("--own-textures", action="store_true", help="every seed sees another building, not only other noise")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     answers: dict[str, list[Answered]] = {}
     missed = ["queries,seed,view,x_m,y_m,yaw_deg,key_points,outcome,reason,best_score,second_score,best_is\n"]
     for seed in range(options.first_seed, options.first_seed + options.seeds):
-        stored = taken(Lap(WORLD, seed), options.keep)
-        asked = taken(Lap(WORLD, 1000 + seed, "ccw", (), 0.3, 8.0), options.keep)
+        words = (f"source.texture_seed={seed}",) if options.own_textures else ()
+        stored = taken(Lap(WORLD, seed, "ccw", words), options.keep)
+        asked = taken(Lap(WORLD, 1000 + seed, "ccw", words, 0.3, 8.0), options.keep)
         if options.only_sequences:
             answers.setdefault("sequence", []).extend(sequences(stored, asked, options.sequences))
             continue
