@@ -41,6 +41,7 @@ def scan_edges(
 ) -> list[LoopEdge]:
     """Edges between views (at the believed poses (N, 4, 4), way_m (N,)) that stand close and look the other way."""
     states = np.array([planar(pose) for pose in poses]).reshape(-1, 3)
+    walls = _Walls(views, poses)
     out, tried_m = [], -np.inf
     for later, view in enumerate(views):
         if view.scan is None or way_m[later] < tried_m + settings.every_m:
@@ -51,20 +52,45 @@ def scan_edges(
         if not possible.any():
             continue
         tried_m = way_m[later]
-        edge = _edge(views, poses, way_m, (int(np.where(possible, gap, np.inf).argmin()), later), settings)
+        edge = _edge(walls, way_m, (int(np.where(possible, gap, np.inf).argmin()), later), settings)
         out += [edge] if edge is not None else []
     return out
 
 
-def _edge(views, poses, way_m, pair: tuple[int, int], settings: ScanLoopSettings) -> LoopEdge | None:
+class _Walls:
+    """Wall points of views, each scan looked at once. poses (N, 4, 4)."""
+
+    def __init__(self, views: Sequence[View], poses: np.ndarray) -> None:
+        self._views, self.poses = views, poses
+        self._points: dict[int, np.ndarray] = {}
+
+    def cloud(self, chosen: np.ndarray, at: int) -> np.ndarray:
+        """(M, 2) wall points of the chosen views (N,), in the frame of view `at`, metres."""
+        views = np.nonzero(chosen)[0]
+        at_from_view = inverse(self.poses[at]) @ self.poses[views]
+        yaw = np.arctan2(at_from_view[:, 1, 0], at_from_view[:, 0, 0])
+        c, s = np.cos(yaw), np.sin(yaw)
+        turned = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
+        parts = zip(views.tolist(), turned, at_from_view[:, :2, 3], strict=True)
+        return np.concatenate([np.empty((0, 2)), *(self._of(k) @ turn + shift for k, turn, shift in parts)])
+
+    def _of(self, view: int) -> np.ndarray:
+        if view not in self._points:
+            scan = self._views[view].scan
+            self._points[view] = ends(scan, MatchSettings()) if scan is not None else np.empty((0, 2))
+        return self._points[view]
+
+
+def _edge(walls: _Walls, way_m, pair: tuple[int, int], settings: ScanLoopSettings) -> LoopEdge | None:
     """The edge between one pair of views, or None when their walls do not fit."""
     earlier, later = pair
-    chart = _cloud(views, poses, np.abs(way_m - way_m[earlier]) <= settings.there_m, earlier)
-    cloud = _thinned(_cloud(views, poses, np.abs(way_m - way_m[later]) <= settings.back_m, later), CELL_M)
+    chart = walls.cloud(np.abs(way_m - way_m[earlier]) <= settings.there_m, earlier)
+    cloud = _thinned(walls.cloud(np.abs(way_m - way_m[later]) <= settings.back_m, later), CELL_M)
     if len(chart) < 50 or len(cloud) < 50:
         return None
     prior = np.diag([settings.sigma_m**2, settings.sigma_m**2, settings.sigma_rad**2])
-    state = planar(inverse(poses[earlier]) @ poses[later])
+    earlier_from_later = inverse(walls.poses[earlier]) @ walls.poses[later]
+    state = planar(earlier_from_later)
     found = ScanMatcher(_drawn(chart), MatchSettings(sigma_m=0.05, trust=0.1)).match_points(cloud, state, prior)
     if found is None:
         return None
@@ -72,20 +98,8 @@ def _edge(views, poses, way_m, pair: tuple[int, int], settings: ScanLoopSettings
     plane = np.ix_([0, 1, 5], [0, 1, 5])
     covariance[plane] = np.linalg.inv(found.information + 0.01 * np.eye(3))  # unseen: ten metres, ten radians
     # the match moves the pose in the plane; what the belief says of height and tilt stays
-    edge = inverse(poses[earlier]) @ poses[later] @ inverse(se2(*state)) @ se2(*found.state)
+    edge = earlier_from_later @ inverse(se2(*state)) @ se2(*found.state)
     return LoopEdge(earlier, later, edge, covariance, len(cloud))
-
-
-def _cloud(views: Sequence[View], poses: np.ndarray, chosen: np.ndarray, at: int) -> np.ndarray:
-    """(M, 2) wall points of the chosen views, in the frame of view `at`, metres."""
-    out = [np.empty((0, 2))]
-    for k in np.nonzero(chosen)[0].tolist():
-        scan = views[k].scan
-        if scan is not None:
-            x, y, yaw = planar(inverse(poses[at]) @ poses[k])
-            c, s = np.cos(yaw), np.sin(yaw)
-            out.append(ends(scan, MatchSettings()) @ np.array([[c, s], [-s, c]]) + [x, y])
-    return np.concatenate(out)
 
 
 def _thinned(points: np.ndarray, cell_m: float) -> np.ndarray:

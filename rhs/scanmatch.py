@@ -159,10 +159,12 @@ def _wall_lines(mass: np.ndarray, sigma_cells: float = 2.5) -> tuple[np.ndarray,
     whole = np.maximum(moment(0, 0), 1e-9)
     middle = np.stack([moment(1, 0), moment(0, 1)], axis=-1) / whole[..., None]
     xx, xy, yy = moment(2, 0) / whole, moment(1, 1) / whole, moment(0, 2) / whole
-    spread = np.stack([xx, xy, xy, yy], axis=-1).reshape(*mass.shape, 2, 2)
-    values, vectors = np.linalg.eigh(spread - middle[..., :, None] * middle[..., None, :])
-    straight = (values[..., 0] < 0.35 * values[..., 1]) & (whole > 1e-6)
-    return np.where(straight[..., None], vectors[..., :, 0], 0.0), middle
+    xx, xy, yy = xx - middle[..., 0] ** 2, xy - middle[..., 0] * middle[..., 1], yy - middle[..., 1] ** 2
+    half, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)  # the variances are half +- apart
+    straight = (half - apart < 0.35 * (half + apart)) & (whole > 1e-6)
+    along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    normal = np.stack([-np.sin(along), np.cos(along)], axis=-1)
+    return np.where(straight[..., None], normal, 0.0), middle
 
 
 def ends(scan: Scan, settings: MatchSettings) -> np.ndarray:
