@@ -66,6 +66,11 @@ def draw_reliability(axes: Axes, curves: Mapping[str, tuple[np.ndarray, np.ndarr
     axes.legend(fontsize=7, frameon=False, loc="upper left")
 
 
+# One colour for a way of retrieval, alone and checked; checked curves that lie on one another stay visible by their widths.
+COLOUR_OF = {"votes": "C0", "kd_tree": "C2", "vlad": "C4"}
+WIDTH_OF = {"votes+check": 5.0, "kd_tree+check": 3.0}
+
+
 def precision_recall_picture(folder: Path) -> Path:
     """precision_recall.png from precision_recall.csv of a places run."""
     curves: dict[str, list[tuple[float, float]]] = {}
@@ -77,11 +82,16 @@ def precision_recall_picture(folder: Path) -> Path:
     figure = new_figure(5.5 * len(panels), 4.6)
     for number, panel in enumerate(panels):
         axes = figure.add_subplot(1, len(panels), number + 1)
-        for k, (method, points) in enumerate((m, p) for m, p in curves.items() if protocols[m] in (panel, "")):
+        for method, points in curves.items():
+            if protocols[method] not in (panel, ""):
+                continue
             recall, precision = np.array(points).T
-            style = "-" if "+check" in method else ":" if method == "sequence" else "--"
-            axes.plot(recall, precision, style, color=f"C{k}", linewidth=1.5, label=method.removeprefix(f"{panel}: "))
-            axes.plot(recall[-1], precision[-1], "o", color=f"C{k}", markersize=4)
+            name = method.removeprefix(f"{panel}: ")
+            kind, check, _ = name.partition("+check")
+            colour = COLOUR_OF.get(kind, "black")
+            style = "-" if check else ":" if method == "sequence" else "--"
+            axes.plot(recall, precision, style, color=colour, linewidth=WIDTH_OF.get(name, 1.5), label=name)
+            axes.plot(recall[-1], precision[-1], "o", color=colour, markersize=4)
         axes.set_title(f"queries: {panel}" if panel else "", fontsize=9)
         axes.set_xlabel("recall: share of all queries answered correctly")
         axes.set_ylabel("precision: share of the answers given that are correct")
