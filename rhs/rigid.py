@@ -13,6 +13,8 @@ import numpy as np
 
 from .geometry import align, exp_se3, orthonormal, transform
 
+HUBER = 2.0  # sigmas beyond which a pair pulls no harder
+
 
 @dataclass(frozen=True)
 class PointNoise:
@@ -28,6 +30,11 @@ class PointNoise:
     def depth(self, z_m: np.ndarray) -> np.ndarray:
         """(N,) standard deviation of depth in metres at depths z_m."""
         return self.constant_m + self.quadratic_per_m * np.maximum(z_m - self.nearest_m, 0.0) ** 2
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(4,) as rhs.rigid_kernels takes them."""
+        return np.array([self.pixel_px / self.focal_px, self.constant_m, self.quadratic_per_m, self.nearest_m])
 
     def isotropic(self, points: np.ndarray) -> np.ndarray:
         """(N,) one number per (N, 3) point, in metres: depth and pixel noise together."""
@@ -119,19 +126,13 @@ def refine_reprojection(
     maximum-likelihood one to first order).
     `start` is returned unchanged if the pairs do not fix a motion.
     """
-    pose, inliers, huber = start.a_from_b, start.inliers, 2.0
-    information = np.eye(6)
+    from .rigid_kernels import normal_equations
+
+    p, q, pose = np.ascontiguousarray(p, float), np.ascontiguousarray(q, float), np.ascontiguousarray(start.a_from_b)
+    limits = np.array([3.0 * gate_sigma**2 / 2.0, HUBER])
     for _ in range(iterations):
-        residual, jacobian, weight = _reprojection(pose, p, q, noise)
-        squared = np.einsum("ni,nij,nj->n", residual, weight, residual)
-        inliers = (squared < 3.0 * gate_sigma**2 / 2.0) & (transform(pose, p)[:, 2] > 0.05)
-        if inliers.sum() < 3:
-            return start
-        robust = np.minimum(1.0, huber / np.sqrt(np.maximum(squared[inliers], 1e-12)))
-        weighted = np.einsum("nij,n->nij", weight[inliers], robust)
-        information = np.einsum("nai,nab,nbj->ij", jacobian[inliers], weighted, jacobian[inliers])
-        gradient = np.einsum("nai,nab,nb->i", jacobian[inliers], weighted, residual[inliers])
-        if np.linalg.cond(information) > 1e12:
+        information, gradient, squared, inliers = normal_equations(pose, p, q, noise.numbers, limits)
+        if inliers.sum() < 3 or np.linalg.cond(information) > 1e12:
             return start
         step = -np.linalg.solve(information, gradient)
         pose = orthonormal(pose @ exp_se3(step))
@@ -164,31 +165,6 @@ def _procrustes_covariance(pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise
     squared = np.einsum("ni,ni->n", residual, np.linalg.solve(spread, residual[:, :, None])[:, :, 0])
     misfit = float(squared.mean() / 3.0)
     return _symmetric(bread @ meat @ bread) * max(1.0, misfit) + 1e-12 * np.eye(6), misfit
-
-
-def _reprojection(pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise: PointNoise):
-    """Residuals (N, 3) of (x/z, y/z, 1/z), their Jacobian (N, 3, 6) by the right perturbation, weights (N, 3, 3)."""
-    moved = transform(pose, p)
-    moved[:, 2] = np.maximum(moved[:, 2], 1e-3)
-    project = _projection_jacobian(moved) @ pose[:3, :3]
-    residual = _projected(moved) - _projected(q)
-    own = _projection_jacobian(q)
-    spread = own @ noise.covariances(q) @ np.swapaxes(own, 1, 2)
-    spread += project @ noise.covariances(p) @ np.swapaxes(project, 1, 2)
-    return residual, project @ _motion_of_points(p), np.linalg.inv(spread)
-
-
-def _projected(points: np.ndarray) -> np.ndarray:
-    return np.stack([points[:, 0], points[:, 1], np.ones(len(points))], axis=1) / points[:, 2:]
-
-
-def _projection_jacobian(points: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) derivative of (x / z, y / z, 1 / z) by (x, y, z)."""
-    x, y, z = points.T
-    out = np.zeros((len(points), 3, 3))
-    out[:, 0, 0] = out[:, 1, 1] = 1.0 / z
-    out[:, 0, 2], out[:, 1, 2], out[:, 2, 2] = -x / z**2, -y / z**2, -1.0 / z**2
-    return out
 
 
 def _motion_of_points(p: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -35,6 +36,11 @@ def environment(*folders: Path, **more: str) -> dict[str, str]:
     """The environment of a child process in which they count as installed."""
     path = os.pathsep.join([*map(str, folders), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     return {**os.environ, "PYTHONPATH": path, **more}
+
+
+def interruptible() -> None:
+    """preexec_fn of a child process that is to be sent Ctrl-C: a shell's background job hands down that it is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def installed_project(project: Path, site: Path) -> Path:

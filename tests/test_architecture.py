@@ -18,8 +18,8 @@ PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
 
 LEVELS = [
     "errors sealing distortion geometry jit allocator paths provenance mcap_records meanings",
-    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest posegraph particles tubes unroll_settings"
-    " gate_settings",
+    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest rigid_kernels posegraph particles tubes"
+    " unroll_settings gate_settings",
     "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
     " consistency structure memory glance_kernels likelihood heaps scanmatch walllines mosaic bending unrolling bend_finder"
     " unroll_folder",

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from installing import CHOICE, FAKES, environment, installed
+from installing import CHOICE, FAKES, environment, installed, interruptible
 
 from rhs.__main__ import main
 from rhs.compose import compose_config, config_hash, read_config
@@ -41,7 +41,8 @@ def rhs(tmp_path, monkeypatch, capfd):
 def start(folder: Path, *words: str, **more: str) -> subprocess.Popen:
     """The command line as a process of its own."""
     return subprocess.Popen([sys.executable, "-m", "rhs", *words], cwd=folder, env=environment(FAKES, **more),
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+                            preexec_fn=interruptible)
 
 
 def with_part(kind: str, name: str) -> list[str]:

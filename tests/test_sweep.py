@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from installing import CHOICE, FAKES, environment, installed
+from installing import CHOICE, FAKES, environment, installed, interruptible
 
 from rhs.__main__ import main
 from rhs.errors import ConfigError
@@ -30,7 +30,8 @@ def fakes():
 
 def start(folder: Path, *words: str) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, "-m", "rhs", *words], cwd=folder, env=environment(FAKES),
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+                            preexec_fn=interruptible)
 
 
 def rhs(folder: Path, *words: str, timeout: float = 300) -> subprocess.CompletedProcess:
