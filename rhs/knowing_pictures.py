@@ -63,7 +63,7 @@ def draw_reliability(axes: Axes, curves: Mapping[str, tuple[np.ndarray, np.ndarr
     axes.set_ylabel("share that was right")
     axes.set_xlim(-0.03, 1.03)
     axes.set_ylim(-0.03, 1.03)
-    axes.legend(fontsize=7, frameon=False, loc="upper left")
+    axes.legend(fontsize=7, frameon=False, loc="lower right")
 
 
 # One colour for a way of retrieval, alone and checked; checked curves that lie on one another stay visible by their widths.

@@ -81,7 +81,7 @@ def main() -> int:
         kept(options.out / "tables" / "kidnaps_other_way.csv", OTHER_WAY, other, options.worlds)
     kept(options.out / "tables" / "tracked.csv", TRACKED, tracked, options.worlds)
     all_bins = kept(options.out / "tables" / "reliability.csv", BINS, bins, options.worlds)
-    figure = new_figure(6.5, 5.5)
+    figure = new_figure(7.5, 5.5)
     draw_reliability(figure.add_subplot(), curves_of(all_bins))
     save(figure, options.out / "pictures" / "reliability.png")
     return 0
