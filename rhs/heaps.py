@@ -25,15 +25,13 @@ def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cell
     """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / turns) are of one heap.
 
     States spread over more than `most_cells` bins count as one heap."""
-    low = np.floor(states[:, :2].min(axis=0) / cell_m)
-    at = (np.floor(states[:, :2] / cell_m) - low).astype(int)
-    heading = np.floor(states[:, 2] / (2.0 * np.pi) * turns).astype(int) % turns
-    size = at.max(axis=0) + 1
-    if size.max() <= 2 and heading.max() - heading.min() <= 1:  # touching bins only
+    at, size = _bins(np.ascontiguousarray(states), cell_m, turns)
+    heading = at[:, 2]
+    if max(size[0], size[1]) <= 2 and heading.max() - heading.min() <= 1:  # touching bins only
         return np.zeros(len(states), int)
     if size[0] * size[1] * turns > most_cells:
         return np.zeros(len(states), int)
-    return _touching(at, heading, (int(size[0]), int(size[1]), turns))
+    return _touching(at, (size[0], size[1], turns))
 
 
 @dataclass(frozen=True)
@@ -118,18 +116,30 @@ def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:
 
 
 @compiled
-def _touching(at, heading, size):
-    """(N,) numbers, from 0 in the order of first sight, of the groups of touching bins (at (N, 2), heading (N,)) of a box of
-    `size` bins; the last heading touches the first."""
+def _bins(states, cell_m, turns):
+    """(N, 3) bins of states (N, 3) from the lowest x and y, and how many there are along x and y."""
+    at = np.empty(states.shape, np.int64)
+    low_x, low_y = np.floor(states[:, 0].min() / cell_m), np.floor(states[:, 1].min() / cell_m)
+    for k in range(len(states)):
+        at[k, 0] = int(np.floor(states[k, 0] / cell_m) - low_x)
+        at[k, 1] = int(np.floor(states[k, 1] / cell_m) - low_y)
+        at[k, 2] = int(np.floor(states[k, 2] / (2.0 * np.pi) * turns)) % turns
+    return at, (at[:, 0].max() + 1, at[:, 1].max() + 1)
+
+
+@compiled
+def _touching(at, size):
+    """(N,) numbers, from 0 in the order of first sight, of the groups of touching bins (N, 3) of a box of `size` bins; the
+    last heading touches the first."""
     name = np.zeros(size, np.int32)  # 0: empty, -1: taken, else the group's number from 1
     for k in range(len(at)):
-        name[at[k, 0], at[k, 1], heading[k]] = -1
+        name[at[k, 0], at[k, 1], at[k, 2]] = -1
     out, waiting, groups = np.empty(len(at), np.int64), np.empty((len(at), 3), np.int64), 0
     for k in range(len(at)):
         count = 0
-        if name[at[k, 0], at[k, 1], heading[k]] == -1:
+        if name[at[k, 0], at[k, 1], at[k, 2]] == -1:
             groups += 1
-            count = _take(name, at[k, 0], at[k, 1], heading[k], groups, waiting, count)
+            count = _take(name, at[k, 0], at[k, 1], at[k, 2], groups, waiting, count)
         while count:
             count -= 1
             x, y, turn = waiting[count]
@@ -137,7 +147,7 @@ def _touching(at, heading, size):
                 for ny in range(max(y - 1, 0), min(y + 2, size[1])):
                     for near in range(turn - 1, turn + 2):
                         count = _take(name, nx, ny, near % size[2], groups, waiting, count)
-        out[k] = name[at[k, 0], at[k, 1], heading[k]] - 1
+        out[k] = name[at[k, 0], at[k, 1], at[k, 2]] - 1
     return out
 
 

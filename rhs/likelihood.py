@@ -79,11 +79,25 @@ class LikelihoodField:
 
     def _ends(self, scan: Scan) -> np.ndarray:
         """(B, 2) ends of some evenly spaced beams in the body frame, metres."""
-        known = np.nonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m <= self.settings.range_max_m))[0]
-        if len(known) > self.settings.beams:
-            known = known[np.linspace(0, len(known) - 1, self.settings.beams).astype(int)]
-        reach, bearing = np.asarray(scan.ranges_m, float)[known], np.asarray(scan.bearings_rad, float)[known]
-        return np.stack([np.cos(bearing), np.sin(bearing)], axis=1) * reach[:, None] + scan.origin_xy_m
+        reach, bearing = np.asarray(scan.ranges_m, float), np.asarray(scan.bearings_rad, float)
+        return _ends_of(reach, bearing, self.settings.range_max_m, self.settings.beams) + scan.origin_xy_m
+
+
+@compiled
+def _ends_of(reach, bearing, most_m, beams):
+    """(B, 2) ends of up to `beams` beams no longer than most_m, evenly spaced among these, from the scanner."""
+    known, count = np.empty(len(reach), np.int64), 0
+    for k in range(len(reach)):
+        if np.isfinite(reach[k]) and reach[k] <= most_m:
+            known[count] = k
+            count += 1
+    used = min(count, beams)
+    ends = np.empty((used, 2))
+    step = (count - 1) / max(beams - 1, 1) if count > beams else 1.0
+    for n in range(used):
+        k = known[int(n * step)] if n < used - 1 or used < 2 else known[count - 1]
+        ends[n, 0], ends[n, 1] = np.cos(bearing[k]) * reach[k], np.sin(bearing[k]) * reach[k]
+    return ends
 
 
 @compiled
