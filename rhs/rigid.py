@@ -132,14 +132,15 @@ def refine_reprojection(
     limits = np.array([3.0 * gate_sigma**2 / 2.0, HUBER])
     for _ in range(iterations):
         information, gradient, squared, inliers = normal_equations(pose, p, q, noise.numbers, limits)
-        if inliers.sum() < 3 or np.linalg.cond(information) > 1e12:
+        strength = np.linalg.eigvalsh(information)
+        if inliers.sum() < 3 or strength[0] <= 1e-12 * strength[-1]:
             return start
         step = -np.linalg.solve(information, gradient)
-        pose = orthonormal(pose @ exp_se3(step))
+        pose = pose @ exp_se3(step)
         if np.abs(step).max() < 1e-7:
             break
     misfit = float(squared[inliers].mean() / 3.0)
-    return Rigid(pose, _symmetric(np.linalg.inv(information)) * max(1.0, misfit), inliers, misfit)
+    return Rigid(orthonormal(pose), _symmetric(np.linalg.inv(information)) * max(1.0, misfit), inliers, misfit)
 
 
 def _procrustes_of_triples(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
