@@ -58,8 +58,7 @@ def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Se
     import pandas as pd
 
     check_columns(table, [*group, *columns])
-    settings = [name for name in table.columns if "." in name]
-    by = list(group) or [name for name in (*KEYS[:-1], *settings) if table[name].nunique(dropna=False) > 1]
+    by = list(group) or _swept(table)
     wanted = list(columns) or [name for name in SHOWN if name in table.columns and table[name].notna().any()]
     wanted = [name for name in wanted if pd.api.types.is_numeric_dtype(table[name])]
     parts = [((), table)] if not by else list(table.groupby(by, dropna=False, sort=True))
@@ -67,6 +66,15 @@ def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Se
     for key, part in parts:
         out.append(dict(zip(by, key, strict=False)) | _group_row(part, wanted))
     return pd.DataFrame(out)
+
+
+def _swept(table: pandas.DataFrame) -> list[str]:
+    """The columns in which the runs were made to differ: parts first, then settings that differ with the same parts too
+    (two parts may have a setting of one name, with other defaults)."""
+    parts = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
+    same_parts = table.groupby(parts, dropna=False) if parts else table.groupby(np.zeros(len(table)))
+    settings = [name for name in table.columns if "." in name and (same_parts[name].nunique(dropna=False) > 1).any()]
+    return parts + settings
 
 
 def _group_row(part: pandas.DataFrame, wanted: Sequence[str]) -> dict[str, object]:

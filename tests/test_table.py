@@ -158,3 +158,12 @@ def test_a_survey_is_complete_without_the_places_it_was_not_sent_to(tmp_path):
     run(tmp_path, "c", task="patrol", places_visited=4, seed=2)
     table = summarise(rows([tmp_path]), group=["task"])
     assert table.set_index("task")["complete"].astype(str).str[:4].to_dict() == {"survey": "1.00", "patrol": "0.50"}
+
+
+def test_settings_group_the_runs_only_where_they_differ_with_the_same_parts(tmp_path):
+    for seed in range(2):
+        run(tmp_path, f"a{seed}", seed=seed, planner="prm", **{"planner.step_m": 0.2})
+        run(tmp_path, f"b{seed}", seed=seed, planner="rrt", **{"planner.step_m": 0.5})
+    assert list(summarise(rows([tmp_path])).columns[:2]) == ["planner", "runs"]  # the default of each
+    run(tmp_path, "c", seed=0, planner="rrt", **{"planner.step_m": 0.1})
+    assert list(summarise(rows([tmp_path])).columns[:3]) == ["planner", "planner.step_m", "runs"]
