@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 COLOURS = {"truth": "#222222", "estimate": "#d1801f", "corrected": "#1f6fb4", "patrol": "#2a9d5c", "plan": "#b03a9c",
            "place": "#c1121f", "wall": "#f2b600"}
+LEAP_M, LEAP_STEPS = 1.0, 8.0  # a line is not drawn across a step longer than this, and than so many usual ones
 PAIRED_S = 0.02  # a belief and a truth at most so far apart in time are of one moment
 MARGIN_M = 0.3  # round what is drawn
 
@@ -98,8 +99,18 @@ def draw_lines(axes: Axes, folder: Path) -> None:
             line = read_tum(path)
             if onto and how != "none" and (folder / f"{onto}.tum").exists():
                 line = _laid_onto(line, read_tum(folder / f"{onto}.tum"), how)
-            xy = line.positions_m
+            xy = broken_at_leaps(line.positions_m[:, :2])
             axes.plot(xy[:, 0], xy[:, 1], color=colour, linewidth=width, linestyle=style, label=label, zorder=3)
+
+
+def broken_at_leaps(xy_m: np.ndarray) -> np.ndarray:
+    """(M, 2) of a line (N, 2) with NaN where it leaps: a robot carried off, or of another mind, drove no such way."""
+    step_m = np.linalg.norm(np.diff(xy_m, axis=0), axis=1)
+    moving_m = step_m[step_m > 0]
+    if not len(moving_m):
+        return xy_m
+    leaps = np.nonzero(step_m > max(LEAP_M, LEAP_STEPS * float(np.median(moving_m))))[0]
+    return np.insert(xy_m.astype(float), leaps + 1, np.nan, axis=0)
 
 
 def _laid_onto(truth: Trajectory, belief: Trajectory, how: str) -> Trajectory:

@@ -188,3 +188,16 @@ def test_a_simulated_truth_is_drawn_where_it_was(tmp_path, monkeypatch):
     (tmp_path / "true_map.yaml").rename(folder / "true_map.yaml")
     overview(folder)
     assert laid == []
+
+
+def test_a_line_is_broken_where_the_robot_was_carried_off_and_nowhere_else():
+    from rhs.drawing import broken_at_leaps
+
+    way = np.column_stack([np.arange(20) * 0.25, np.zeros(20)])
+    np.testing.assert_array_equal(broken_at_leaps(way), way)
+    carried = way.copy()
+    carried[12:] += [0.0, 9.0]
+    broken = broken_at_leaps(carried)
+    assert len(broken) == 21 and np.isnan(broken[12]).all() and np.isfinite(np.delete(broken, 12, axis=0)).all()
+    np.testing.assert_array_equal(broken_at_leaps(12.0 * way), 12.0 * way)  # sparse, but even
+    assert broken_at_leaps(np.zeros((3, 2))).shape == (3, 2)
