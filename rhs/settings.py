@@ -163,7 +163,8 @@ def _convert_sequence(origin: type, inner: tuple, value: Any, key: str, hint: An
 
 
 def _wrong(key: str, value: Any, hint: Any) -> ConfigError:
-    return ConfigError(f"{key}={_show(value)}: expected {type_name(hint)}")
+    say = {bool: ": true or false", int: ", a whole number", float: ", a number"}.get(hint, "")
+    return ConfigError(f"{key}={_show(value)}: expected {type_name(hint)}{say}")
 
 
 def _show(value: Any) -> str:

@@ -70,7 +70,7 @@ def test_a_value_arrives_as_it_was_typed(word, value):
     ("planner.step_m=nan", "planner.fake.step_m=nan is outside"),
     ("planner.step_m=inf", "planner.fake.step_m=inf is outside"),
     ("planner.step_m=-inf", "planner.fake.step_m=-inf is outside"),
-    ("planner.smooth=5", "planner.smooth=5: expected bool"),
+    ("planner.smooth=5", "planner.smooth=5: expected bool: true or false"),
     ("planner.smooth=yes", "planner.smooth=yes: expected bool"),
     ("planner.weights=[1,a]", "planner.weights[1]=a: expected float"),
     ("planner.norm=l3", "planner.norm=l3: expected l1 | l2"),
