@@ -14,11 +14,11 @@ def run(overrides: Sequence[str] = (), *, quiet: bool = False) -> dict[str, Any]
     The run folder stands in the row as `folder`. Raises ConfigError for what is refused before anything runs; a failure
     later is a row whose `status` is not "ok" and whose `reason` says why.
     """
-    from .compose import compose_config
-    from .experiment import run_config
-    from .folders import claim_run
-    from .notebook import unwatched
-    from .progress import bar
+    from rhs.config.compose import compose_config
+    from rhs.patrol.observers import unwatched
+    from rhs.patrol.progress import bar
+    from rhs.patrol.run import run_config
+    from rhs.runfolder.folders import claim_run
 
     config = compose_config(list(overrides))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.contracts import WorldFacts
-from rhs.geometry import camera_from_fov, inverse, planar, se2
-from rhs.grid import OccupancyGrid, inflate
-from rhs.records import Belief, Capture, Motion, Observation, Path, PlanReason, Scan, Tracking, Twist
+from rhs.api.contracts import WorldFacts
+from rhs.api.geometry import camera_from_fov, inverse, planar, se2
+from rhs.api.grid import OccupancyGrid, inflate
+from rhs.api.records import Belief, Capture, Motion, Observation, Path, PlanReason, Scan, Tracking, Twist
 
 BEARINGS = np.linspace(-0.5, 0.5, 41)
 

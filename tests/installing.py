@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rhs import registry
+from rhs.config import registry
 
 HERE = Path(__file__).resolve().parent
 FAKES = HERE / "fakes"

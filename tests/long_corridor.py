@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.geometry import Camera, camera_from_fov
-from rhs.records import Observation
+from rhs.api.geometry import Camera, camera_from_fov
+from rhs.api.records import Observation
 
 CAMERA = camera_from_fov(160, 120, 57.0, height_m=1.0)
 WIDTH_M, HEIGHT_M = 2.0, 2.5

@@ -1,5 +1,5 @@
 """The room that plugins are checked in, for our own tests too."""
 
-from rhs.testing_room import HIGH, LOW, observe, paintings, see
+from rhs.testing.room import HIGH, LOW, observe, paintings, see
 
 __all__ = ["HIGH", "LOW", "observe", "paintings", "see"]

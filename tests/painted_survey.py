@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 from painted_room import observe, paintings
 
-from rhs.geometry import camera_from_fov, inverse, se2
-from rhs.records import FeatureSettings, Motion, Observation, Tracking, View
-from rhs.vision import features
+from rhs.api.geometry import camera_from_fov, inverse, se2
+from rhs.api.records import FeatureSettings, Motion, Observation, Tracking, View
+from rhs.estimation.views.features import features
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)
 FEATURES = FeatureSettings()

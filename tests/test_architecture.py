@@ -10,92 +10,118 @@ from pathlib import Path
 
 import pytest
 
-from rhs.contracts import KINDS
+from rhs.api.contracts import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
-CORE = sorted((ROOT / "rhs").glob("*.py"))
+CORE = sorted((ROOT / "rhs").rglob("*.py"))
 PLUGINS = sorted((ROOT / "plugins").glob("rhs_*/**/*.py"))
+STRANGERS = sorted((ROOT / "tests" / "thirdparty").rglob("*.py"))
 
-LEVELS = [
-    "errors sealing distortion geometry jit allocator paths provenance mcap_records meanings",
-    "files grid records filtering settings strict_yaml yamlfile mcap_scan nearest rigid_kernels posegraph particles tubes"
-    " unroll_settings gate_settings",
-    "floorplan world_checks world vision rays rigid belief trajectory accuracy rowfile folders retrieval hypotheses"
-    " consistency structure memory glance_kernels likelihood heaps scanmatch walllines mosaic bending unrolling bend_finder"
-    " unroll_folder",
-    "contracts mission control obstacles sighting support glances continuity loops scanloops places place_files place_trial"
-    " ros playback recording maps judge judge_kernels recover tape"
-    " live movingai arena plan_files",
-    "patrol survey sentinel search kidnap steps progress knowing metrics map_metrics testing_room"
-    " testing_estimators testing_planners testing_sources testing",
-    "varied evaluate compare drawing page summary table report charts film knowing_pictures registry parts"
-    " overrides hydra_sources hydra_glue compose help_text convert convert_tum planning_metrics"
-    " planning_pictures planning_task planning_table planner_arena places_task"
-    " unroll_task unroll_truth unroll_pictures gating task_row notebook",
-    "experiment told",
-    "launcher sweep __init__",
-    "__main__",
+# The floors of the house, lowest first: a room imports from its own floor's rooms never, from lower floors only.
+FLOORS = [
+    {"base"},
+    {"api"},
+    {"config", "estimation", "recording", "runfolder", "worlds"},
+    {"metrics", "testing"},
+    {"reports"},
+    {"patrol"},
+    {"sweeps", "face"},
+    {"cli"},
 ]
-LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names.split()}
+FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+PUBLIC = {"api", "estimation", "worlds", "recording", "testing"}  # what plugins may import
+COMMANDS = {"__main__", "table", "report", "evaluate", "convert", "planner_arena"}  # `python -m rhs.NAME`: two lines each
 HEAVY = {"cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "kiss_icp", "gtsam",
          "small_gicp", "hydra", "omegaconf", "networkx", "imageio", "rerun"}
 
 
-def modules_used(tree: ast.AST, package: str = "rhs") -> Iterator[str]:
-    """Names of the modules a file imports; `from .x import y` counts as rhs.x (or rhs_name.x in a plugin)."""
+def room_of_any(path: Path) -> str:
+    return room_of(path) if ROOT / "rhs" in path.parents else path.parent.name
+
+
+def modules_used(tree: ast.AST, package: str) -> Iterator[str]:
+    """Names of the modules a file of this package imports, relative ones written out."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            base = ".".join(filter(None, [package if node.level else "", node.module]))
+            above = package.split(".")[:len(package.split(".")) - node.level + 1] if node.level else []
+            base = ".".join([*above, *filter(None, [node.module])])
             yield base
             yield from (f"{base}.{alias.name}" for alias in node.names)
 
 
-def core_imports(path: Path, package: str = "rhs") -> set[str]:
-    names = {path.stem for path in CORE}
-    used = (name.split(".") for name in modules_used(ast.parse(path.read_text("utf-8")), package))
-    return {parts[1] for parts in used if parts[0] == "rhs" and len(parts) > 1 and parts[1] in names}
+def room_of(path: Path) -> str:
+    inside = path.relative_to(ROOT / "rhs").parts
+    if len(inside) > 1:
+        return inside[0]
+    return "cli" if path.stem in COMMANDS else "face"
 
 
-def test_every_module_of_the_core_has_a_level():
-    assert {path.stem for path in CORE} - set(LEVEL) == set(), "give it a level in LEVELS"
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT if ROOT / "rhs" in path.parents else ROOT / "plugins").with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def test_the_guide_to_the_core_names_every_module():
+MODULES = {module_of(path): path for path in CORE}
+
+
+def core_imports(path: Path) -> set[str]:
+    """Modules of the core that a file imports, wherever in it."""
+    package = module_of(path) if path.stem == "__init__" else module_of(path).rpartition(".")[0]
+    return {name for name in modules_used(ast.parse(path.read_text("utf-8")), package) if name in MODULES}
+
+
+def rooms_used(path: Path) -> set[str]:
+    return {room_of(MODULES[name]) for name in core_imports(path) if name != "rhs"}
+
+
+def test_every_room_has_a_floor():
+    assert {room_of(path) for path in CORE} == set(FLOOR)
+
+
+def test_the_guide_to_the_core_names_every_room():
     guide = (ROOT / "rhs" / "README.md").read_text("utf-8")
-    missing = {path.stem for path in CORE if f"`{path.stem}`" not in guide}
-    assert {name for name in missing if not name.startswith(("__", "testing_"))} == set()
+    assert {room for room in FLOOR if f"`{room}`" not in guide} == set()
 
 
-@pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)
-def test_a_module_imports_nothing_above_it(path):
-    own = LEVEL.get(path.stem, 0)
-    upward = {name for name in core_imports(path) if LEVEL.get(name, own) > own}
-    assert not upward, f"{path.stem} (level {own}) imports {upward}"
+@pytest.mark.parametrize("path", CORE, ids=module_of)
+def test_a_room_imports_from_lower_floors_only(path):
+    own = room_of(path)
+    upward = {room for room in rooms_used(path) - {own} if FLOOR[room] >= FLOOR[own]}
+    assert not upward, f"{module_of(path)} (floor {FLOOR[own]}) imports from {upward}"
 
 
 def test_no_two_modules_import_each_other():
-    graph = {path.stem: core_imports(path) - {path.stem} for path in CORE}
+    graph = {name: core_imports(path) - {name, "rhs"} for name, path in MODULES.items() if path.stem != "__init__"}
     while graph:
         leaves = {name for name, used in graph.items() if not used & set(graph)}
         assert leaves, f"these import each other: {sorted(graph)}"
         graph = {name: used for name, used in graph.items() if name not in leaves}
 
 
-@pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)
+@pytest.mark.parametrize("folder", sorted({path.parent for path in [*CORE, *PLUGINS]}), ids=lambda path: path.name)
+def test_a_folder_holds_at_most_thirty_modules_of_at_most_four_hundred_lines(folder):
+    modules = [path for path in folder.glob("*.py") if path.stem != "__init__"]
+    assert len(modules) <= 30
+    assert {path.name for path in modules if len(path.read_text("utf-8").splitlines()) > 400} == set()
+
+
+@pytest.mark.parametrize("path", CORE, ids=module_of)
 def test_the_core_knows_no_plugin_by_name(path):
-    used = set(modules_used(ast.parse(path.read_text("utf-8"))))
+    used = set(modules_used(ast.parse(path.read_text("utf-8")), module_of(path).rpartition(".")[0]))
     assert not {name for name in used if name.startswith("rhs_")}
 
 
-@pytest.mark.parametrize("path", PLUGINS, ids=lambda path: f"{path.parent.name}/{path.stem}")
+@pytest.mark.parametrize("path", [*PLUGINS, *STRANGERS], ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_a_plugin_uses_only_what_any_stranger_may_use(path):
-    tree, own = ast.parse(path.read_text("utf-8")), path.relative_to(ROOT / "plugins").parts[0]
-    others = {name for name in modules_used(tree, own) if name.startswith("rhs_") and name.split(".")[0] != own}
+    own = module_of(path).split(".")[0] if path in PLUGINS else path.parent.name
+    package = module_of(path).rpartition(".")[0] if path in PLUGINS else own
+    used = set(modules_used(ast.parse(path.read_text("utf-8")), package))
+    others = {name for name in used if name.startswith("rhs_") and name.split(".")[0] != own}
     assert not others, f"{own} imports {others}"
-    high = {name for name in core_imports(path, own) if LEVEL.get(name, 0) > 3}
-    assert not high, f"{path} imports {high}, which lie above the contracts"
+    private = {room_of(MODULES[name]) for name in used if name in MODULES and name != "rhs"} - PUBLIC
+    assert not private, f"{path} imports from {private}; plugins may import {sorted(PUBLIC)}"
 
 
 @pytest.mark.parametrize("path", [*CORE, *PLUGINS], ids=lambda path: f"{path.parent.name}/{path.stem}")
@@ -115,7 +141,7 @@ def test_nobody_draws_from_a_generator_that_others_share(path):
 
 @pytest.mark.parametrize("path", [*CORE, *PLUGINS], ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_nothing_but_a_command_line_ends_the_process(path):
-    if path.stem == "__main__":
+    if path.stem == "__main__" or room_of_any(path) == "cli":
         return
     tree = ast.parse(path.read_text("utf-8"))
     scripts = [node for node in tree.body if isinstance(node, ast.If) and "__main__" in ast.unparse(node.test)]
@@ -126,7 +152,7 @@ def test_nothing_but_a_command_line_ends_the_process(path):
 
 
 def test_importing_every_settings_class_loads_nothing_heavy():
-    code = ("import sys; from rhs import registry; from rhs.contracts import KINDS\n"
+    code = ("import sys; from rhs.config import registry; from rhs.api.contracts import KINDS\n"
             "for kind in KINDS:\n    for name in registry.names(kind): registry.failure(kind, name)\n"
             f"    print(kind, sorted({HEAVY!r} & set(sys.modules)))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)

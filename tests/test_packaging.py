@@ -56,7 +56,7 @@ def test_an_unpacked_wheel_runs_from_any_folder(site, tmp_path):
 
 
 def test_a_wheel_lists_the_same_plugins_as_the_checkout(site, tmp_path):
-    code = ("from rhs import registry; from rhs.contracts import KINDS\n"
+    code = ("from rhs.config import registry; from rhs.api.contracts import KINDS\n"
             "print([(kind, registry.names(kind)) for kind in KINDS])")
     outputs = {subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True,
                               env={**os.environ, "PYTHONPATH": path}).stdout for path in (str(site), "")}

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from rhs.__main__ import main
-from rhs.compose import compose_config
+from rhs.cli.main import main
+from rhs.config.compose import compose_config
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("*/README.md"))]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rhs.records import Belief, Knowing, Motion, Observation, View
+from rhs.api.records import Belief, Knowing, Motion, Observation, View
 
 
 @dataclass
@@ -38,7 +38,7 @@ class DeadReckoning:
             self._belief = belief
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
-        from rhs.belief import moved
+        from rhs.api.belief import moved
 
         self._belief = moved(self._belief, motion)
         return self._belief

@@ -13,14 +13,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rhs.belief import RIGHT_M, RIGHT_RAD
-from rhs.continuity import CARRIED, Continuity, scan_continuity
-from rhs.contracts import Context
-from rhs.geometry import planar, se2
-from rhs.grid import OccupancyGrid
-from rhs.heaps import Caution, believed, heaps, resampled_by_heaps, reweighted_by_heaps
-from rhs.likelihood import FieldSettings, LikelihoodField
-from rhs.particles import (
+from rhs.api.belief import RIGHT_M, RIGHT_RAD
+from rhs.api.contracts import Context
+from rhs.api.geometry import planar, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Belief, Knowing, Motion, Observation, Scan, View
+from rhs.estimation.filters.clusters import Caution, believed, heaps, resampled_by_heaps, reweighted_by_heaps
+from rhs.estimation.filters.particles import (
     Cloud,
     Peak,
     SizeLaw,
@@ -32,8 +31,9 @@ from rhs.particles import (
     peak,
     reweighted,
 )
-from rhs.records import Belief, Knowing, Motion, Observation, Scan, View
-from rhs.support import SILENCE
+from rhs.estimation.scans.likelihood_field import FieldSettings, LikelihoodField
+from rhs.estimation.views.motion_consistency import CARRIED, Continuity, scan_continuity
+from rhs.estimation.views.view_support import SILENCE
 
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import Hearing, Places

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.contracts import Context
-from rhs.geometry import planar, se2, wrap
-from rhs.grid import OccupancyGrid
-from rhs.jit import compiled
-from rhs.memory import Memory, memory_of
-from rhs.particles import around
-from rhs.places import PlaceDatabase, PlaceSettings, shares
-from rhs.records import Observation, Scan, View
-from rhs.retrieval import Vlad
-from rhs.scanmatch import ScanMatcher
-from rhs.sighting import SightingSettings
-from rhs.support import expected
-from rhs.vision import features
+from rhs.api.contracts import Context
+from rhs.api.geometry import planar, se2, wrap
+from rhs.api.grid import OccupancyGrid
+from rhs.api.jit import compiled
+from rhs.api.records import Observation, Scan, View
+from rhs.estimation.filters.particles import around
+from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.features import features
+from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings, shares
+from rhs.estimation.views.place_memory import Memory, memory_of
+from rhs.estimation.views.retrieval import Vlad
+from rhs.estimation.views.view_pose import SightingSettings
+from rhs.estimation.views.view_support import expected
 
 from .particle_filter_config import ParticleFilter
 from .vouching import STRONG, fits, possible, same_place

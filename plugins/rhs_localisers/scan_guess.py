@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.filtering import correct_information
-from rhs.geometry import exp_se3, orthonormal, planar, se2
-from rhs.hypotheses import PLANE, Guess
-from rhs.records import Scan
-from rhs.scanmatch import ScanMatcher
+from rhs.api.geometry import exp_se3, orthonormal, planar, se2
+from rhs.api.records import Scan
+from rhs.estimation.filters.kalman import correct_information
+from rhs.estimation.filters.pose_hypotheses import PLANE, Guess
+from rhs.estimation.scans.scan_match import ScanMatcher
 
 
 def laid_on_map(guess: Guess, scan: Scan, matcher: ScanMatcher) -> Guess:

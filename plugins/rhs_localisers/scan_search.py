@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rhs.heaps import heaps
-from rhs.particles import Cloud, displaced
+from rhs.estimation.filters.clusters import heaps
+from rhs.estimation.filters.particles import Cloud, displaced
 
 PER_M2, MOST = 300.0, 60_000  # throws per square metre of free room, and at most
 CLIMBERS, CHILDREN = 300, 8  # throws that climb, and tries of each in a round

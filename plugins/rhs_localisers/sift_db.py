@@ -13,19 +13,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from rhs.belief import chance_right
-from rhs.continuity import CARRIED, Continuity
-from rhs.contracts import Context
-from rhs.geometry import planar
-from rhs.grid import OccupancyGrid
-from rhs.hypotheses import Claim, Guesses, Trust, begin, carried, confirms, predict, silent, update
-from rhs.memory import memory_of
-from rhs.places import PlaceAnswer, PlaceDatabase, PlaceSettings, Recognised, shares
-from rhs.records import Belief, Knowing, Motion, Observation, Scan, View
-from rhs.scanmatch import ScanMatcher
-from rhs.sighting import SightingSettings
-from rhs.support import SILENCE, expected
-from rhs.vision import features
+from rhs.api.belief import chance_right
+from rhs.api.contracts import Context
+from rhs.api.geometry import planar
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Belief, Knowing, Motion, Observation, Scan, View
+from rhs.estimation.filters.pose_hypotheses import Claim, Guesses, Trust, begin, carried, confirms, predict, silent, update
+from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.features import features
+from rhs.estimation.views.motion_consistency import CARRIED, Continuity
+from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, PlaceSettings, Recognised, shares
+from rhs.estimation.views.place_memory import memory_of
+from rhs.estimation.views.view_pose import SightingSettings
+from rhs.estimation.views.view_support import SILENCE, expected
 
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb

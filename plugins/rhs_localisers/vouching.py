@@ -13,11 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rhs.continuity import Continuity
-from rhs.geometry import planar, se2, wrap
-from rhs.places import PlaceAnswer, Recognised
-from rhs.records import Scan
-from rhs.scanmatch import ScanMatcher
+from rhs.api.geometry import planar, se2, wrap
+from rhs.api.records import Scan
+from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.motion_consistency import Continuity
+from rhs.estimation.views.place_database import PlaceAnswer, Recognised
 
 CONFIRMATIONS, WAY_M = 4, 1.5  # so many named places in a row, over so much way, agree with the motion
 AGAINST, AGAINST_M = 6, 3.0  # so many speak against a belief that is held before it is doubted: a copy of a painting is

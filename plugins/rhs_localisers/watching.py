@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.continuity import Continuity, continuity, scan_continuity
-from rhs.records import Features, FeatureSettings, Motion, Observation, Scan
-from rhs.scanmatch import ScanMatcher
-from rhs.vision import features
+from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan
+from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.features import features
+from rhs.estimation.views.motion_consistency import Continuity, continuity, scan_continuity
 
 SMOOTH = 0.9  # share above which a scan shows that a robot without key-points to tell is still where it expects to be
 

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rhs.memory import Rootsift, memory_of
-from rhs.records import View
-from rhs.retrieval import Vlad
+from rhs.api.records import View
+from rhs.estimation.views.place_memory import Rootsift, memory_of
+from rhs.estimation.views.retrieval import Vlad
 
 from .pose_graph_config import PoseGraph
 

@@ -25,11 +25,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rhs.contracts import Context
-from rhs.geometry import inverse, planar, se2, wrap
-from rhs.loops import closing_gap, ends_meet, poses_of, travelled_m
-from rhs.records import Closure, LoopEdge, View
-from rhs.sighting import SightingSettings
+from rhs.api.contracts import Context
+from rhs.api.geometry import inverse, planar, se2, wrap
+from rhs.api.records import Closure, LoopEdge, View
+from rhs.estimation.views.loops import closing_gap, ends_meet, poses_of, travelled_m
+from rhs.estimation.views.view_pose import SightingSettings
 
 from .error_distribution_config import ErrorDistribution
 

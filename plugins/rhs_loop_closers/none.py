@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rhs.records import Closure, View
+from rhs.api.records import Closure, View
 
 
 @dataclass

@@ -22,15 +22,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rhs.consistency import DriftBounds, agreement, largest_agreeing, supported
-from rhs.contracts import Context
-from rhs.filtering import gate
-from rhs.geometry import log_so3
-from rhs.loops import closing_gap, edge_between, poses_of, travelled_m
-from rhs.posegraph import CommonScale, Edges, Effort, Solution, chain, joined, optimise
-from rhs.records import Closure, LoopEdge, View
-from rhs.scanloops import ScanLoopSettings, scan_edges
-from rhs.sighting import SightingSettings
+from rhs.api.contracts import Context
+from rhs.api.geometry import log_so3
+from rhs.api.records import Closure, LoopEdge, View
+from rhs.estimation.filters.kalman import gate
+from rhs.estimation.filters.pose_graph import CommonScale, Edges, Effort, Solution, chain, joined, optimise
+from rhs.estimation.scans.scan_loops import ScanLoopSettings, scan_edges
+from rhs.estimation.views.edge_consistency import DriftBounds, agreement, largest_agreeing, supported
+from rhs.estimation.views.loops import closing_gap, edge_between, poses_of, travelled_m
+from rhs.estimation.views.view_pose import SightingSettings
 
 from .candidates import beside, possible_pairs, progress_m, spread
 from .pose_graph_config import PoseGraph

@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rhs.geometry import inverse, planar, wrap
-from rhs.posegraph import Edges, adjoints
-from rhs.records import View
-from rhs.walllines import WallLine, wall_lines
+from rhs.api.geometry import inverse, planar, wrap
+from rhs.api.records import View
+from rhs.estimation.filters.pose_graph import Edges, adjoints
+from rhs.estimation.scans.wall_lines import WallLine, wall_lines
 
 from .candidates import progress_m
 

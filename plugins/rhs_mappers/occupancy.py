@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.geometry import planar
-from rhs.grid import OccupancyGrid, frame_of
-from rhs.rays import add_marks, mark_scan
-from rhs.records import Scan
+from rhs.api.geometry import planar
+from rhs.api.grid import OccupancyGrid, frame_of
+from rhs.api.records import Scan
+from rhs.estimation.scans.rays import add_marks, mark_scan
 
 from .occupancy_config import Occupancy
 

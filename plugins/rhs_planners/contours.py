@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from rhs.jit import compiled, typed
+from rhs.api.jit import compiled, typed
 
 _LEVELS = 30  # contours from the least to the largest value
 _SIDE = 200  # cells of a field looked at along its longer side: a picture shows no more

@@ -14,8 +14,8 @@ import numba as nb
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from rhs.jit import typed
-from rhs.records import Path, PlanningProblem
+from rhs.api.jit import typed
+from rhs.api.records import Path, PlanningProblem
 
 from .contours import contours
 from .heap import pop, push

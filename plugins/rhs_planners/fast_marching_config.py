@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rhs.errors import check_range
+from rhs.api.errors import check_range
 
 from .shared_config import PlannerSettings
 

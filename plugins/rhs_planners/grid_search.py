@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numba as nb
 import numpy as np
 
-from rhs.jit import typed
-from rhs.records import Path, PlanningProblem
+from rhs.api.jit import typed
+from rhs.api.records import Path, PlanningProblem
 
 from .contours import branches
 from .heap import pop, push

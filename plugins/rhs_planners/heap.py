@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 from numba.core import types
 
-from rhs.jit import typed
+from rhs.api.jit import typed
 
 KEYS = types.Array(types.float64, 1, "C")
 ITEMS = types.Array(types.int64, 1, "C")

@@ -12,7 +12,7 @@ import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from rhs.jit import typed
+from rhs.api.jit import typed
 
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 POINTS = types.Array(types.float64, 2, "C", readonly=True)

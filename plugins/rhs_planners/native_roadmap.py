@@ -8,7 +8,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from rhs.jit import typed
+from rhs.api.jit import typed
 
 from .chance import uniform
 from .line import GRID, NEW_POINTS, POINTS, segment_free

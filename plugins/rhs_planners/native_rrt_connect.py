@@ -10,8 +10,8 @@ import math
 import numba as nb
 import numpy as np
 
-from rhs.jit import compiled, typed
-from rhs.records import Path, PlanningProblem
+from rhs.api.jit import compiled, typed
+from rhs.api.records import Path, PlanningProblem
 
 from .chance import uniform
 from .line import GRID, NEW_POINTS, POINTS, segment_free

@@ -14,8 +14,8 @@ import numba as nb
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from rhs.jit import compiled, typed
-from rhs.records import Path, PlanningProblem
+from rhs.api.jit import compiled, typed
+from rhs.api.records import Path, PlanningProblem
 
 from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, Task, begin, finish

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rhs.records import Path, PlanningProblem
+from rhs.api.records import Path, PlanningProblem
 
 from .problem import Ground, Task, already_there, begin, finish
 from .roadmap import Roadmap

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
-from rhs.errors import check_choice, check_range
+from rhs.api.errors import check_choice, check_range
 
 from .shared_config import PlannerSettings
 

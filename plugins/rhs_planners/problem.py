@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import label
 
-from rhs.errors import ContractError
-from rhs.records import Path, PlanningProblem, PlanReason
+from rhs.api.records import Path, PlanningProblem, PlanReason
+from rhs.api.errors import ContractError
 
 from .shorten import scaled, settled
 

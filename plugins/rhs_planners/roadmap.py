@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from rhs.jit import compiled, typed
+from rhs.api.jit import compiled, typed
 
 from .heap import pop, push
 from .line import GRID, POINTS, segment_free

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rhs.errors import check_range
+from rhs.api.errors import check_range
 
 
 @dataclass

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from rhs.jit import typed
+from rhs.api.jit import typed
 
 from .line import GRID, NEW_POINTS, POINTS, polyline_free, segment_free
 

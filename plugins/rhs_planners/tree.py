@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from ompl import geometric as og
 
-from rhs.records import Path, PlanningProblem
+from rhs.api.records import Path, PlanningProblem
 
 from .ompl_space import (
     Counter,

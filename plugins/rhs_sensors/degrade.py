@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from rhs.errors import ContractError
-from rhs.geometry import Camera
-from rhs.records import Capture
+from rhs.api.geometry import Camera
+from rhs.api.records import Capture
+from rhs.api.errors import ContractError
 
 
 class WheelSettings(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rhs.errors import ConfigError, check_range
+from rhs.api.errors import ConfigError, check_range
 
 
 @dataclass

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.contracts import Context
-from rhs.errors import ContractError
-from rhs.records import Capture, Observation, Scan
+from rhs.api.contracts import Context
+from rhs.api.records import Capture, Observation, Scan
+from rhs.api.errors import ContractError
 
 from .degrade import frozen
 from .laser import Laser

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from rhs.errors import check_range
+from rhs.api.errors import check_range
 
 if TYPE_CHECKING:
-    from rhs.contracts import Context
+    from rhs.api.contracts import Context
 
 
 @dataclass

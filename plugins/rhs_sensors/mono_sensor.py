@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rhs.contracts import Context
-from rhs.records import Capture, Observation
+from rhs.api.contracts import Context
+from rhs.api.records import Capture, Observation
 
 from .degrade import Encoders, image_of, noisy_image
 from .mono import Mono

@@ -9,9 +9,9 @@ import warnings
 
 import numpy as np
 
-from rhs.contracts import Context
-from rhs.geometry import Camera
-from rhs.records import Capture, Observation, Scan
+from rhs.api.contracts import Context
+from rhs.api.geometry import Camera
+from rhs.api.records import Capture, Observation, Scan
 
 from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
 from .rgbd import Rgbd

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.errors import ConfigError
+from rhs.api.errors import ConfigError
 
 MAX_PIXELS = 64_000_000  # a bound on what a damaged or hostile file can make us allocate
 

@@ -6,8 +6,8 @@ import dataclasses
 from collections import Counter
 from pathlib import Path
 
-from rhs.errors import ConfigError
-from rhs.playback import PARTS, read, read_head
+from rhs.api.errors import ConfigError
+from rhs.recording.reader import PARTS, read, read_head
 
 from .replay_tum import Recording
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.errors import ConfigError
+from rhs.api.errors import ConfigError
 
 from .replay_cameras import check_pose
 from .replay_stamps import Truth, number_of, rows

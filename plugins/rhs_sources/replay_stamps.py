@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rhs.errors import ConfigError
-from rhs.geometry import inverse, rotation_of_quaternion, se3
+from rhs.api.geometry import inverse, rotation_of_quaternion, se3
+from rhs.api.errors import ConfigError
 
 
 def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
@@ -112,7 +112,7 @@ class Truth:
 
 def between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
     """The 4x4 pose at `share` (0..1) of the way from a to b, position and rotation apart."""
-    from rhs.geometry import exp_so3, log_so3
+    from rhs.api.geometry import exp_so3, log_so3
 
     turn = log_so3((inverse(a) @ b)[:3, :3])
     return se3(a[:3, :3] @ exp_so3(share * turn), (1.0 - share) * a[:3, 3] + share * b[:3, 3])

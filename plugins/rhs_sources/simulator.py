@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from rhs.contracts import SourceContext
-from rhs.errors import ConfigError, RhsError
-from rhs.floorplan import Box, World
-from rhs.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
-from rhs.records import Capture, Twist
-from rhs.world import reversed_world
+from rhs.api.contracts import SourceContext
+from rhs.api.floorplan import Box, World
+from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
+from rhs.api.records import Capture, Twist
+from rhs.api.errors import ConfigError, RhsError
+from rhs.worlds.world import reversed_world
 
 from .lens import Lens
 from .simulator_config import Simulator

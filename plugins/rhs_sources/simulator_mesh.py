@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.floorplan import Box, Wall
+from rhs.api.floorplan import Box, Wall
 
 # PyBullet's software renderer divides by the depth of a triangle's corners, also of those beside or behind the camera.
 # Pieces this small are out of view before one of their corners comes level with the lens.

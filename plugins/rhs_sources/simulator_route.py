@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.geometry import wrap
+from rhs.api.geometry import wrap
 
 
 @dataclass(frozen=True)

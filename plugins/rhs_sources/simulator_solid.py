@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.floorplan import Box, Wall, World
+from rhs.api.floorplan import Box, Wall, World
 
 from .simulator_bullet import pybullet, quiet
 

@@ -11,7 +11,7 @@ import zlib
 import cv2
 import numpy as np
 
-from rhs.floorplan import Paintings, Surface, Wall, World
+from rhs.api.floorplan import Paintings, Surface, Wall, World
 
 MAX_SIDE_PX = 6000  # of one texture: a 40 m wall at 150 px/m; longer ones get coarser
 

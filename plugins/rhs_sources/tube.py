@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from rhs import tubes
-from rhs.contracts import SourceContext
-from rhs.errors import ConfigError
-from rhs.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, exp_so3, inverse, planar, se3
-from rhs.records import Capture, Twist, WorldFacts
+from rhs.api.contracts import SourceContext
+from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, exp_so3, inverse, planar, se3
+from rhs.api.records import Capture, Twist, WorldFacts
+from rhs.api.errors import ConfigError
+from rhs.worlds import tubes
 
 from .lens import checked_rays
 from .simulator_route import Wobble

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.tubes import RectangularSection, RoundSection
+from rhs.worlds.tubes import RectangularSection, RoundSection
 
 from .tube_config import Tube
 

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from shared import odometry, write
 
-from rhs.compose import build_parts, compose_config
-from rhs.contracts import Context, FeatureSettings
-from rhs.geometry import planar, wrap
-from rhs.parts import generator
-from rhs.world import load_world
+from rhs.api.contracts import Context, FeatureSettings
+from rhs.api.geometry import planar, wrap
+from rhs.config.compose import build_parts, compose_config
+from rhs.config.parts import generator
+from rhs.worlds.world import load_world
 
 WORLDS = {
     "small_blank": ("world=small_blank",),

@@ -24,16 +24,16 @@ from pathlib import Path
 import numpy as np
 from laps import SETTINGS, Lap, Taken, taken
 
-from rhs.charts import new_figure, save
-from rhs.compose import compose_config
-from rhs.contracts import Context
-from rhs.geometry import inverse, planar, wrap
-from rhs.knowing import WITHIN_M, Beliefs, calibration_error, kidnaps, reliability
-from rhs.knowing_pictures import draw_reliability
-from rhs.parts import generator
-from rhs.records import Belief, Knowing, Motion, Tracking
-from rhs.survey import draw
-from rhs.world import load_world
+from rhs.api.contracts import Context
+from rhs.api.geometry import inverse, planar, wrap
+from rhs.api.records import Belief, Knowing, Motion, Tracking
+from rhs.config.compose import compose_config
+from rhs.config.parts import generator
+from rhs.metrics.calibration import WITHIN_M, Beliefs, calibration_error, kidnaps, reliability
+from rhs.patrol.survey import draw
+from rhs.reports.calibration_pictures import draw_reliability
+from rhs.reports.charts import new_figure, save
+from rhs.worlds.world import load_world
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)

@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from rhs.compose import compose_config
-from rhs.geometry import Camera, camera_from_fov
-from rhs.parts import generator
-from rhs.places_task import lap as led_lap
-from rhs.records import Features, FeatureSettings, Glance, Motion, Observation, Scan, Tracking, View
-from rhs.testing_room import context
-from rhs.vision import features, share
+from rhs.api.geometry import Camera, camera_from_fov
+from rhs.api.records import Features, FeatureSettings, Glance, Motion, Observation, Scan, Tracking, View
+from rhs.config.compose import compose_config
+from rhs.config.parts import generator
+from rhs.estimation.views.features import features, share
+from rhs.testing.room import context
+from rhs_tasks.places.task import lap as led_lap
 
 ODOMETRIES = ("procrustes", "procrustes:refine=none", "wheel")
 SETTINGS = FeatureSettings()

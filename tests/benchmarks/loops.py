@@ -24,13 +24,13 @@ from pathlib import Path
 import numpy as np
 from laps import ODOMETRIES, SETTINGS, Lap, Taken, taken
 
-from rhs.compose import compose_config
-from rhs.contracts import Context
-from rhs.geometry import inverse, planar
-from rhs.loops import poses_of
-from rhs.parts import generator
-from rhs.survey import draw
-from rhs.world import load_world
+from rhs.api.contracts import Context
+from rhs.api.geometry import inverse, planar
+from rhs.config.compose import compose_config
+from rhs.config.parts import generator
+from rhs.estimation.views.loops import poses_of
+from rhs.patrol.survey import draw
+from rhs.worlds.world import load_world
 
 TABLES = Path(__file__).resolve().parents[2] / "results" / "tables"
 CLOSERS = ("error_distribution", "pose_graph")

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 from shared import odometry, write
 
-from rhs import registry
-from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse
-from rhs.contracts import Context, FeatureSettings, SourceContext
-from rhs.geometry import planar, wrap
-from rhs.parts import generator
-from rhs.trajectory import Trajectory
-from rhs.world import load_world
+from rhs.api.contracts import Context, FeatureSettings, SourceContext
+from rhs.api.geometry import planar, wrap
+from rhs.api.trajectory import Trajectory
+from rhs.config import registry
+from rhs.config.parts import generator
+from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse
+from rhs.worlds.world import load_world
 
 COLUMNS = ("ate_percent", "drift_percent", "yaw_error_deg", "rpe_trans_mm", "rpe_rot_mrad", "nees_planar", "ok_share",
            "degenerate_share", "lost_share", "odometry_ms")

@@ -20,13 +20,13 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 from shared import follow, write  # noqa: E402
 
-from rhs import registry  # noqa: E402
-from rhs.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
-from rhs.contracts import Context, FeatureSettings, SourceContext  # noqa: E402
-from rhs.parts import generator  # noqa: E402
-from rhs.records import Observation, Tracking  # noqa: E402
-from rhs.trajectory import Trajectory  # noqa: E402
-from rhs.world import load_world  # noqa: E402
+from rhs.api.contracts import Context, FeatureSettings, SourceContext  # noqa: E402
+from rhs.api.records import Observation, Tracking  # noqa: E402
+from rhs.api.trajectory import Trajectory  # noqa: E402
+from rhs.config import registry  # noqa: E402
+from rhs.config.parts import generator  # noqa: E402
+from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
+from rhs.worlds.world import load_world  # noqa: E402
 
 VARIANTS: dict[str, tuple[str, dict]] = {
     "procrustes_unrefined": ("procrustes", {"refine": "none"}),

@@ -27,17 +27,17 @@ from typing import Any
 import numpy as np
 from shared import write
 
-from rhs.compose import build_parts, compose_config
-from rhs.floorplan import World
-from rhs.geometry import planar, se2
-from rhs.records import Wall
-from rhs.structure import cast_on_walls
-from rhs.world import load_world
+from rhs.api.floorplan import World
+from rhs.api.geometry import planar, se2
+from rhs.api.records import Wall
+from rhs.config.compose import build_parts, compose_config
+from rhs.estimation.scans.wall_rays import cast_on_walls
+from rhs.worlds.world import load_world
 from rhs_mappers.occupancy import OccupancyMapper
 from rhs_mappers.occupancy_config import Occupancy
-from rhs_odometry.klt import KltSettings, KltTracker
-from rhs_odometry.replay import Replay, figures, replay
-from rhs_odometry.track_frames import Tracks, load_tracks, save_tracks
+from rhs_odometry.tracks.klt import KltSettings, KltTracker
+from rhs_odometry.tracks.replay import Replay, figures, replay
+from rhs_odometry.tracks.track_frames import Tracks, load_tracks, save_tracks
 
 COMMAND: dict[str, Any] = {}
 INPUTS = {

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.retrieval import make_retrieval
+from rhs.estimation.views.retrieval import make_retrieval
 
 TABLE = Path(__file__).resolve().parents[2] / "results" / "tables" / "place_cost.csv"
 SIZES = {"votes": (100, 1000), "kd_tree": (100, 1000), "vlad": (100, 1000, 10_000)}

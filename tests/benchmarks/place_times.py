@@ -19,17 +19,17 @@ from pathlib import Path
 import numpy as np
 from laps import SETTINGS, Lap, taken
 
-from rhs.compose import compose_config
-from rhs.contracts import Context, SourceContext
-from rhs.geometry import planar
-from rhs.memory import memory_of
-from rhs.parts import generator
-from rhs.places import PlaceDatabase, PlaceSettings
-from rhs.records import Belief, Observation
-from rhs.scanmatch import ScanMatcher
-from rhs.survey import draw
-from rhs.vision import features
-from rhs.world import load_world
+from rhs.api.contracts import Context, SourceContext
+from rhs.api.geometry import planar
+from rhs.api.records import Belief, Observation
+from rhs.config.compose import compose_config
+from rhs.config.parts import generator
+from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.features import features
+from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
+from rhs.estimation.views.place_memory import memory_of
+from rhs.patrol.survey import draw
+from rhs.worlds.world import load_world
 
 TABLE = Path(__file__).resolve().parents[2] / "results" / "tables" / "place_times.csv"
 WORLD = "square_alike"

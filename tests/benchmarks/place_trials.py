@@ -23,18 +23,18 @@ import numpy as np
 from knowing import STILL
 from laps import SETTINGS, Lap, Taken, taken
 
-from rhs.compose import compose_config
-from rhs.contracts import Context
-from rhs.geometry import planar
-from rhs.knowing_pictures import precision_recall_picture
-from rhs.memory import memory_of
-from rhs.parts import generator
-from rhs.place_trial import CORRECT, OFF_ROUTE, SAME_LAP, SECOND_LOOK, Answered, Query, judge_pose, named, trial
-from rhs.places import PlaceDatabase, PlaceSettings
-from rhs.places_task import write_tables
-from rhs.records import Knowing
-from rhs.survey import draw
-from rhs.world import load_world
+from rhs.api.contracts import Context
+from rhs.api.geometry import planar
+from rhs.api.records import Knowing
+from rhs.config.compose import compose_config
+from rhs.config.parts import generator
+from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
+from rhs.estimation.views.place_memory import memory_of
+from rhs.patrol.survey import draw
+from rhs.reports.calibration_pictures import precision_recall_picture
+from rhs.worlds.world import load_world
+from rhs_tasks.places.task import write_tables
+from rhs_tasks.places.trial import CORRECT, OFF_ROUTE, SAME_LAP, SECOND_LOOK, Answered, Query, judge_pose, named, trial
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 WORLD, SEQUENCE_M, STORED_EVERY, ASK_EVERY = "square_alike", 3.0, 3, 3

@@ -26,11 +26,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from rhs import registry
-from rhs.arena import load_arena
-from rhs.judge import Optimum, path_valid, polyline_length
-from rhs.planning_task import problem_of
-from rhs.records import PlanningProblem
+from rhs.api.records import PlanningProblem
+from rhs.config import registry
+from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
+from rhs.worlds.planning_question import load_arena
+from rhs_tasks.planning.task import problem_of
 
 Plan = Callable[[int], np.ndarray | None]  # seed -> path (N, 2) in metres, or None
 MAPS = ("map1", "map2", "map3", "map4")

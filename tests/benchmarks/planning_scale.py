@@ -20,12 +20,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from rhs import registry
-from rhs.arena import load_arena
-from rhs.charts import new_figure, save
-from rhs.judge import Optimum, path_valid, polyline_length
-from rhs.planning_task import problem_of
-from rhs.records import PlanningProblem
+from rhs.api.records import PlanningProblem
+from rhs.config import registry
+from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
+from rhs.reports.charts import new_figure, save
+from rhs.worlds.planning_question import load_arena
+from rhs_tasks.planning.task import problem_of
 
 LONG_MS = 10_000.0  # a first question that took longer (theta_star, which keeps nothing) stands for the later ones too
 CERTAIN = ("astar", "theta_star", "fast_marching", "potential_field")  # the same path every time

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.errors import RecordingError
-from rhs.geometry import se2
-from rhs.playback import RecordedView, read, read_head
-from rhs.recording import Recorder
-from rhs.records import Belief, Motion, Observation, Step, Tracking
+from rhs.api.geometry import se2
+from rhs.api.records import Belief, Motion, Observation, Step, Tracking
+from rhs.api.errors import RecordingError
+from rhs.recording.reader import RecordedView, read, read_head
+from rhs.recording.writer import Recorder
 
 FLIPS = 60
 

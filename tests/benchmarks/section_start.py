@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from shared import write
 
-from rhs.geometry import camera_from_fov, inverse, log_so3, se2
-from rhs_odometry import synthetic
-from rhs_odometry.one_eye import OneEye
-from rhs_odometry.section_ekf import section_core
-from rhs_odometry.section_ekf_config import SectionEkf, TubeEkf
-from rhs_odometry.track_frames import TrackFrame, Tracks
+from rhs.api.geometry import camera_from_fov, inverse, log_so3, se2
+from rhs_odometry.section.ekf import section_core
+from rhs_odometry.section.ekf_config import SectionEkf, TubeEkf
+from rhs_odometry.tracks import synthetic
+from rhs_odometry.tracks.monocular import OneEye
+from rhs_odometry.tracks.track_frames import TrackFrame, Tracks
 
 RADIUS_M = 1.12
 WIDE: dict[str, Any] = {"start_sigma_m": 0.5}

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rhs import registry
-from rhs.contracts import Context
-from rhs.geometry import orthonormal
-from rhs.records import Motion, Observation
+from rhs.api.contracts import Context
+from rhs.api.geometry import orthonormal
+from rhs.api.records import Motion, Observation
+from rhs.config import registry
 
 
 def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:

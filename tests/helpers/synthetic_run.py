@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.geometry import Camera, camera_from_fov, inverse, se2
-from rhs.grid import OccupancyGrid
-from rhs.records import Belief, Motion, Observation, PlanReason, Scan, Step, Tracking, Twist, WorldFacts
-from rhs.records import Path as Plan
-from rhs.steps import StepTable
-from rhs.trajectory import Trajectory, read_tum, write_tum
+from rhs.api.geometry import Camera, camera_from_fov, inverse, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Belief, Motion, Observation, PlanReason, Scan, Step, Tracking, Twist, WorldFacts
+from rhs.api.records import Path as Plan
+from rhs.api.trajectory import Trajectory, read_tum, write_tum
+from rhs.runfolder.steps_csv import StepTable
 
 CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
 FACTS = WorldFacts("room", (2.0, 2.0, 0.0), (("east", 8.0, 2.0), ("north", 8.0, 8.0)), (0.0, 0.0, 10.0, 10.0), 0.3)
@@ -68,7 +68,7 @@ def room(resolution_m: float = 0.1) -> OccupancyGrid:
 
 def make_run(folder: Path, *, count: int = 40, drift: float = 0.01, patrol: bool = True) -> Path:
     """A run folder with the files the loop leaves."""
-    from rhs.maps import save_map
+    from rhs.worlds.maps import save_map
 
     folder.mkdir(parents=True, exist_ok=True)
     table = StepTable(folder)

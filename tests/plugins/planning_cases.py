@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from rhs.maps import load_map
-from rhs.records import PlanningProblem
+from rhs.api.records import PlanningProblem
+from rhs.worlds.maps import load_map
 
 MAPS = Path(__file__).parents[2] / "worlds" / "maps"
 WORDS = sorted(e.name for e in entry_points(group="rhs.planner") if e.value.startswith("rhs_planners."))

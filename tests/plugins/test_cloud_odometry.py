@@ -10,12 +10,12 @@ from long_corridor import CAMERA as CORRIDOR_CAMERA
 from long_corridor import depth_from, walk
 from painted_room import observe, paintings
 
-from rhs.errors import ConfigError
-from rhs.geometry import camera_from_fov, inverse, log_se3, se2
-from rhs.records import FeatureSettings, Observation, Tracking
-from rhs_odometry.clouds import CloudMaker, observability
-from rhs_odometry.gicp_config import Gicp
-from rhs_odometry.kiss_icp_config import KissIcp
+from rhs.api.geometry import camera_from_fov, inverse, log_se3, se2
+from rhs.api.records import FeatureSettings, Observation, Tracking
+from rhs.api.errors import ConfigError
+from rhs_odometry.clouds.clouds import CloudMaker, observability
+from rhs_odometry.clouds.gicp_config import Gicp
+from rhs_odometry.clouds.kiss_icp_config import KissIcp
 
 ROOM_CAMERA = camera_from_fov(160, 120, 70.0, height_m=1.0)
 TEXTURES = paintings()

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from rhs.errors import ConfigError
-from rhs.filtering import nees
-from rhs.geometry import planar, se2, wrap
-from rhs.records import Tracking
-from rhs_odometry import synthetic
-from rhs_odometry.corridor_ekf import Ledger, corridor_core
-from rhs_odometry.corridor_ekf_config import CorridorEkf
-from rhs_odometry.one_eye import OneEye, StructureAlarm
-from rhs_odometry.track_frames import TrackFrame
+from rhs.api.geometry import planar, se2, wrap
+from rhs.api.records import Tracking
+from rhs.api.errors import ConfigError
+from rhs.estimation.filters.kalman import nees
+from rhs_odometry.corridor.ekf import Ledger, corridor_core
+from rhs_odometry.corridor.ekf_config import CorridorEkf
+from rhs_odometry.tracks import synthetic
+from rhs_odometry.tracks.monocular import OneEye, StructureAlarm
+from rhs_odometry.tracks.track_frames import TrackFrame
 
 
 def lap(clockwise: bool, seed: int, *, radius_m: float = 0.7):
@@ -157,8 +157,8 @@ def test_a_filter_that_doubts_says_so_with_a_wider_covariance():
 
 def test_what_fixes_the_scale_is_said():
     """Of a camera nothing but these can: its height above the floor, the corridors' width, the motion it was told."""
-    from rhs_odometry.corridor_ekf import scale_from
-    from rhs_odometry.corridor_ekf_config import CorridorEkf
+    from rhs_odometry.corridor.ekf import scale_from
+    from rhs_odometry.corridor.ekf_config import CorridorEkf
 
     assert scale_from(CorridorEkf()) == "camera height + width 2 m + command"
     assert scale_from(CorridorEkf(motion="none", width_m=0.0)) == "camera height"

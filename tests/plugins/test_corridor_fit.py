@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rhs.filtering import numeric_jacobian
-from rhs.geometry import camera_from_fov
-from rhs_odometry import corridor_fit as fit
-from rhs_odometry.corridor_state import BodyMotion, CorridorState, Plane
-from rhs_odometry.corridor_update import free_rows, plane_rows
+from rhs.api.geometry import camera_from_fov
+from rhs.estimation.filters.kalman import numeric_jacobian
+from rhs_odometry.corridor import fit
+from rhs_odometry.corridor.state import BodyMotion, CorridorState, Plane
+from rhs_odometry.corridor.update import free_rows, plane_rows
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.2, forward_m=0.1)
 SIGMA = 1.0 / CAMERA.fx
@@ -71,7 +71,7 @@ def test_derivatives_by_the_poses_agree_with_differences():
     state = window()
     eyes, rays, seen = look(state, POINTS)
     found = fit.fit_free(eyes, rays, seen, SIGMA)
-    from rhs_odometry.corridor_update import _by_clones, _linearised
+    from rhs_odometry.corridor.update import _by_clones, _linearised
 
     camera, _, own = _linearised(eyes, found, seen)
     analytic = _by_clones(eyes, found, camera, seen)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rhs_odometry.corridor_motion import SpinWatch
-from rhs_odometry.corridor_state import SPEED, CorridorState
-from rhs_odometry.track_frames import TrackFrame
+from rhs_odometry.corridor.motion import SpinWatch
+from rhs_odometry.corridor.state import SPEED, CorridorState
+from rhs_odometry.tracks.track_frames import TrackFrame
 
 FOCAL_PX = 300.0
 PIXELS = np.stack(np.meshgrid(np.linspace(20, 300, 6), np.linspace(20, 220, 5)), axis=-1).reshape(-1, 2)

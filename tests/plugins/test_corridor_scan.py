@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rhs.geometry import se2
-from rhs.records import Wall
-from rhs_odometry.corridor_map import walls_of
-from rhs_odometry.corridor_scan import Drawn, believed_scan, mouths_of
-from rhs_odometry.corridor_state import Plane
-from rhs_odometry.corridor_walls import record_hits, with_hits
+from rhs.api.geometry import se2
+from rhs.api.records import Wall
+from rhs_odometry.corridor.scan import Drawn, believed_scan, mouths_of
+from rhs_odometry.corridor.state import Plane
+from rhs_odometry.corridor.wall_map import walls_of
+from rhs_odometry.corridor.walls import record_hits, with_hits
 
 AHEAD = np.zeros(1)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rhs_odometry.corridor_motion import Inertia, MotionNoise, Told
-from rhs_odometry.corridor_state import BodyMotion, CorridorState, Plane
-from rhs_odometry.corridor_walls import WallFinder, WallRules, merge_one, with_hits
-from rhs_odometry.corridor_width import find_pair, use_pair
-from rhs_odometry.track_frames import TrackFrame
+from rhs_odometry.corridor.motion import Inertia, MotionNoise, Told
+from rhs_odometry.corridor.state import BodyMotion, CorridorState, Plane
+from rhs_odometry.corridor.walls import WallFinder, WallRules, merge_one, with_hits
+from rhs_odometry.corridor.width import find_pair, use_pair
+from rhs_odometry.tracks.track_frames import TrackFrame
 
 
 def start() -> CorridorState:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rhs.geometry import inverse, planar, se2
-from rhs.records import LoopEdge
+from rhs.api.geometry import inverse, planar, se2
+from rhs.api.records import LoopEdge
 from rhs_loop_closers.error_distribution import spread, weighed
 from rhs_loop_closers.none import NoClosing
 

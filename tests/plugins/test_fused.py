@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rhs.errors import ConfigError
-from rhs_odometry.clouds import Cloud
-from rhs_odometry.fused import Heading, Planar, distance, folded, joined, wall_direction
-from rhs_odometry.fused_config import Fused
+from rhs.api.errors import ConfigError
+from rhs_odometry.clouds.clouds import Cloud
+from rhs_odometry.fused.config import Fused
+from rhs_odometry.fused.fused import Heading, Planar, distance, folded, joined, wall_direction
 
 
 def cloud_of(angles_rad: np.ndarray) -> Cloud:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from painted_room import observe, paintings
 
-from rhs.errors import ConfigError
-from rhs.geometry import Camera, align, camera_from_fov, exp_se3, inverse, log_se3, se2, transform
-from rhs.records import FeatureSettings, Observation, Tracking, Twist
-from rhs_odometry.keyframe_config import Keyframe
+from rhs.api.geometry import Camera, align, camera_from_fov, exp_se3, inverse, log_se3, se2, transform
+from rhs.api.records import FeatureSettings, Observation, Tracking, Twist
+from rhs.api.errors import ConfigError
+from rhs_odometry.keyframe.config import Keyframe
 from rhs_sources.replay_config import Replay
 
 ROBOT = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.geometry import Camera, exp_se3, inverse
-from rhs_odometry.keyframe_map import KeyframeMap
-from rhs_odometry.surface import surfaces
+from rhs.api.geometry import Camera, exp_se3, inverse
+from rhs_odometry.keyframe.keyframe_map import KeyframeMap
+from rhs_odometry.keyframe.surface import surfaces
 
 CAMERA = Camera(320, 240, 290.0, 290.0, 159.5, 119.5)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from rhs.geometry import Camera
-from rhs.records import Observation
-from rhs_odometry.klt import KltSettings, KltTracker
-from rhs_odometry.klt_patches import Patches, PatchRules, whole
+from rhs.api.geometry import Camera
+from rhs.api.records import Observation
+from rhs_odometry.tracks.klt import KltSettings, KltTracker
+from rhs_odometry.tracks.klt_patches import Patches, PatchRules, whole
 
 SHAPE = (120, 160)
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)

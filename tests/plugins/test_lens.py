@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rhs.contracts import SourceContext
-from rhs.errors import ConfigError
-from rhs.geometry import Camera, camera_from_fov, inverse, se2, transform
-from rhs.records import Twist
-from rhs.world import load_world
+from rhs.api.contracts import SourceContext
+from rhs.api.geometry import Camera, camera_from_fov, inverse, se2, transform
+from rhs.api.records import Twist
+from rhs.api.errors import ConfigError
+from rhs.worlds.world import load_world
 from rhs_sources.lens import Lens, checked_rays
 from rhs_sources.simulator_config import Simulator
 
@@ -159,8 +159,8 @@ def test_a_lens_that_folds_the_picture_is_refused_in_one_line():
 @pytest.mark.benchmark
 def test_one_eye_goes_round_a_corner_as_well_through_a_lens(tmp_path):
     """Two corridors of 17 m with the lens of tum_fr1: seed 100 gave an ATE of 0.034 m with and without it."""
-    from rhs.compose import compose_config
-    from rhs.experiment import run_config
+    from rhs.config.compose import compose_config
+    from rhs.patrol.run import run_config
 
     words = ["experiment=mono_two_corridors", "task=survey", "seed=100", "recording=off"]
     (tmp_path / "a").mkdir()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rhs.geometry import rotation_z, se2
+from rhs.api.geometry import rotation_z, se2
 from rhs_loop_closers.candidates import beside, looked_back, progress_m, spread
 
 

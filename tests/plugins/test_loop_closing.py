@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from painted_survey import context, ring, survey
 
-from rhs.consistency import DriftBounds, agreement, largest_agreeing, supported
-from rhs.geometry import inverse, log_se3, se2
-from rhs.loops import travelled_m
-from rhs.records import LoopEdge
+from rhs.api.geometry import inverse, log_se3, se2
+from rhs.api.records import LoopEdge
+from rhs.estimation.views.edge_consistency import DriftBounds, agreement, largest_agreeing, supported
+from rhs.estimation.views.loops import travelled_m
 from rhs_loop_closers.error_distribution_config import ErrorDistribution
 from rhs_loop_closers.pose_graph_config import PoseGraph
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rhs.geometry import camera_from_fov, inverse, planar, se2
-from rhs.records import FeatureSettings, Motion, Scan, Tracking, View
+from rhs.api.geometry import camera_from_fov, inverse, planar, se2
+from rhs.api.records import FeatureSettings, Motion, Scan, Tracking, View
 from rhs_loop_closers.pose_graph_config import PoseGraph
 from rhs_loop_closers.walls import WallSettings, crooked, followed, wall_graph
 

@@ -5,10 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from rhs.contracts import WorldFacts
-from rhs.errors import ConfigError
-from rhs.geometry import se2
-from rhs.records import Scan
+from rhs.api.contracts import WorldFacts
+from rhs.api.geometry import se2
+from rhs.api.records import Scan
+from rhs.api.errors import ConfigError
 from rhs_mappers.occupancy import OccupancyMapper
 from rhs_mappers.occupancy_config import Occupancy
 

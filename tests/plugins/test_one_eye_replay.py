@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from rhs_odometry.__main__ import main
-from rhs_odometry.corridor_map import walls_of
-from rhs_odometry.corridor_state import Plane
-from rhs_odometry.corridor_walls import with_hits
-from rhs_odometry.replay import Replay, figures
-from rhs_odometry.synthetic import named_tracks
-from rhs_odometry.track_frames import Tracks, save_tracks
+from rhs_odometry.corridor.state import Plane
+from rhs_odometry.corridor.wall_map import walls_of
+from rhs_odometry.corridor.walls import with_hits
+from rhs_odometry.tracks.__main__ import main
+from rhs_odometry.tracks.replay import Replay, figures
+from rhs_odometry.tracks.synthetic import named_tracks
+from rhs_odometry.tracks.track_frames import Tracks, save_tracks
 
 
 def test_a_tracks_file_is_replayed_with_its_picture(tmp_path, capsys):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from painted_survey import FEATURES, SMALL, context, look, ring, survey
 
-from rhs.errors import ConfigError
-from rhs.geometry import inverse, planar, se2
-from rhs.grid import OccupancyGrid, frame_of
-from rhs.rays import cast
-from rhs.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
-from rhs.vision import features, share
+from rhs.api.geometry import inverse, planar, se2
+from rhs.api.grid import OccupancyGrid, frame_of
+from rhs.api.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
+from rhs.api.errors import ConfigError
+from rhs.estimation.scans.rays import cast
+from rhs.estimation.views.features import features, share
 from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan
 from rhs_localisers.sift_db_config import SiftDb
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from rhs_odometry.patches import find_patches
+from rhs_odometry.keyframe.patches import find_patches
 
 IDENTITY = np.eye(3)[:2]
 

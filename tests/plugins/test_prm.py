@@ -3,8 +3,8 @@
 import numpy as np
 from planning_cases import planner, problem, thesis_problem
 
-from rhs.judge import path_valid
-from rhs.records import PlanReason
+from rhs.api.records import PlanReason
+from rhs.metrics.path_judge import path_valid
 
 
 def two_doors() -> np.ndarray:

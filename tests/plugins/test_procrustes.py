@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from painted_room import observe, paintings
 
-from rhs.errors import ConfigError
-from rhs.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2
-from rhs.records import FeatureSettings, Observation, Tracking, Twist
-from rhs_odometry.procrustes import on_floor
-from rhs_odometry.procrustes_config import Procrustes
+from rhs.api.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2
+from rhs.api.records import FeatureSettings, Observation, Tracking, Twist
+from rhs.api.errors import ConfigError
+from rhs_odometry.features.procrustes import on_floor
+from rhs_odometry.features.procrustes_config import Procrustes
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)
 START = se2(-0.5, 0.2, 0.3)

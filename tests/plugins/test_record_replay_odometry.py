@@ -9,11 +9,11 @@ import pytest
 from helpers.synthetic_run import FACTS, make_steps
 from painted_room import observe, paintings
 
-from rhs import registry
-from rhs.contracts import Context, FeatureSettings
-from rhs.geometry import camera_from_fov, se2
-from rhs.parts import generator
-from rhs.recording import Recorder
+from rhs.api.contracts import Context, FeatureSettings
+from rhs.api.geometry import camera_from_fov, se2
+from rhs.config import registry
+from rhs.config.parts import generator
+from rhs.recording.writer import Recorder
 from rhs_sources.replay_config import Replay
 
 CAMERA = camera_from_fov(160, 120, 60.0, height_m=1.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
 
-from rhs.errors import ConfigError
-from rhs.geometry import Camera
-from rhs.ros import camera_info
+from rhs.api.geometry import Camera
+from rhs.api.errors import ConfigError
+from rhs.recording.ros import camera_info
 from rhs_sources.replay_bag import choose_topics
 from rhs_sources.replay_bag_messages import camera_of
 from rhs_sources.replay_config import Replay

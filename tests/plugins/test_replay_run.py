@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from helpers.synthetic_run import FACTS, make_steps
 
-from rhs.errors import ConfigError, RecordingError
-from rhs.geometry import camera_from_fov
-from rhs.recording import Recorder
+from rhs.api.geometry import camera_from_fov
+from rhs.api.errors import ConfigError, RecordingError
+from rhs.recording.writer import Recorder
 from rhs_sources.replay_config import Replay
 
 CAMERA = camera_from_fov(96, 72, 60.0, height_m=1.0)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rhs.geometry import exp_se3, inverse, log_se3, transform
-from rhs_odometry.reprojection import Noise, Sightings, at_middle, fit_pose
+from rhs.api.geometry import exp_se3, inverse, log_se3, transform
+from rhs_odometry.keyframe.reprojection import Noise, Sightings, at_middle, fit_pose
 
 FOCAL = 500.0
 MOVE = exp_se3(np.array([0.1, -0.05, 0.08, 0.02, -0.06, 0.04]))

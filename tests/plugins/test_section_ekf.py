@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from rhs.errors import ConfigError
-from rhs.geometry import inverse, log_so3, se2
-from rhs_odometry import synthetic
-from rhs_odometry.one_eye import OneEye
-from rhs_odometry.section_ekf import section_core
-from rhs_odometry.section_ekf_config import SectionEkf, TubeEkf
-from rhs_odometry.section_filter import Rectangular, Round
+from rhs.api.geometry import inverse, log_so3, se2
+from rhs.api.errors import ConfigError
+from rhs_odometry.section.ekf import section_core
+from rhs_odometry.section.ekf_config import SectionEkf, TubeEkf
+from rhs_odometry.section.filter import Rectangular, Round
+from rhs_odometry.tracks import synthetic
+from rhs_odometry.tracks.monocular import OneEye
 
 
 def corridor(length_m: float = 5.0, step_m: float = 0.1):

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rhs.contracts import SourceContext
-from rhs.errors import ConfigError, RhsError
-from rhs.floorplan import Box
-from rhs.geometry import inverse, planar, se2, transform
-from rhs.records import Twist
-from rhs.world import load_world
+from rhs.api.contracts import SourceContext
+from rhs.api.floorplan import Box
+from rhs.api.geometry import inverse, planar, se2, transform
+from rhs.api.records import Twist
+from rhs.api.errors import ConfigError, RhsError
+from rhs.worlds.world import load_world
 from rhs_sources.simulator_config import Simulator
 
 WORLD = load_world("square_small")

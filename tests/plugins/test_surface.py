@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs_odometry.surface import surfaces
+from rhs_odometry.keyframe.surface import surfaces
 
 V, U = np.mgrid[0:120, 0:160].astype(float)
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from rhs.errors import RecordingError
-from rhs.geometry import camera_from_fov
-from rhs.records import Observation, Twist
-from rhs_odometry import synthetic
-from rhs_odometry.corridor_window import TrackWindow
-from rhs_odometry.klt import KltSettings, KltTracker
-from rhs_odometry.track_frames import TrackFrame, common, load_tracks, save_tracks
+from rhs.api.geometry import camera_from_fov
+from rhs.api.records import Observation, Twist
+from rhs.api.errors import RecordingError
+from rhs_odometry.corridor.window import TrackWindow
+from rhs_odometry.tracks import synthetic
+from rhs_odometry.tracks.klt import KltSettings, KltTracker
+from rhs_odometry.tracks.track_frames import TrackFrame, common, load_tracks, save_tracks
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.2)
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rhs.contracts import SourceContext
-from rhs.errors import ConfigError
-from rhs.geometry import inverse, transform
+from rhs.api.contracts import SourceContext
+from rhs.api.geometry import inverse, transform
+from rhs.api.errors import ConfigError
 from rhs_sources.tube_config import Tube
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from painted_survey import FEATURES, SMALL, context, look, ring, survey
 
-from rhs.continuity import Continuity
-from rhs.geometry import inverse, se2
-from rhs.grid import OccupancyGrid, frame_of
-from rhs.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
-from rhs.scanmatch import ScanMatcher
-from rhs.vision import share
+from rhs.api.geometry import inverse, se2
+from rhs.api.grid import OccupancyGrid, frame_of
+from rhs.api.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
+from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.features import share
+from rhs.estimation.views.motion_consistency import Continuity
 from rhs_localisers.particle_filter_config import ParticleFilter
 from rhs_localisers.sift_db_config import SiftDb
 from rhs_localisers.vouching import AGAINST_M, Rumour, Vouching, fits

@@ -9,7 +9,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
-from rhs.errors import check_choice, check_range
+from rhs.api.errors import check_choice, check_range
 
 NOTHING: frozenset[str] = frozenset()
 FAULTS = ("none", "raise", "exit", "os_exit", "kill", "segfault", "sleep", "spin", "none_result", "nan_pose", "shape",

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from rhs.belief import moved
-from rhs.contracts import WorldFacts
-from rhs.geometry import camera_from_fov, planar, se2
-from rhs.grid import OccupancyGrid
-from rhs.records import Capture, Closure, Motion, Observation, Path, PlanReason, Scan, Tracking, Twist
+from rhs.api.belief import moved
+from rhs.api.contracts import WorldFacts
+from rhs.api.geometry import camera_from_fov, planar, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Capture, Closure, Motion, Observation, Path, PlanReason, Scan, Tracking, Twist
 
 BEARINGS = np.linspace(-np.pi, np.pi, 60, endpoint=False)
 

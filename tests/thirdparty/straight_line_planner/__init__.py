@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.contracts import Context
-from rhs.errors import check_range
-from rhs.records import Path, PlanningProblem, PlanReason
+from rhs.api.contracts import Context
+from rhs.api.records import Path, PlanningProblem, PlanReason
+from rhs.api.errors import check_range
 
 
 @dataclass

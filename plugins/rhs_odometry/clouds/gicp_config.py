@@ -1,0 +1,41 @@
+"""Settings of the odometry `gicp`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.api.errors import check_range
+
+from .settings import CloudSettings
+
+
+@dataclass
+class Gicp(CloudSettings):
+    """Generalised ICP of thinned depth clouds against a key cloud (small_gicp)."""
+
+    name: ClassVar[str] = "gicp"
+
+    # Clouds are thinned to one point per cube of this side, metres.
+    voxel_m: float = 0.05
+    # A new key cloud is taken after moving or turning this far from it, metres and degrees.
+    keep_move_m: float = 0.4
+    keep_turn_deg: float = 12.0
+    # Points are neighbours up to this distance, metres.
+    reach_m: float = 0.3
+    # Most iterations of one alignment.
+    iterations: int = 30
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        owner = f"odometry.{self.name}"
+        check_range(owner, "voxel_m", self.voxel_m, low=0.005, high=5.0, unit="m")
+        check_range(owner, "keep_move_m", self.keep_move_m, low=0.0, high=10.0, unit="m")
+        check_range(owner, "keep_turn_deg", self.keep_turn_deg, low=0.0, high=180.0, unit="degrees")
+        check_range(owner, "reach_m", self.reach_m, low=0.01, high=10.0, unit="m")
+        check_range(owner, "iterations", self.iterations, low=1, high=100)
+
+    def build(self, context: Any) -> Any:
+        from .gicp import build
+
+        return build(self, context)

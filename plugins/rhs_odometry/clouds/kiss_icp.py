@@ -1,0 +1,54 @@
+"""Odometry `kiss_icp`: KISS-ICP (Vizzo et al., RA-L 2023) by its own library, fed with depth clouds.
+
+The library accepts empty clouds and slides along smooth walls without a word; cloud_odometry.py says so for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from kiss_icp.config import KISSConfig
+from kiss_icp.kiss_icp import KissICP
+
+from rhs.api.contracts import Context
+from rhs.api.geometry import inverse, orthonormal
+
+from .clouds import Cloud
+from .kiss_icp_config import KissIcp
+from .odometry import CloudOdometry, within_reach
+
+
+class KissRegistration:
+    """Hands clouds to KISS-ICP and reads its pose; the guess replaces its constant velocity."""
+
+    def __init__(self, settings: KissIcp) -> None:
+        config = KISSConfig()
+        config.data.deskew = False
+        config.data.max_range = settings.max_range_m * 1.5  # along the ray, not the optical axis
+        config.data.min_range = settings.min_range_m
+        config.mapping.voxel_size = settings.voxel_m
+        config.registration.max_num_threads = 1
+        config.registration.max_num_iterations = settings.iterations
+        config.adaptive_threshold.initial_threshold = settings.initial_threshold_m
+        config.adaptive_threshold.min_motion_th = settings.min_motion_m
+        self._kiss = KissICP(config)
+        self._before = np.eye(4)
+
+    def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:
+        before = self._before = np.array(self._kiss.last_pose)
+        self._kiss.last_delta = guess
+        self._kiss.register_frame(cloud.points, np.array([]))
+        motion = inverse(before) @ np.asarray(self._kiss.last_pose, float)
+        if not np.all(np.isfinite(motion)) or not within_reach(motion, guess, metres=1.0, radians=0.6):
+            self._kiss.last_pose = before @ guess
+            return guess, "the alignment leapt away from the guess"
+        return orthonormal(motion), ""
+
+    def take_guess(self, cloud: Cloud, guess: np.ndarray) -> None:
+        self._kiss.last_pose = np.array(self._kiss.last_pose) @ guess
+
+    def correct(self, motion: np.ndarray) -> None:
+        self._kiss.last_pose = self._before @ motion
+
+
+def build(settings: KissIcp, context: Context) -> CloudOdometry:
+    return CloudOdometry(settings, context, KissRegistration(settings))

@@ -1,0 +1,117 @@
+"""What every odometry that aligns clouds shares: the guess it starts from, its gate, and honesty about slipping.
+
+A cloud of walls may slide along itself. The share of points that hold a direction (clouds.observability) decides: too
+little and the motion is `degenerate`, its covariance wide along that direction; with slipping=guess the guess of wheels
+or command replaces what the alignment says along it (solution remapping: Zhang, Kaess and Singh, ICRA 2016).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from rhs.api.contracts import Context
+from rhs.api.geometry import inverse, log_se3, orthonormal
+from rhs.api.records import Motion, Observation, Tracking
+
+from ..features.procrustes import on_floor
+from ..fused.fallback import guess_motion
+from .clouds import Cloud, CloudMaker, observability
+
+CORRELATED = 20.0  # neighbouring readings of a depth camera err together: so many count as one
+LEAST = np.diag([1e-3] * 3 + [5e-4] * 3) ** 2  # no alignment is better than a millimetre
+SLIPPED_M = 0.5  # deviation along a direction that nothing holds
+
+
+class Registration(Protocol):
+    """One way of aligning clouds: knows the cloud or map of the past."""
+
+    def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:
+        """previous_from_body of this cloud from a guess, and what was wrong with it (empty: nothing)."""
+
+    def take_guess(self, cloud: Cloud, guess: np.ndarray) -> None:
+        """The cloud could not be aligned; the body is believed to have moved by the guess."""
+
+    def correct(self, motion: np.ndarray) -> None:
+        """The body is believed to have moved by this since the cloud before, whatever the last alignment said."""
+
+
+class CloudOdometry:
+    """Follows a depth camera with a Registration. Settings: guess, stride_px, ranges, min_points, min_support."""
+
+    def __init__(self, settings, context: Context, registration: Registration) -> None:
+        self._settings, self._registration = settings, registration
+        self._maker = CloudMaker(
+            context.camera, stride=settings.stride_px, min_range_m=settings.min_range_m, max_range_m=settings.max_range_m
+        )
+        self._on_floor = settings.planar and context.camera.height_m > 0.0
+        self._begun = False
+        self._last = np.eye(4)
+
+    def update(self, observation: Observation) -> Motion:
+        """Motion of the body since the previous observation."""
+        cloud = self._maker.cloud(observation.depth)
+        name, guess, wide = self._guess(observation)
+        if not self._begun:
+            self._begun = len(cloud) >= self._settings.min_points
+            if self._begun:
+                self._registration.align(cloud, np.eye(4))
+            status = Tracking.OK if self._begun else Tracking.LOST
+            return Motion(np.eye(4), 1e-12 * np.eye(6), status, "first view" if self._begun else _few(cloud))
+        if len(cloud) < self._settings.min_points:
+            self._registration.take_guess(cloud, guess)
+            return self._done(Motion(guess, wide, Tracking.LOST, f"{_few(cloud)}; took {name}"))
+        pose, trouble = self._registration.align(cloud, guess)
+        if trouble:
+            return self._done(Motion(guess, wide, Tracking.LOST, f"{trouble}; took {name}"))
+        return self._done(self._judge(cloud, pose, guess))
+
+    def revise(self) -> None:
+        """Nothing to say afterwards."""
+        return None
+
+    def _guess(self, observation: Observation) -> tuple[str, np.ndarray, np.ndarray]:
+        """The motion to start from: wheels or command where they are wanted, else the last motion again."""
+        if self._settings.guess == "motion":
+            return guess_motion(observation, self._last)
+        spread = np.diag([0.1**2] * 3 + [0.2**2] * 3) + np.diag([1.0] * 6) * float(np.abs(log_se3(self._last)).max()) ** 2
+        return "same again", self._last, spread
+
+    def _judge(self, cloud: Cloud, pose: np.ndarray, guess: np.ndarray) -> Motion:
+        seen = observability(cloud, self._maker, on_floor=self._on_floor)
+        information = seen.information / CORRELATED + 1e-3 * np.eye(6)
+        if self._on_floor:
+            pose, _ = on_floor(pose, information)
+        covariance = np.linalg.inv(information) + LEAST
+        details = {"points": float(len(cloud)), "support": seen.support}
+        status, reason = Tracking.OK, ""
+        if seen.support < self._settings.min_support:
+            axis = np.concatenate([seen.weakest, np.zeros(3)])
+            covariance = covariance + SLIPPED_M**2 * np.outer(axis, axis)
+            where = ", ".join(f"{v:+.2f}" for v in seen.weakest)
+            reason = f"{100 * seen.support:.2f} % of the points hold the direction ({where}) of the body"
+            status = Tracking.DEGENERATE
+            if self._settings.slipping == "guess":
+                pose = pose.copy()
+                pose[:3, 3] += seen.weakest * float(seen.weakest @ (guess[:3, 3] - pose[:3, 3]))
+                self._registration.correct(pose)
+        covariance = 0.5 * (covariance + covariance.T)
+        sure = np.sqrt(np.diag(np.linalg.inv(covariance)))
+        return Motion(orthonormal(pose), covariance, status, reason, sure, details=details)
+
+    def _done(self, motion: Motion) -> Motion:
+        self._last = motion.previous_from_body
+        return motion
+
+
+def _few(cloud: Cloud) -> str:
+    return f"only {len(cloud)} depth points"
+
+
+def within_reach(pose: np.ndarray, guess: np.ndarray, *, metres: float, radians: float) -> bool:
+    """Whether an alignment stayed near its guess: a scan matcher that leaps has locked on to something else."""
+    off = log_se3(inverse(guess) @ pose)
+    return bool(np.linalg.norm(off[:3]) <= metres and np.linalg.norm(off[3:]) <= radians)
+
+

@@ -1,0 +1,1 @@
+"""A monocular filter over corridors with corners: pose, walls, widths."""

@@ -1,0 +1,71 @@
+"""What fixes the scale beside the camera's height: the corridor's width, known or one unknown constant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rhs.estimation.filters.kalman import correct
+
+from .state import WIDTH, CorridorState
+
+PAIR_HITS = 12  # both walls of a pair must be that well seen
+PAIR_SIGMA_M = 0.01  # walls of one corridor differ from the common width by this much
+PAIR_GAP = 0.3  # a gap further than this from the width (share) is not this corridor's
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two walls with the camera between them: indices, gap_m, and the rows (1, D) of gap - width."""
+
+    first: int
+    second: int
+    gap_m: float
+    jacobian: np.ndarray
+
+
+def find_pair(state: CorridorState) -> Pair | None:
+    """A not yet used pair of parallel walls, both beside the camera, the camera between them."""
+    here = state.clones[-1, :2]
+    for i, a in enumerate(state.planes):
+        for j in range(i + 1, len(state.planes)):
+            b = state.planes[j]
+            if a.axis != b.axis or a.is_floor or (a.paired and b.paired) or min(a.hits, b.hits) < PAIR_HITS:
+                continue
+            across, along = here[a.axis], here[1 - a.axis]
+            beside = all(p.low_m - 1.0 < along < p.high_m + 1.0 for p in (a, b))
+            if beside and (a.at(along) - across) * (b.at(along) - across) < 0.0:
+                return _pair(state, i, j, along)
+    return None
+
+
+def _pair(state: CorridorState, i: int, j: int, along: float) -> Pair:
+    if state.planes[i].at(along) < state.planes[j].at(along):
+        i, j = j, i
+    a, b = state.planes[i], state.planes[j]
+    jacobian = np.zeros((1, len(state.covariance)))
+    at_a, at_b = state.plane_slice(i).start, state.plane_slice(j).start
+    jacobian[0, [at_a, at_a + 1, at_b, at_b + 1]] = 1.0, -(along - a.pivot_m), -1.0, along - b.pivot_m
+    jacobian[0, WIDTH] = -1.0
+    return Pair(i, j, a.at(along) - b.at(along), jacobian)
+
+
+def fits(pair: Pair, width_m: float) -> bool:
+    return abs(pair.gap_m / width_m - 1.0) < PAIR_GAP
+
+
+def agrees(state: CorridorState, pair: Pair, chi2: float = 16.0) -> bool:
+    spread = float((pair.jacobian @ state.covariance @ pair.jacobian.T)[0, 0]) + PAIR_SIGMA_M**2
+    return (pair.gap_m - state.base[WIDTH]) ** 2 < chi2 * spread
+
+
+def use_pair(state: CorridorState, pair: Pair) -> None:
+    """One measurement: the gap between the walls is the width."""
+    residual = np.array([state.base[WIDTH] - pair.gap_m])
+    change = correct(state.covariance, pair.jacobian, residual, np.array([[PAIR_SIGMA_M**2]]))
+    state.add(change.delta, change.covariance)
+    for k in (pair.first, pair.second):
+        state.planes[k] = replace(state.planes[k], paired=True)
+
+

@@ -1,0 +1,1 @@
+"""Frame to frame: features and rigid motion."""

@@ -1,0 +1,36 @@
+"""Settings of the odometry `orb`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.api.errors import check_choice, check_range
+
+from .procrustes_config import Procrustes
+
+
+@dataclass
+class Orb(Procrustes):
+    """Frame-to-frame RGB-D odometry with fast features: ORB instead of SIFT, otherwise as `procrustes`."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    features: int = 500  # key-points per view; twice as many cost a third more time
+    ratio: float = 0.85  # ratio test; binary descriptors are coarse, so it is looser than SIFT's
+    hypotheses: int = 100  # RANSAC: half of procrustes's, for speed
+    # patches: matched points are looked up again by their patches, to a tenth of a pixel; features: as ORB places them.
+    placing: str = "patches"
+    pixel_sigma_px: float = 0.7  # how well a point is placed, pixels (1 sigma); 1.5 when ORB places it
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("odometry.orb", "features", self.features, low=20, high=20_000)
+        check_choice("odometry.orb", "placing", self.placing, ("patches", "features"))
+        check_range("odometry.orb", "ratio", self.ratio, low=0.1, high=1.0)
+
+    def build(self, context: Any) -> Any:
+        from .orb import OrbOdometry
+
+        return OrbOdometry(self, context)

@@ -1,0 +1,49 @@
+"""Settings of the odometry `procrustes`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from rhs.api.errors import check_choice, check_range
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context
+
+
+@dataclass
+class Procrustes:
+    """Frame-to-frame RGB-D odometry: SIFT, RANSAC on the rigid model, weighted Procrustes (thesis section 3.1)."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    refine: str = "reprojection"  # none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth
+    planar: bool = True  # the camera stands on a robot: keep the motion on the floor; no effect when it is hand-held
+    hypotheses: int = 200  # RANSAC: three-point motions tried per view
+    gate_sigma: float = 4.0  # a pair of points further off than this many sigmas is an outlier; 3 loses good ones on blur
+    pixel_sigma_px: float = 0.5  # how well a key-point is placed, pixels (1 sigma), as measured in the simulator
+    # Depth noise: sigma_z = constant + quadratic * (z - 0.4 m)^2, metres; more than a Kinect's 0.0012 (Nguyen 2012),
+    # because colour and depth are never quite registered.
+    depth_constant_m: float = 0.002
+    depth_quadratic_per_m: float = 0.0019  # the same, 1/m (Nguyen 2012, Kinect)
+    min_inliers: int = 12  # fewer agreeing pairs than this and the view is lost
+    max_sigma_m: float = 0.05  # degenerate when a direction of the translation is less sure than this, metres
+    max_sigma_rad: float = 0.05  # degenerate when an axis of the rotation is less sure than this, radians
+
+    def __post_init__(self) -> None:
+        owner = "odometry.procrustes"
+        check_choice(owner, "refine", self.refine, ("none", "reprojection"))
+        check_range(owner, "hypotheses", self.hypotheses, low=1, high=100_000)
+        check_range(owner, "gate_sigma", self.gate_sigma, low=0.5, high=100.0)
+        check_range(owner, "pixel_sigma_px", self.pixel_sigma_px, low=0.01, high=100.0, unit="px")
+        check_range(owner, "depth_constant_m", self.depth_constant_m, low=1e-5, high=1.0, unit="m")
+        check_range(owner, "depth_quadratic_per_m", self.depth_quadratic_per_m, low=0.0, high=1.0, unit="1/m")
+        check_range(owner, "min_inliers", self.min_inliers, low=4, high=100_000)
+        check_range(owner, "max_sigma_m", self.max_sigma_m, low=1e-6, high=100.0, unit="m")
+        check_range(owner, "max_sigma_rad", self.max_sigma_rad, low=1e-6, high=10.0, unit="rad")
+
+    def build(self, context: Context) -> Any:
+        from .procrustes import ProcrustesOdometry
+
+        return ProcrustesOdometry(self, context)

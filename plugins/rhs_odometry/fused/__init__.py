@@ -1,0 +1,1 @@
+"""Wheels, and vision fused with wheels."""

@@ -1,0 +1,40 @@
+"""What to believe about the motion when vision has nothing to say: wheels, else the command, else more of the same."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.geometry import planar, se2
+from rhs.api.records import Observation
+
+# One-sigma errors of each guess as a share of the distance and of the turn, and the least error. Wide on purpose: a
+# guess that is trusted too much bends the map, one that is trusted too little only leaves the loop closer more work.
+SHARES = {"wheel": 0.10, "command": 0.30, "same again": 1.00}
+LEAST_M = {"wheel": 0.01, "command": 0.05, "same again": 0.10}
+LEAST_RAD = {"wheel": 0.01, "command": 0.05, "same again": 0.20}
+
+
+def guess_motion(observation: Observation, last: np.ndarray) -> tuple[str, np.ndarray, np.ndarray]:
+    """(name of the guess, previous_from_body 4x4, covariance 6x6) from what the observation carries.
+
+    last: the previous motion, taken again when there is neither wheel travel nor a command.
+    """
+    if observation.wheel is not None and np.isfinite(observation.wheel).all():
+        name, pose = "wheel", se2(*observation.wheel)
+    elif observation.command is not None:
+        command = observation.command
+        name, pose = "command", arc(command.forward_mps * command.duration_s, command.turn_radps * command.duration_s)
+    else:
+        name, pose = "same again", last
+    distance, turn = float(np.linalg.norm(pose[:3, 3])), abs(float(planar(pose)[2]))
+    sigma_m = LEAST_M[name] + SHARES[name] * distance
+    sigma_rad = LEAST_RAD[name] + SHARES[name] * turn
+    return name, pose, np.diag([sigma_m**2] * 3 + [sigma_rad**2] * 3)
+
+
+def arc(forward_m: float, turn_rad: float) -> np.ndarray:
+    """4x4 motion of a unicycle that drives `forward_m` along an arc while turning by `turn_rad`."""
+    if abs(turn_rad) < 1e-9:
+        return se2(forward_m, 0.0, turn_rad)
+    radius = forward_m / turn_rad
+    return se2(radius * np.sin(turn_rad), radius * (1.0 - np.cos(turn_rad)), turn_rad)

@@ -1,0 +1,66 @@
+"""Odometry `wheel`: what the encoders say, and nothing else. The yardstick that vision must beat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rhs.api.errors import check_range
+
+
+@dataclass
+class Wheel:
+    """Wheel encoders: planar motion with errors that grow with distance and turn."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    # One-sigma error as a share of the distance and of the turn since the last view.
+    distance_share: float = 0.05
+    turn_share: float = 0.05
+    # Least error of a reading, metres and radians.
+    least_m: float = 0.001
+    least_rad: float = 0.001
+
+    def __post_init__(self) -> None:
+        owner = "odometry.wheel"
+        for name in ("distance_share", "turn_share"):
+            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
+        check_range(owner, "least_m", self.least_m, low=1e-6, high=1.0, unit="m")
+        check_range(owner, "least_rad", self.least_rad, low=1e-6, high=1.0, unit="rad")
+
+    def build(self, context: Any) -> Any:
+        return WheelOdometry(self)
+
+
+class WheelOdometry:
+    """Hands on the encoders' travel; says `lost` when a view came without it."""
+
+    def __init__(self, settings: Wheel) -> None:
+        self._settings = settings
+        self._begun = False
+
+    def update(self, observation):
+        import numpy as np
+
+        from rhs.api.geometry import se2
+        from rhs.api.records import Motion, Tracking
+
+        from .fallback import guess_motion
+
+        if not self._begun:
+            self._begun = True
+            return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view")
+        if observation.wheel is None or not np.isfinite(observation.wheel).all():
+            name, pose, covariance = guess_motion(observation, np.eye(4))
+            return Motion(pose, covariance, Tracking.LOST, f"no wheel travel with this view; took {name}")
+        s = self._settings
+        sigma_m = s.least_m + s.distance_share * float(np.hypot(*observation.wheel[:2]))
+        sigma_rad = s.least_rad + s.turn_share * abs(float(observation.wheel[2]))
+        # a wheel says nothing of height, roll and pitch; the floor does
+        sigmas = np.array([sigma_m, sigma_m, 1e-3, 1e-3, 1e-3, sigma_rad])
+        return Motion(se2(*observation.wheel), np.diag(sigmas**2), Tracking.OK, observability=1.0 / sigmas)
+
+    def revise(self):
+        """Nothing to say afterwards."""
+        return None

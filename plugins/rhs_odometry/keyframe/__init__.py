@@ -1,0 +1,1 @@
+"""Key-frame RGB-D odometry."""

@@ -1,0 +1,232 @@
+"""Odometry `keyframe`: follow the points of a small map, make key frames, find old ones again, keep a pose graph.
+
+Per view (compare Klein and Murray, PTAM, ISMAR 2007; Kerl et al., DVO-SLAM, IROS 2013):
+1. guess the motion from wheels, the command or the last motion;
+2. follow the points and fit the pose (keyframe_tracker.py, patches.py, reprojection.py);
+3. when too few fit, match ORB features with the last view and try again from there; else the view is lost;
+4. sharpen the points that fit, forget the others;
+5. when little of the last key frame is left, make a new one; look for old ones that are in view again, measure the
+   new one against them, and let the pose graph settle (rhs.posegraph).
+All of it is causal: a pose is reported once, with what was known then. revise() gives the settled ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.contracts import Context
+from rhs.api.geometry import adjoint, inverse, log_so3, orthonormal
+from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
+from rhs.estimation.views import features as vision
+from rhs.estimation.views.rigid import PointNoise, RansacSettings, ransac_rigid
+
+from ..features.procrustes import on_floor
+from ..fused.fallback import guess_motion
+from .keyframe_map import Edge, KeyframeMap
+from .reprojection import PoseFit
+from .tracker import Look, Tracker
+
+MIN_EDGE = 20  # inliers that make a relative pose worth an edge
+RESCUE_FEATURES = 600  # ORB key-points compared when following fails
+FIRST = 1e-12 * np.eye(6)
+# The points of one view err together (blur, lens, depth calibration), so a fit is not as sure as its many points say.
+CORRELATED = 4.0
+LEAST = np.diag([1e-3] * 3 + [3e-4] * 3) ** 2  # no edge is better than a millimetre and a fiftieth of a degree
+
+
+class KeyframeOdometry:
+    """See the module. Poses inside are map_from_camera, the map being the first camera."""
+
+    def __init__(self, settings, context: Context) -> None:
+        import cv2
+
+        cv2.setNumThreads(1)
+        camera = context.camera
+        self._settings, self._camera, self._rng = settings, camera, context.rng
+        self._on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
+        self._map = KeyframeMap(settings.inverse_depth_sigma)
+        self._tracker = Tracker(settings, camera, self._map)
+        self._previous: Observation | None = None
+        self._motion = np.eye(4)  # previous_from_body of the last step
+        self._spread = FIRST  # covariance of the last pose
+        self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
+        self._full = 0  # points followed when the last key frame was made
+        self._history: list[tuple[int, np.ndarray, Scan | None]] = []  # per view: key frame, keyframe_from_camera, scan
+
+    def update(self, observation: Observation) -> Motion:
+        """Motion of the body since the previous observation."""
+        look = self._tracker.ready(observation)
+        previous, self._previous = self._previous, observation
+        if previous is None:
+            self._tracker.restart(look, np.eye(4))
+            self._new_keyframe(look, [])
+            return self._report(observation, FIRST, Tracking.OK, "first view")
+        name, body_motion, wide = guess_motion(observation, self._motion)
+        guess = self._tracker.pose @ self._in_camera(body_motion)
+        fit = self._fit(look, guess, previous)
+        if fit is None:
+            reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
+            return self._lost(look, orthonormal(guess), wide, reason)
+        self._tracker.accept(look, fit)
+        if self._on_floor:
+            self._put_on_floor(fit)
+        if self._wants_keyframe():
+            self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
+        spread = _covariance(fit)
+        both, self._spread = spread + self._spread, spread
+        weak = self._weakness(spread)
+        return self._report(observation, both, Tracking.DEGENERATE if weak else Tracking.OK, weak, fit)
+
+    def revise(self) -> Revision | None:
+        """Every view where its key frame finally stands; scans stay as they were."""
+        b = self._camera.body_from_camera
+        poses = np.array([b @ self._map.poses[k] @ rel @ inverse(b) for k, rel, _ in self._history])
+        return Revision(poses, tuple(scan for _, _, scan in self._history)) if self._history else None
+
+    def _fit(self, look: Look, guess: np.ndarray, previous: Observation) -> PoseFit | None:
+        """The pose of the view, or None when nothing measures it."""
+        ids, pixels = self._tracker.ids, self._tracker.pixels
+        fit = self._tracker.follow(look, guess)
+        if self._trusted(fit, len(ids)):
+            return fit
+        motion = self._rescue(previous)
+        if motion is not None:
+            followed = self._tracker.ids, self._tracker.pixels
+            self._tracker.ids, self._tracker.pixels = ids, pixels
+            again = self._tracker.find(look, self._tracker.pose @ motion)
+            if again.inliers.sum() >= fit.inliers.sum():
+                fit = again
+            else:
+                self._tracker.ids, self._tracker.pixels = followed
+        return fit if fit.inliers.sum() >= self._settings.min_inliers else None
+
+    def _trusted(self, fit: PoseFit, followed: int) -> bool:
+        enough = max(2 * self._settings.min_inliers, 0.25 * followed)
+        return bool(fit.inliers.sum() >= enough)
+
+    def _rescue(self, previous: Observation) -> np.ndarray | None:
+        """previous_from_camera by matching ORB features with depth, however far the camera moved."""
+        now = vision.orb_features(self._previous, RESCUE_FEATURES)
+        then = vision.orb_features(previous, RESCUE_FEATURES)
+        rows = vision.match(now, then, 0.85)
+        p, q = now.points[rows[:, 0]].astype(float), then.points[rows[:, 1]].astype(float)
+        known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
+        noise = PointNoise(float(self._camera.fx), 2.0)
+        found = ransac_rigid(p[known], q[known], noise=noise, rng=self._rng, settings=RansacSettings(200, 3.0))
+        return found.a_from_b if found is not None and found.count >= self._settings.min_inliers else None
+
+    def _wants_keyframe(self) -> bool:
+        s, tracker = self._settings, self._tracker
+        moved = inverse(self._map.poses[-1]) @ tracker.pose
+        return bool(
+            len(tracker.ids) < s.keep_share * self._full
+            or np.linalg.norm(log_so3(moved[:3, :3])) > np.radians(s.keep_turn_deg)
+            or np.linalg.norm(moved[:3, 3]) > s.keep_move_m
+        )
+
+    def _new_keyframe(self, look: Look, edges: list[Edge]) -> None:
+        """Make this view a key frame tied by edges and by old key frames seen again; settle; top up the points."""
+        tracker = self._tracker
+        k = self._map.add_keyframe(tracker.pose, look.picture)
+        self._map.tie(edges)
+        loops = self._revisit(look, k)
+        if loops and edges:
+            self._map.tie(loops)
+            self._map.settle()
+            tracker.pose = self._map.poses[k]
+        elif loops:  # adrift: the old key frame says where we are
+            self._map.tie(loops)
+            tracker.pose = self._map.poses[k] = self._map.poses[loops[0].a] @ loops[0].a_from_b
+        tracker.top_up(look, k)
+        self._full = len(tracker.ids)
+
+    def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
+        """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
+        few = fit.inliers.sum() < MIN_EDGE or fit.inliers.mean() < 0.4
+        return [] if few or self._weakness(_covariance(fit)) else [self._measured(fit, int(a), k, loop=loop)]
+
+    def _measured(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> Edge:
+        """The edge that a fit measures, on the floor when the camera stands on a robot."""
+        a_from_k = inverse(self._map.poses[a]) @ inverse(fit.camera_from_map)
+        covariance = CORRELATED * _covariance(fit) + LEAST
+        if self._on_floor:
+            b = self._camera.body_from_camera
+            there, back = adjoint(b), adjoint(inverse(b))
+            information = np.linalg.inv(there @ covariance @ there.T)
+            flat, spread = on_floor(b @ a_from_k @ inverse(b), information)
+            a_from_k, covariance = inverse(b) @ flat @ b, back @ spread @ back.T
+        return Edge(a, k, a_from_k, 0.5 * (covariance + covariance.T), loop)
+
+    def _revisit(self, look: Look, k: int) -> list[Edge]:
+        """Look for old key frames that should be in view again; their points are followed from now on."""
+        tracker, edges = self._tracker, []
+        anchors, counts = np.unique(self._map.anchor[tracker.ids], return_counts=True)
+        followed = {int(a) for a in anchors[counts >= MIN_EDGE]}
+        candidates = self._map.overlap(tracker.pose, look, self._camera, exclude=followed | {k})
+        for a, ids in candidates[: self._settings.revisit]:
+            if len(ids) < 2 * MIN_EDGE:
+                break
+            ids, pixels = tracker.seek(look, ids, tracker.pose)
+            fit = tracker.fit(look, ids, pixels, inverse(tracker.pose))
+            edge = self._edge(fit, a, k, loop=True)
+            if edge:
+                edges += edge
+                tracker.add(ids[fit.inliers], pixels[fit.inliers])
+        return edges
+
+    def _lost(self, look: Look, pose: np.ndarray, covariance: np.ndarray, reason: str) -> Motion:
+        """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
+        self._tracker.restart(look, pose)
+        move = adjoint(inverse(self._camera.body_from_camera))
+        self._spread = move @ covariance @ move.T
+        k = len(self._map.poses)
+        drift = Edge(k - 1, k, inverse(self._map.poses[-1]) @ pose, self._spread)
+        if self._tracker.seeable(look) >= self._settings.min_inliers:
+            self._new_keyframe(look, [])
+            self._map.tie([drift])
+        return self._report(self._previous, self._spread, Tracking.LOST, reason)
+
+    def _put_on_floor(self, fit: PoseFit) -> None:
+        """A robot neither climbs nor tilts: take the planar pose nearest to the fitted one."""
+        b = self._camera.body_from_camera
+        move = adjoint(inverse(b))
+        information = move.T @ (fit.information + 1e-3 * np.eye(6)) @ move
+        flat, _ = on_floor(b @ self._tracker.pose @ inverse(b), information)
+        self._tracker.pose = inverse(b) @ flat @ b
+
+    def _weakness(self, covariance: np.ndarray) -> str:
+        """Why this pose is degenerate, or nothing."""
+        s = self._settings
+        sigma_m = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
+        sigma_rad = np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])
+        if sigma_m > s.max_sigma_m:
+            return f"translation known to {sigma_m:.3f} m only, {s.max_sigma_m} m allowed"
+        if sigma_rad > s.max_sigma_rad:
+            return f"rotation known to {sigma_rad:.3f} rad only, {s.max_sigma_rad} rad allowed"
+        return ""
+
+    def _in_camera(self, body_motion: np.ndarray) -> np.ndarray:
+        b = self._camera.body_from_camera
+        return inverse(b) @ body_motion @ b
+
+    def _report(self, observation: Observation, covariance, status: Tracking, reason: str, fit=None) -> Motion:
+        """The motion of the body since the pose reported last, and remember where this view hangs in the graph."""
+        b, pose = self._camera.body_from_camera, self._tracker.pose
+        motion = orthonormal(b @ inverse(self._reported) @ pose @ inverse(b))
+        self._reported, self._motion = pose, motion
+        k = len(self._map.poses) - 1
+        self._history.append((k, inverse(self._map.poses[k]) @ pose, observation.scan))
+        move = adjoint(b)
+        spread = move @ covariance @ move.T
+        spread = 0.5 * (spread + spread.T) + FIRST
+        details = {"keyframes": float(k + 1), "followed": float(len(self._tracker.ids))}
+        if fit is not None:
+            details |= {"inliers": float(fit.inliers.sum()), "residual_px": fit.pixel_rms}
+        sure = np.sqrt(np.diag(np.linalg.inv(spread)))
+        return Motion(motion, spread, status, reason, sure, details=details)
+
+
+def _covariance(fit: PoseFit) -> np.ndarray:
+    """Covariance (6x6) of map_from_camera's right perturbation: exp(d) camera_from_map has the inverse ... exp(-d)."""
+    covariance = np.linalg.inv(fit.information + 1e-3 * np.eye(6))
+    return 0.5 * (covariance + covariance.T)

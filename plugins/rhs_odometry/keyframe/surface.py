@@ -1,0 +1,85 @@
+"""What a depth image says of the surface under a pixel: its inverse depth there, and how that changes across the image.
+
+On a plane inverse depth is linear in the pixel, so a plane is fitted to the inverse depths of a window; averaging makes
+the depth several times surer than one reading, and the slope tells how a patch of the surface is foreshortened.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.jit import compiled
+
+HALF = 3  # windows are (2 HALF + 1)^2 pixels
+LEAST_KNOWN = 0.6  # share of the window that must be known
+ROUGH = 0.015  # 1/m: inverse depths off the plane by more (RMS) hang over an edge: which surface is seen?
+
+
+def surfaces(depth: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse depth (N,) in 1/m at sub-pixel positions (N, 2) of an (H, W) depth image in metres, and its slope (N, 2)
+    in 1/m per pixel along u and v. NaN where too little is known, outside, or over an edge."""
+    out = np.full((len(pixels), 3), np.nan)
+    _fit(depth, np.ascontiguousarray(pixels, np.float64), HALF, LEAST_KNOWN, ROUGH, out)
+    return out[:, 0], out[:, 1:]
+
+
+def warps(
+    pixels: np.ndarray, inverse_depth: np.ndarray, slopes: np.ndarray, *, now_from_then: np.ndarray, camera
+) -> np.ndarray:
+    """(N, 2, 2) d pixel then / d pixel now of surfaces seen at pixels (N, 2) with inverse depths (N,) and slopes (N, 2),
+    when the camera has moved: now_from_then (4, 4), or (N, 4, 4) from as many views. NaN where it is seen edge on."""
+    step = 4.0
+    out = np.empty((len(pixels), 2, 2))
+    rotation, centre = now_from_then[..., :3, :3], now_from_then[..., :3, 3]
+    for axis in range(2):
+        ends = []
+        for sign in (-step, step):
+            moved = pixels.astype(float)
+            moved[:, axis] += sign
+            rho = np.maximum(inverse_depth + sign * slopes[:, axis], 1e-3)
+            local = camera.rays(moved) / rho[:, None]
+            ends.append(camera.project((rotation @ local[:, :, None])[:, :, 0] + centre))
+        out[:, :, axis] = (ends[1] - ends[0]) / (2.0 * step)
+    good = np.abs(np.linalg.det(np.nan_to_num(out))) > 1e-3
+    out[~good] = np.nan
+    out[good] = np.linalg.inv(out[good])
+    return out
+
+
+@compiled
+def _fit(depth, pixels, half, least_known, rough, out):
+    height, width = depth.shape
+    least = max(least_known * (2 * half + 1) ** 2, 4.0)
+    for i in range(pixels.shape[0]):
+        if not (np.isfinite(pixels[i, 0]) and np.isfinite(pixels[i, 1])):
+            continue
+        u, v = int(np.round(pixels[i, 0])), int(np.round(pixels[i, 1]))
+        if u < 0 or v < 0 or u >= width or v >= height:
+            continue
+        n = su = sv = suu = suv = svv = sr = sur = svr = srr = 0.0
+        for y in range(max(v - half, 0), min(v + half + 1, height)):
+            for x in range(max(u - half, 0), min(u + half + 1, width)):
+                z = depth[y, x]
+                if not (z > 0.0 and z < 1e3):  # false for NaN
+                    continue
+                r, du, dv = 1.0 / z, x - pixels[i, 0], y - pixels[i, 1]
+                n += 1.0
+                su += du
+                sv += dv
+                suu += du * du
+                suv += du * dv
+                svv += dv * dv
+                sr += r
+                sur += du * r
+                svr += dv * r
+                srr += r * r
+        if n < least:
+            continue
+        normal = np.array([[n, su, sv], [su, suu, suv], [sv, suv, svv]])
+        right = np.array([sr, sur, svr])
+        if np.linalg.det(normal) < 1e-6 * n**3:
+            continue
+        plane = np.linalg.solve(normal, right)
+        off = max(srr - plane @ right, 0.0)
+        if plane[0] > 1e-3 and off < (n - 3.0) * rough**2:
+            out[i, 0], out[i, 1], out[i, 2] = plane[0], plane[1], plane[2]

@@ -1,0 +1,1 @@
+"""The thesis's filter inside one section of corridor or tube."""

@@ -1,0 +1,1 @@
+"""KLT tracks, and the odometries that live on them."""

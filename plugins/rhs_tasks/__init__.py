@@ -1,0 +1,1 @@
+"""Tasks: planning alone, single places, unrolling a tube."""

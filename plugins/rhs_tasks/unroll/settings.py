@@ -1,0 +1,75 @@
+"""Settings of the unrolling task."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from rhs.api.errors import ConfigError, check_choice, check_range
+
+
+@dataclass
+class Unroll:
+    """The unrolling task: the wall of a tube or corridor as one flat picture."""
+
+    # folder of pictures in the order of their names (png, jpg); empty: the views of the source
+    path: str = ""
+    # of the camera that took them: [fx,fy,cx,cy] in pixels
+    intrinsics: list[float] = field(default_factory=list)
+    # and of its lens: k1, k2, p1, p2, k3 as OpenCV has them; empty: none
+    distortion: list[float] = field(default_factory=list)
+    # the section: round or rectangular
+    shape: str = "round"
+    # its radius, or half its width, metres
+    size_m: float = 0.25
+    # height over width of a rectangular section
+    aspect: float = 1.0
+    # how it bends from the first view on: metres of a piece and its bend in degrees (left positive), one after the other
+    pieces: list[float] = field(default_factory=list)
+    # the bend: told (by `pieces`; straight if they are empty), or found from the views, which are looked at twice for it
+    bend: str = "told"
+    # where the camera is at the first view, left of and above the middle of the section, metres; it looks along the tube
+    start_left_m: float = 0.0
+    start_up_m: float = 0.0
+    # a strip begins so many sizes ahead of the camera ...
+    near_sizes: float = 1.2
+    # ... and ends so many ahead; further away a pixel covers too much wall
+    far_sizes: float = 3.5
+    # side of a pixel of the mosaic, share of size_m
+    pixel_share: float = 0.02
+    # where each strip is seen from: fitted (to the mosaic so far), or centred on the axis as in the thesis
+    pose: str = "fitted"
+    # a strip is put on the mosaic by: homography (thesis), or where its pose says (none)
+    stitch: str = "homography"
+
+    def __post_init__(self) -> None:
+        check_choice("unroll", "shape", self.shape, ("round", "rectangular"))
+        check_choice("unroll", "bend", self.bend, ("told", "found"))
+        if self.bend == "found" and self.pieces:
+            raise ConfigError("unroll.bend=found leaves nothing to tell; type unroll.pieces=[] or unroll.bend=told")
+        check_choice("unroll", "pose", self.pose, ("fitted", "centred"))
+        check_choice("unroll", "stitch", self.stitch, ("homography", "none"))
+        check_range("unroll", "size_m", self.size_m, low=1e-3, high=100.0, unit="m")
+        check_range("unroll", "aspect", self.aspect, low=0.1, high=10.0)
+        for name in ("start_left_m", "start_up_m"):
+            check_range("unroll", name, getattr(self, name), low=-0.8 * self.size_m * max(self.aspect, 1.0),
+                        high=0.8 * self.size_m * max(self.aspect, 1.0), unit="m")
+        check_range("unroll", "near_sizes", self.near_sizes, low=0.2, high=20.0)
+        check_range("unroll", "far_sizes", self.far_sizes, low=self.near_sizes + 0.3, high=40.0)
+        check_range("unroll", "pixel_share", self.pixel_share, low=0.004, high=0.2)
+        if len(self.pieces) % 2:
+            raise ConfigError(f"unroll.pieces={list(self.pieces)} has {len(self.pieces)} numbers; expected pairs of metres "
+                              "and degrees, for example [1,0,2,30]")
+        for length_m, bend_deg in zip(self.pieces[::2], self.pieces[1::2], strict=True):
+            check_range("unroll", "pieces (length)", length_m, low=1e-3, high=1000.0, unit="m")
+            tightest = 57.29578 * length_m / (1.5 * self.size_m)
+            check_range("unroll", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
+        for name, counts in (("intrinsics", (0, 4)), ("distortion", (0, 4, 5))):
+            if len(getattr(self, name)) not in counts:
+                raise ConfigError(f"unroll.{name}={list(getattr(self, name))} has {len(getattr(self, name))} numbers; "
+                                  f"expected {' or '.join(map(str, counts[1:]))}")
+        for value in self.intrinsics:
+            check_range("unroll", "intrinsics", value, low=-1e5, high=1e5, unit="px")
+        for value in self.distortion:
+            check_range("unroll", "distortion", value, low=-10.0, high=10.0)
+        if self.path and not self.intrinsics:
+            raise ConfigError("unroll.path needs the camera that took the pictures; type unroll.intrinsics=[fx,fy,cx,cy]")

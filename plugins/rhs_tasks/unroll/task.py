@@ -1,0 +1,165 @@
+"""The unrolling task: views from inside a tube or corridor to one flat picture of its wall (thesis section 4.3, T11).
+
+Views are those of the source as the sensor reports them, or pictures of a folder (`unroll.path`). Files of the run folder:
+config.yaml, mosaic.png (pixels of `unroll.pixel_share`, rows round the tube from the middle of the floor over the right
+wall, columns along it), strips.csv (a row per view), overview.png, row.json; truth.png where the true texture is known.
+"""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rhs.api.contracts import FeatureSettings
+from rhs.api.files import replacing
+from rhs.api.floorplan import World
+from rhs.api.geometry import Camera
+from rhs.api.errors import ConfigError
+from rhs.config.compose import RunConfig, identity
+from rhs.config.parts import Parts, build
+from rhs.estimation.views.features import gray, write_image
+from rhs.patrol.task_row import run_task
+
+from .bend_finder import BendFinder
+from .bending import Winding
+from .folder import Folder
+from .mosaic import correlation
+from .settings import Unroll
+from .truth import TextureJudge, judge_of
+from .unrolling import Stitched, Unroller
+
+
+def run_unroll_config(config: RunConfig, folder: Path) -> dict[str, Any]:
+    """Run the task and return its row, written whatever the outcome; the cause of a failure stands under `_cause`.
+
+    Raises ConfigError before anything ran, for what can be refused."""
+    pictures = Folder(config.unroll) if config.unroll.path else None
+    row = run_task(identity(config), config, folder,
+                   lambda: from_folder(pictures, config.unroll, folder) if pictures else from_source(config, folder))
+    if row["_cause"] is None:
+        from .pictures import overview
+
+        overview(folder, config.unroll, row)
+    return row
+
+
+def from_folder(pictures: Folder, settings: Unroll, folder: Path) -> dict[str, Any]:
+    """Columns of a run over pictures of which nothing else is known."""
+    unroller, strips, cpu_ms = unrolled(iter(pictures), pictures.camera, settings)
+    write_image(folder / "mosaic.png", shown(unroller.mosaic.picture()))
+    write_strips(folder, strips)
+    return columns(unroller, strips, settings) | {"world": Path(settings.path).name, "unroll_ms": cpu_ms}
+
+
+def from_source(config: RunConfig, folder: Path) -> dict[str, Any]:
+    """Columns of a run over the views of the source, judged by its true texture."""
+    settings, parts = config.unroll, parts_of(config, folder)
+    try:
+        judge = judge_of(config, parts)
+        unroller, strips, cpu_ms = unrolled(watched(parts, judge), parts.source.camera, settings)
+        truth = judge.texture(unroller.mosaic)
+    finally:
+        parts.source.close()
+    picture = unroller.mosaic.picture()
+    write_image(folder / "mosaic.png", shown(picture))
+    write_strips(folder, strips)
+    both = np.isfinite(picture) & np.isfinite(truth)
+    if both.any():
+        write_image(folder / "truth.png", shown(truth))
+    found = {
+        "world": parts.source.facts.name,
+        "mosaic_correlation": correlation(picture[both], truth[both]) if both.any() else float("nan"),
+        "along_error_pct": judge.along_error_percent(strips[-1].along_m),
+        "bend_error_deg": judge.heading_error_deg(unroller, strips[-1].along_m),
+        "unroll_ms": cpu_ms,
+    }
+    return columns(unroller, strips, settings) | found
+
+
+def unrolled(views: Iterator[np.ndarray], camera: Camera, settings: Unroll) -> tuple[Unroller, list[Stitched], float]:
+    """All views (H, W) gray unrolled in order, after one look at all of them if the bend is to be found; CPU milliseconds
+    per view."""
+    tube, first_look_ms = None, 0.0
+    if settings.bend == "found":
+        views = iter(kept := list(views))
+        tube, first_look_ms = found_tube(kept, camera, settings)
+    unroller, strips, cost = Unroller(settings, camera, tube), [], []
+    for view in views:
+        begin = time.process_time()
+        strips.append(unroller.add(view))
+        cost.append(1e3 * (time.process_time() - begin))
+    if len(strips) < 2:
+        raise ConfigError(f"{len(strips)} views to unroll; expected at least two")
+    return unroller, strips, float(np.median(cost)) + first_look_ms
+
+
+def found_tube(views: list[np.ndarray], camera: Camera, settings: Unroll) -> tuple[Winding, float]:
+    """The tube as the views show it to bend; CPU milliseconds per view (mean)."""
+    begin, finder = time.process_time(), BendFinder(settings, camera)
+    for view in views:
+        finder.look(view)
+    return finder.winding, 1e3 * (time.process_time() - begin) / max(len(views), 1)
+
+
+def columns(unroller: Unroller, strips: list[Stitched], settings: Unroll) -> dict[str, Any]:
+    """What can be said without a truth."""
+    picture = unroller.mosaic.picture()
+    agreement = np.array([strip.agreement for strip in strips[1:]])
+    return {
+        "strips": len(strips),
+        "strips_registered_share": float(np.mean([strip.registered for strip in strips])),
+        "strip_agreement": float(np.nanmedian(agreement)),
+        "strip_agreement_least": float(np.nanmin(agreement)),
+        "along_m": strips[-1].along_m,
+        "bend_deg": turned_deg(unroller, settings, strips[-1].along_m),
+        "mosaic_length_m": picture.shape[1] * settings.pixel_share * settings.size_m,
+        "mosaic_known_share": float(np.isfinite(picture).mean()),
+    }
+
+
+def turned_deg(unroller: Unroller, settings: Unroll, along_m: float) -> float:
+    """How far the tube has turned to the left up to there, as it was told or found."""
+    forward = unroller.tube.pose(along_m / settings.size_m)[:2, 0]
+    return float(np.degrees(np.arctan2(forward[1], forward[0])))
+
+
+def write_strips(folder: Path, strips: list[Stitched]) -> None:
+    """strips.csv: where each view was taken, how well its strip fits."""
+    names = [f.name for f in fields(Stitched) if f.name != "values"]
+    with replacing(folder / "strips.csv") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([*names, "along_sizes", "left_sizes", "up_sizes", "turn_x_rad", "turn_y_rad", "turn_z_rad"])
+        for strip in strips:
+            table.writerow([*(getattr(strip, name) for name in names), *np.round(strip.values, 6)])
+
+
+def shown(picture: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 of a gray picture with unknown parts in blue."""
+    grey = np.clip(np.rint(np.nan_to_num(picture)), 0, 255).astype(np.uint8)
+    out = np.repeat(grey[:, :, None], 3, axis=2)
+    out[~np.isfinite(picture)] = (70, 90, 130)
+    return out
+
+
+def parts_of(config: RunConfig, folder: Path) -> Parts:
+    from rhs.worlds.world import load_world
+
+    world: World | None = load_world(config.world) if "driving" in config.source.settings.provides else None
+    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
+    return build(config.chosen(), seed=config.seed, world=world, folder=folder, features=shared)
+
+
+def watched(parts: Parts, judge: TextureJudge) -> Iterator[np.ndarray]:
+    """The views (H, W) gray of the survey as the sensor reports them; the judge looks at the ideal ones."""
+    while (capture := parts.source.lead()) is not None:
+        judge.look(capture, parts.source.truth())
+        observation = parts.sensor.sense(capture)
+        if observation.image is None:
+            raise ConfigError(f"view {capture.index} has no image; task=unroll needs a source and a sensor with images")
+        yield gray(observation.image)

@@ -1,0 +1,13 @@
+"""The errors a user can meet, and the checks of a setting's value: what a plugin raises and calls."""
+
+from rhs.base.errors import (
+    ConfigError,
+    ContractError,
+    PluginError,
+    RecordingError,
+    RhsError,
+    check_choice,
+    check_range,
+)
+
+__all__ = ["ConfigError", "ContractError", "PluginError", "RecordingError", "RhsError", "check_choice", "check_range"]

@@ -1,0 +1,68 @@
+"""Files that appear whole or not at all: written beside their place, flushed to disk, then renamed (level 1).
+
+A crash leaves only names with `.tmp-` in them, which every reader of run folders ignores.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from rhs.base.errors import RhsError
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether any part of the path was left by a writer that did not finish."""
+    return any(".tmp-" in part for part in path.parts)
+
+
+@contextmanager
+def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
+    """A file to write; on leaving the block without an error it takes the place of `path`, otherwise it vanishes.
+
+    Text is UTF-8 with LF line ends on every system. Raises RhsError naming the path and the free space when the disk
+    refuses; the previous file is then untouched.
+    """
+    path = Path(path)
+    partial = path.with_name(f"{path.name}.tmp-{os.getpid()}")
+    text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
+    try:
+        with partial.open(mode, **text) as file:  # type: ignore[call-overload]
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise RhsError(f"cannot write {path}: {error.strerror or error} ({free_space(path)}); free some space or "
+                       f"choose another folder") from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
+    """Let `write` make a file of the same ending beside `path`, then rename it: for libraries that want a name."""
+    path = Path(path)
+    partial = path.with_name(f"{path.stem}.tmp-{os.getpid()}{path.suffix}")
+    try:
+        write(partial)
+        with partial.open("rb") as file:
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise RhsError(f"cannot write {path}: {error.strerror or error} ({free_space(path)}); free some space or "
+                       f"choose another folder") from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def free_space(path: Path) -> str:
+    """Words for the space left where `path` would be."""
+    try:
+        stat = os.statvfs(Path(path).parent)
+    except OSError:
+        return "free space unknown"
+    return f"{stat.f_bavail * stat.f_frsize / 1e6:.0f} MB free"

@@ -1,0 +1,158 @@
+"""Trajectories: TUM files, association by time, alignment.
+
+A TUM line is `stamp_s x y z qx qy qz qw`: metres, unit quaternion with w last, `#` begins a comment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rhs.base.errors import RecordingError
+
+from .files import replacing
+from .geometry import align, inverse, se3
+
+ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """stamps_s (N,) float64, not decreasing; poses (N, 4, 4) float64 `frame_from_body`."""
+
+    stamps_s: np.ndarray
+    poses: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.stamps_s)
+
+    @property
+    def positions_m(self) -> np.ndarray:
+        """(N, 3) positions."""
+        return self.poses[:, :3, 3]
+
+    @property
+    def travelled_m(self) -> np.ndarray:
+        """(N,) distance travelled up to each pose; the first is 0."""
+        steps = np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])[: len(self)]
+
+    def take(self, indices: np.ndarray) -> Trajectory:
+        """The poses at `indices`."""
+        return Trajectory(self.stamps_s[indices], self.poses[indices])
+
+
+def tum_line(stamp_s: float, pose: np.ndarray) -> str:
+    """One line of a TUM file, with its line end; never a minus before zero."""
+    from .geometry import quaternion_xyzw
+
+    numbers = [*pose[:3, 3], *quaternion_xyzw(pose[:3, :3])]
+    return f"{stamp_s:.9f} " + " ".join(f"{round(float(v), 9) + 0.0:.9f}" for v in numbers) + "\n"
+
+
+def write_tum(path: Path, trajectory: Trajectory) -> None:
+    """Write a trajectory; the file appears whole or not at all."""
+    with replacing(Path(path)) as file:
+        file.write("# stamp_s x_m y_m z_m qx qy qz qw\n")
+        file.writelines(tum_line(s, p) for s, p in zip(trajectory.stamps_s, trajectory.poses, strict=True))
+
+
+def read_tum(path: Path) -> Trajectory:
+    """Read a TUM file, sorted by time; of equal stamps the first line counts.
+
+    Raises RecordingError naming file and line for anything that is not eight finite numbers with a usable quaternion.
+    """
+    rows = []
+    for number, line in enumerate(_text(Path(path)).splitlines(), start=1):
+        words = line.split("#", 1)[0].replace(",", " ").split()
+        if words:
+            rows.append(_tum_row(words, f"{path}:{number}"))
+    table = np.array(rows).reshape(-1, 8)
+    _, first = np.unique(table[:, 0], return_index=True)
+    table = table[first]
+    return Trajectory(table[:, 0], _poses(table[:, 1:4], table[:, 4:8]))
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path} is not text (byte {error.start}); expected a TUM trajectory file") from error
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _tum_row(words: list[str], where: str) -> list[float]:
+    try:
+        row = [float(word) for word in words]
+    except ValueError:
+        row = []
+    if len(row) != 8 or not np.all(np.isfinite(row)):
+        raise RecordingError(f"{where}: found '{' '.join(words)[:60]}', expected 8 finite numbers: "
+                             f"stamp x y z qx qy qz qw")
+    if np.linalg.norm(row[4:]) < 1e-6:
+        raise RecordingError(f"{where}: quaternion {row[4:]} has no direction; expected a unit quaternion, w last")
+    return row
+
+
+def _poses(positions: np.ndarray, quaternions_xyzw: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    poses = np.tile(np.eye(4), (len(positions), 1, 1))
+    if len(positions):
+        poses[:, :3, :3] = Rotation.from_quat(quaternions_xyzw).as_matrix()
+        poses[:, :3, 3] = positions
+    return poses
+
+
+def associate(a_s: np.ndarray, b_s: np.ndarray, tolerance_s: float) -> np.ndarray:
+    """(M, 2) index pairs of stamps at most `tolerance_s` apart, one to one, nearest first, sorted by time.
+
+    The greedy rule of the TUM benchmark's associate.py, in O(n log n) for stamps in order.
+    """
+    a_s, b_s = np.asarray(a_s, float), np.asarray(b_s, float)
+    low, high = np.searchsorted(b_s, a_s - tolerance_s), np.searchsorted(b_s, a_s + tolerance_s, side="right")
+    candidates = sorted((abs(a_s[i] - b_s[j]), i, j) for i in range(len(a_s)) for j in range(low[i], high[i]))
+    used_a: set[int] = set()
+    used_b: set[int] = set()
+    pairs = []
+    for _, i, j in candidates:
+        if i not in used_a and j not in used_b:
+            used_a.add(i)
+            used_b.add(j)
+            pairs.append((i, j))
+    return np.array(sorted(pairs), dtype=int).reshape(-1, 2)
+
+
+def aligned(estimate: Trajectory, truth: Trajectory, how: str) -> Trajectory:
+    """The estimate moved onto the truth (same length, paired by index).
+
+    how: `none`; `origin` (first poses made equal); `yaw` (rotation about z and translation); `se3` (Umeyama 1991
+    without scale); `sim3` (with scale: for one camera that knows no metres).
+    """
+    if how not in ALIGNMENTS:
+        raise ValueError(f"alignment {how!r} is not one of {', '.join(ALIGNMENTS)}")
+    if how == "none" or not len(estimate):
+        return estimate
+    scale = 1.0
+    if how == "origin":
+        move = truth.poses[0] @ inverse(estimate.poses[0])
+    elif how == "yaw":
+        move = _align_yaw(estimate.positions_m, truth.positions_m)
+    else:
+        move, scale = align(estimate.positions_m, truth.positions_m, with_scale=how == "sim3")
+    poses = estimate.poses.copy()
+    poses[:, :3, 3] *= scale
+    return Trajectory(estimate.stamps_s, move @ poses)
+
+
+def _align_yaw(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Least-squares rotation about z and translation, closed form."""
+    from .geometry import rotation_z
+
+    s, t = source - source.mean(0), target - target.mean(0)
+    yaw = np.arctan2((s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]).sum(), (s[:, :2] * t[:, :2]).sum())
+    rotation = rotation_z(yaw)
+    return se3(rotation, target.mean(0) - rotation @ source.mean(0))

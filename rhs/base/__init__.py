@@ -1,0 +1,1 @@
+"""Ground floor: errors, provenance, memory, data folders, strict YAML. Imports nothing of rhs."""

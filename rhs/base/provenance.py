@@ -1,0 +1,47 @@
+"""Where a number comes from: version, commit, config hash, seed, libraries. An allow-list; the environment stays out."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pybullet", "ompl", "hydra-core")
+
+
+def versions() -> str:
+    """`name=version` of the libraries that can change a number."""
+    known = [("python", platform.python_version()), ("rhs", _version("rhs"))]
+    known += [(name, _version(name)) for name in LIBRARIES]
+    return " ".join(f"{name}={number}" for name, number in known)
+
+
+def commit() -> str:
+    """Short git commit of the checkout that is running, with `+` when it has changes; empty outside a checkout."""
+    folder = Path(__file__).resolve().parents[2]
+    if not (folder / ".git").exists():
+        return ""
+    try:
+        words = ["git", "-C", str(folder), "describe", "--always", "--dirty=+", "--abbrev=10"]
+        return subprocess.run(words, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return ""
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "absent"
+
+
+def peak_memory_mb() -> float:
+    """Most memory this process has held so far, MB. /proc where there is one: getrusage also counts the parent's."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM:")) / 1024.0
+    except (OSError, StopIteration):
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

@@ -1,0 +1,68 @@
+"""`python -m rhs.evaluate`: the figures again, from files.
+
+    python -m rhs.evaluate RUN_FOLDER            recompute the row's figures and compare them with row.json
+    python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM files
+
+Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rhs.api.trajectory import ALIGNMENTS, read_tum
+from rhs.base.errors import ConfigError, RhsError, check_choice, check_range
+from rhs.metrics.metrics import TOLERANCE_S, evaluate, trajectory_values
+from rhs.runfolder.row import machine_dependent, read_row
+
+
+def differences(folder: Path) -> list[str]:
+    """Figures that row.json and the files of the folder disagree about, one line each; machine-dependent ones excepted."""
+    row, again = read_row(folder / "row.json"), evaluate(folder)
+    return [f"{name}: row.json says {row[name]}, the files say {value}" for name, value in again.items()
+            if name in row and not machine_dependent(name) and not _equal(row[name], value)]
+
+
+def _equal(a: object, b: object) -> bool:
+    unknown = [value is None or (isinstance(value, float) and math.isnan(value)) for value in (a, b)]
+    return all(unknown) or (not any(unknown) and a == b)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m rhs.evaluate", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="a run folder, or two TUM files")
+    parser.add_argument("--alignment", default="se3", help=f"{', '.join(ALIGNMENTS)} (default se3)")
+    parser.add_argument("--tolerance", type=float, default=TOLERANCE_S, help="between stamps, seconds (default 0.02)")
+    chosen = parser.parse_args(arguments)
+    try:
+        check_choice("evaluate", "alignment", chosen.alignment, ALIGNMENTS)
+        check_range("evaluate", "tolerance", chosen.tolerance, low=0.0, high=10.0, unit="s")
+        return _print(chosen)
+    except RhsError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
+
+
+def _print(chosen: argparse.Namespace) -> int:
+    if len(chosen.paths) == 2:
+        estimate, truth = (read_tum(path) for path in chosen.paths)
+        sys.stdout.write(_lines(trajectory_values(estimate, truth, alignment=chosen.alignment,
+                                                  tolerance_s=chosen.tolerance)))
+        return 0
+    if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
+        raise ConfigError("expected one run folder, or two TUM files: ESTIMATE TRUTH")
+    sys.stdout.write(_lines(evaluate(chosen.paths[0])))
+    wrong = differences(chosen.paths[0])
+    sys.stderr.write("".join(f"{line}\n" for line in wrong))
+    return 3 if wrong else 0
+
+
+def _lines(values: Mapping[str, object]) -> str:
+    return "".join(f"{name:<28}{value:.6g}\n" if isinstance(value, float) else f"{name:<28}{value}\n"
+                   for name, value in values.items())

@@ -1,0 +1,133 @@
+"""The text of --help, made from what is registered: every plugin, every setting, its meaning, type and default.
+
+The meaning of a setting is the comment above it, or behind it, in its settings dataclass: one home for each fact.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import textwrap
+import typing
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rhs.api.contracts import KINDS
+from rhs.base.data_dirs import data_dir
+from rhs.base.errors import PluginError
+from rhs.base.strict_yaml import load_yaml
+from rhs.config import registry, settings
+from rhs.config.documented import comments, summary
+
+WIDTH = 118
+
+TOP = """\
+python -m rhs [options] key=value ...     one run: map a world, then patrol it
+python -m rhs -m key=value1,value2 ...    a sweep: one run for every combination
+python -m rhs planner=prm --help          one part in full
+python -m rhs.table FOLDER ...            the table of all runs in these folders
+
+Options
+  -m, --multirun      run every combination of the values given, each in a process of its own
+  --jobs N            processes at a time in a sweep (one per core)
+  --timeout SECONDS   a job of a sweep that takes longer is stopped and counted (none)
+  --fail-fast N       stop a sweep after N jobs that failed alike (never)
+  --resume [FOLDER]   go on with a sweep: only what has not ended well runs
+  --force             resume although the configuration or the version changed
+  --config-dir DIR    look for experiment/, stack/ and presets here first; may be repeated
+  --cfg               print the configuration that these words give, run nothing
+  --debug             show the traceback of an error
+  --version, -h, --help
+
+A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 'key=range(10)' and 'planner=glob(*)'.
+Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 interrupted.
+"""
+
+
+def help_text(words: Sequence[str] = ()) -> str:
+    """All of it, or only the parts that the words `kind=name` choose."""
+    wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in KINDS and "=" in word]
+    if wanted:
+        return "\n".join("\n".join(_plugin(kind, name, is_default=False)) for kind, name in wanted)
+    lines = [TOP, "Experiments and stacks", *_folder_lines(), "", "Settings of a run", *_core_settings(), ""]
+    chosen = _defaults()
+    for kind in KINDS:
+        lines += [f"{kind}: {', '.join(registry.names(kind)) or 'none registered'}", ""]
+        for name in registry.names(kind):
+            lines += _plugin(kind, name, is_default=chosen.get(kind) == name)
+        lines.append("")
+    return "\n".join(lines).rstrip()
+
+
+def _defaults() -> dict[str, str]:
+    """What conf/config.yaml chooses when nothing is said."""
+    entries = load_yaml(data_dir("conf") / "config.yaml").get("defaults", [])
+    return {key: str(value) for entry in entries if isinstance(entry, dict) for key, value in entry.items()}
+
+
+def _folder_lines() -> Iterator[str]:
+    for group in ("experiment", "stack"):
+        for path in sorted((data_dir("conf") / group).glob("*.yaml")):
+            yield from _entry(f"  {group}={path.stem}", _first_comment(path))
+
+
+def _first_comment(path: Path) -> str:
+    comments = [line.lstrip("# ").rstrip() for line in path.read_text("utf-8").splitlines() if line.startswith("#")]
+    return next((line for line in comments if line and not line.startswith("@")), "")
+
+
+def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
+    try:
+        cls = registry.load(kind, name)
+        registry.check_requirements(kind, name, cls)
+    except PluginError as error:
+        return list(_entry(f"  {kind}={name}", f"NOT USABLE: {error}"))
+    origin = registry.origins(kind, name)[0]
+    notes = [note for note in ("the default" if is_default else "",
+                               "" if origin.distribution.startswith("rhs ") else f"from {origin.distribution}",
+                               f"needs {', '.join(sorted(cls.needs))}" if cls.needs else "",  # type: ignore[attr-defined]
+                               ) if note]
+    told = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
+    lines = list(_entry(f"  {kind}={name}", told))
+    for line in _settings(cls, kind):
+        lines.append(line)
+    return lines
+
+
+def _core_settings() -> Iterator[str]:
+    from rhs.config.compose import RunConfig
+
+    yield from _settings(RunConfig, "", skip=KINDS)
+
+
+def _settings(cls: type, owner: str, skip: Sequence[str] = ()) -> Iterator[str]:
+    """One entry per setting: `key=default`, meaning, type; nested settings follow."""
+    hints, meanings, values = typing.get_type_hints(cls), comments(cls), settings.defaults(cls)
+    for item in dataclasses.fields(cls):
+        if not item.init or item.name in skip:
+            continue
+        key = settings.dotted(owner, item.name)
+        if dataclasses.is_dataclass(hints[item.name]):
+            yield from _settings(hints[item.name], key)  # type: ignore[arg-type]
+            continue
+        kind = settings.type_name(hints[item.name])
+        yield from _entry(f"    {key}={show(values[item.name])}", f"{meanings.get(item.name, '')} [{kind}]".strip())
+
+
+def show(value: Any) -> str:
+    """A default as one would type it."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, list):
+        return f"[{','.join(map(show, value))}]"
+    return str(value)
+
+
+def _entry(head: str, text: str, indent: int = 40) -> Iterator[str]:
+    wrapped = textwrap.wrap(text, WIDTH - indent) or [""]
+    if len(head) >= indent - 1:
+        yield head
+        head = ""
+    yield f"{head:<{indent}}{wrapped[0]}".rstrip()
+    for line in wrapped[1:]:
+        yield " " * indent + line

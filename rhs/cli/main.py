@@ -1,0 +1,242 @@
+"""The command line: `python -m rhs [options] key=value ...`. The only place that prints or exits.
+
+Exit codes: 0 everything asked for was done; 1 it failed; 2 refused before anything ran; 3 finished, but something in it
+failed or was lost; 130 and 143 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
+           "OPENCV_FOR_THREADS_NUM")
+for _name in THREADS:  # before numpy is imported: sums must not depend on how many threads share them
+    os.environ[_name] = "1"
+
+import argparse  # noqa: E402
+import signal  # noqa: E402
+import traceback  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+from rhs.base.errors import ConfigError, RhsError  # noqa: E402
+
+LONGEST = 190  # characters of a complaint
+USAGE = "python -m rhs [options] key=value ..."
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM arrived: like Ctrl-C, with another exit code."""
+
+
+class Arguments(argparse.ArgumentParser):
+    """argparse whose complaints are one line and exit code 2."""
+
+    def error(self, message: str):
+        raise ConfigError(f"{message}; see python -m rhs --help")
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    words = sys.argv[1:] if words is None else words
+    debug = "--debug" in words
+    before = signal.signal(signal.SIGTERM, _terminate)
+    try:
+        return _run(_arguments().parse_intermixed_args(words))
+    except RhsError as error:
+        return _complain(error, error.exit_code, debug)
+    except KeyboardInterrupt as error:
+        return _complain(error, _signal_code(error), debug, "interrupted; what was finished is kept")
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as error:
+        return _complain(error, 1, debug)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def entry() -> int:
+    """The console script `rhs`."""
+    return main()
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = Arguments(prog="python -m rhs", usage=USAGE, add_help=False, allow_abbrev=False)
+    parser.add_argument("-h", "--help", action="store_true")
+    parser.add_argument("--version", action="store_true")
+    parser.add_argument("--cfg", action="store_true")
+    parser.add_argument("-m", "--multirun", action="store_true")
+    parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--timeout", type=float, default=0.0)
+    parser.add_argument("--resume", nargs="?", const="")
+    parser.add_argument("--force", action="store_true")
+    parser.add_argument("--fail-fast", type=int, default=0)
+    parser.add_argument("--config-dir", action="append", default=[])
+    parser.add_argument("--debug", action="store_true")
+    parser.add_argument("overrides", nargs="*")
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.resume and "=" in arguments.resume and not Path(arguments.resume).is_dir():
+        arguments.overrides.append(arguments.resume)  # `--resume key=value`: the folder is in output=
+        arguments.resume = ""
+    if arguments.cfg and "job" in arguments.overrides:
+        arguments.overrides.remove("job")  # Hydra's habit: --cfg job
+    if arguments.version:
+        from importlib.metadata import version
+
+        print(f"rhs {version('rhs')}")
+        return 0
+    if arguments.help:
+        from .help_text import help_text
+
+        print(help_text(arguments.overrides))
+        return 0
+    _check_hydra()
+    folders = tuple(_config_dir(text) for text in arguments.config_dir)
+    if arguments.multirun or arguments.resume is not None:
+        return _sweep(arguments, folders)
+    return _single(arguments, folders)
+
+
+def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
+    from rhs.config.compose import compose_config, to_plain
+
+    config = compose_config(arguments.overrides, folders=folders)
+    if arguments.cfg:
+        import yaml
+
+        print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
+        return 0
+    from rhs.api.jit import on_compile
+    from rhs.patrol.progress import bar
+    from rhs.patrol.run import run_config
+    from rhs.runfolder.folders import claim_run
+
+    from . import say as told
+
+    on_compile(lambda: print("compiling inner loops, once for this installation: 10 to 60 s", file=sys.stderr, flush=True))
+    with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
+        row = run_config(config, claim.folder, bar)
+        cause = row.pop("_cause", None)
+        print(f"{told.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
+    status = row.get("status")
+    if status == "ok" and row.get("lost"):
+        print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
+        return 3
+    if status == "ok":
+        return 0
+    code = 1 if cause is None or status != "interrupted" else _signal_code(cause)
+    return _complain(cause, code, arguments.debug, f"{status}: {row.get('reason', '')}")
+
+
+def _signal_code(error: BaseException) -> int:
+    return 143 if isinstance(error, Terminated) else 130
+
+
+def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
+    from rhs.runfolder.folders import claim_sweep
+    from rhs.sweeps import sweep
+
+    resume, words = arguments.resume is not None, list(arguments.overrides)
+    if arguments.resume:
+        before = sweep.recall(Path(arguments.resume))
+        typed = {word.partition("=")[0] for word in words}
+        words = [word for word in before["words"] if word.partition("=")[0] not in {*typed, "output"}] + words
+        folders = folders or tuple(map(Path, before["conf"]))
+        words.append(f"output={_quoted(arguments.resume)}")
+    plan = sweep.plan(words, folders)
+    if arguments.cfg:
+        print("\n".join(job.name for job in plan.jobs))
+        return 0
+    limits = _limits(arguments)
+    with claim_sweep(plan.output, resume=resume) as claim:
+        if (claim.folder / "sweep.json").exists() and not arguments.force:
+            sweep.check_same(plan, claim.folder, sweep.recall(claim.folder))
+        sweep.remember(plan, claim.folder)
+        return _run_sweep(plan, claim.folder, limits)
+
+
+def _run_sweep(plan, folder: Path, limits) -> int:
+    """Run the plan under one progress bar, then say what became of it."""
+    from tqdm import tqdm
+
+    from rhs.sweeps import sweep
+
+    from . import say as told
+
+    counts: dict[str, int] = {}
+    with tqdm(total=len(plan.jobs), unit="job", disable=None, dynamic_ncols=True) as shown:
+        def tell(job, status: str) -> None:
+            counts[status] = counts.get(status, 0) + 1
+            shown.set_postfix(counts, refresh=False)
+            shown.update()
+
+        try:
+            report = sweep.run_plan(plan, folder, limits, tell=tell)
+        except KeyboardInterrupt as error:
+            shown.close()
+            print("\n".join(error.report.lines()))  # type: ignore[attr-defined]
+            print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
+            raise
+    print(told.of_sweep(folder))
+    if plan.repeated:
+        print(f"{plan.repeated} combinations gave a configuration that was there already; each ran once")
+    print("\n".join(report.lines()))
+    print(f"files: {folder}")
+    if not report.complete:
+        failed = sum(status != "ok" for status in report.status.values()) or sum(report.reasons.values())
+        print(f"rhs: {failed} of {len(report.status)} jobs did not end well; see job.log in their folders and "
+              f"{folder}/jobs.json", file=sys.stderr)
+    return 0 if report.complete else 3
+
+
+def _limits(arguments: argparse.Namespace):
+    from rhs.base.errors import check_range
+    from rhs.sweeps.jobs import Limits
+
+    check_range("", "--jobs", arguments.jobs, low=0, high=1024)
+    check_range("", "--timeout", arguments.timeout, low=0.0, high=1e7, unit="s")
+    check_range("", "--fail-fast", arguments.fail_fast, low=0, high=1_000_000)
+    return Limits(arguments.jobs or len(os.sched_getaffinity(0)), arguments.timeout, arguments.fail_fast)
+
+
+def _quoted(text: str) -> str:
+    """Text as Hydra's grammar takes it whole."""
+    return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
+
+
+def _config_dir(text: str) -> Path:
+    path = Path(text).expanduser().absolute()
+    if not path.is_dir():
+        raise ConfigError(f"--config-dir {text}: there is no such folder")
+    return path
+
+
+def _check_hydra() -> None:
+    """`pip --only-binary=:all:` silently picks an ancient Hydra; say so instead of failing later."""
+    try:
+        from hydra import __version__ as found
+    except ImportError:
+        raise ConfigError("hydra-core is not installed; type: pip install 'hydra-core>=1.3.8'") from None
+    if tuple(int(part) for part in found.split(".")[:2]) < (1, 3):
+        raise ConfigError(f"hydra-core {found} is too old; type: pip install 'hydra-core>=1.3.8'")
+
+
+def _terminate(signum: int, frame: object) -> None:
+    raise Terminated()
+
+
+def _complain(error: BaseException | None, code: int, debug: bool, text: str = "") -> int:
+    """One line on stderr; the traceback only with --debug."""
+    if debug and error is not None:
+        traceback.print_exception(error)
+    if not text:
+        text = " ".join(str(error).split())
+        text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
+    if len(text) > LONGEST and not debug:
+        text = f"{text[: LONGEST - 23]}... (--debug: all of it)"
+    print(f"rhs: {text}", file=sys.stderr)
+    return code

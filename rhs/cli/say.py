@@ -1,0 +1,47 @@
+"""What the command line says at the end of a run or of a sweep, as text (level 6)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+TOLD = ("status", "reason", "world", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed",
+        "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m", "path_length_m",
+        "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share",
+        "map_agreement", "belief_wrong_sure_share", "kidnaps", "kidnap_recovered_share", "kidnap_recovery_m",
+        "kidnap_wrong_sure_share", "belief_ece", "strips", "strips_registered_share",
+        "mosaic_correlation", "along_error_pct",
+        "plan_success", "plan_reason", "plan_valid", "plan_length_m", "plan_length_raw_m", "plan_optimal_m",
+        "plan_above_optimum_pct", "plan_steps", "plan_learn_ms", "plan_ms", "plan_again_ms", "homotopy", "wall_ms",
+        "real_time_factor", "peak_memory_mb")
+
+
+def of_run(row: dict[str, Any], folder: Path) -> str:
+    """The figures of one run that say most, one a line; a run that recognised places has their table below."""
+    lines = []
+    for name in TOLD:
+        value = row.get(name, "")
+        if value == "" or value is None or value != value:
+            continue
+        lines.append(f"{name:<28}{value:.4g}" if isinstance(value, float) else f"{name:<28}{value}")
+    if (folder / "places.csv").exists():
+        from rhs_tasks.places.task import told
+
+        lines += ["", told(folder)]
+    return "\n".join(lines)
+
+
+def of_sweep(folder: Path) -> str:
+    """The summary of a sweep's rows; the whole table and, where planners ran alone, theirs are written in the folder."""
+    from rhs.api.files import replacing
+    from rhs.reports.planning_table import planning_rows, planning_table, publish
+    from rhs.reports.summary import as_text, summarise
+    from rhs.reports.table import rows, to_csv
+
+    table = rows([folder])
+    with replacing(folder / "table.csv") as file:
+        file.write(to_csv(table))
+    if not len(planning_rows(table)):
+        return as_text(summarise(table))
+    publish(table, folder)
+    return as_text(planning_table(table))

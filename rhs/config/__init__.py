@@ -1,0 +1,1 @@
+"""From words to parts: registry, settings, composition."""

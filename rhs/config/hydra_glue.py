@@ -1,0 +1,173 @@
+"""How Hydra composes our configuration, from the sources in rhs.hydra_sources, and how its errors become one line.
+
+Types and ranges are checked after composing, by rhs.settings, whichever way a value came in.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import hydra
+import omegaconf
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.plugins import Plugins
+from hydra.core.singleton import Singleton
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from rhs.api.contracts import KINDS
+from rhs.base.data_dirs import data_dir
+from rhs.base.errors import ConfigError
+from rhs.base.strict_yaml import load_yaml
+
+from . import registry, settings
+from .hydra_sources import ConfSource, PluginSource, Search, under_way
+from .overrides import Word, check_options
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A composed configuration before single values are set, the options chosen, and the YAML files read for it."""
+
+    config: DictConfig
+    choices: dict[str, str | None]
+    files: tuple[Path, ...]
+
+
+def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[Path, ...] = ()) -> Tree:
+    """Hydra's composition for the chosen group options.
+
+    schema: the core's own settings with their defaults. folders: conf folders looked into before rhs's own.
+    Raises ConfigError in one line.
+    """
+    with _session(schema, folders):
+        check_options(options, _options)
+        try:
+            config = hydra.compose("config", [f"{w.key}={w.value or 'null'}" for w in options], return_hydra_config=True)
+        except (hydra.errors.HydraException, omegaconf.errors.OmegaConfBaseException) as error:
+            raise (error.__cause__ if isinstance(error.__cause__, ConfigError) else
+                   ConfigError(_in_one_line(error))) from error
+        choices = {k: v for k, v in config.hydra.runtime.choices.items() if not k.startswith("hydra/")}
+        with open_dict(config):
+            del config["hydra"]
+        return Tree(config, choices, tuple(under_way.files))
+
+
+def with_values(tree: Tree, values: Sequence[Word]) -> dict[str, Any]:
+    """Plain values of the tree with single settings changed, interpolations resolved. Raises ConfigError."""
+    config = copy.deepcopy(tree.config)
+    for word in itertools.chain.from_iterable(map(_leaves, values)):
+        _check_key(config, word)
+        try:
+            OmegaConf.update(config, word.key, word.value, merge=True)
+        except omegaconf.errors.OmegaConfBaseException as error:
+            raise ConfigError(f"{word.text}: {_in_one_line(error)}") from error
+    return to_plain(config)
+
+
+def _leaves(word: Word) -> Iterator[Word]:
+    """`planner={samples: 3}` as planner.samples=3; other words as they are."""
+    if not isinstance(word.value, dict):
+        yield word
+        return
+    for key, value in word.value.items():
+        yield from _leaves(Word(f"{word.key}.{key}", value, word.text))
+
+
+def _check_key(config: DictConfig, word: Word) -> None:
+    """Refuse a dotted key that leads nowhere, naming the nearest that does."""
+    node: Any = config
+    parts = word.key.split(".")
+    for depth, part in enumerate(parts):
+        owner = ".".join(parts[:depth])
+        if isinstance(node, DictConfig) and part in node.keys():
+            node = node._get_node(part)
+        elif isinstance(node, DictConfig):
+            raise settings.unknown_key(owner, part, [str(k) for k in node.keys()])
+        else:
+            raise ConfigError(f"unknown key {word.key}: {owner} is a single value; write {owner}=VALUE")
+    if len(parts) == 2 and parts[0] in KINDS and parts[1] == "name":
+        raise ConfigError(f"{word.text}: a part is chosen by {parts[0]}={word.value}")
+
+
+def _options(group: str) -> list[str]:
+    """Every option of a group: plugins, and YAML files in the conf folders under way."""
+    found = set(registry.names(group) if group in KINDS else [])
+    for folder in under_way.folders:
+        found |= {path.stem for path in (folder / group).glob("*.yaml")}
+    return sorted(found)
+
+
+def experiment_sweep(name: str, folders: tuple[Path, ...] = ()) -> list[str]:
+    """The words `key=values` that an experiment sweeps over when it is run with -m: its file's mapping `sweep`."""
+    for folder in (*folders, data_dir("conf")):
+        path = folder / "experiment" / f"{name}.yaml"
+        if path.is_file():
+            content = load_yaml(path)
+            sweep = content.get("sweep", {}) if isinstance(content, dict) else {}
+            if not isinstance(sweep, dict):
+                raise ConfigError(f"{path}: sweep: expected `key: values` lines, found a {type(sweep).__name__}")
+            return [f"{key}={value}" for key, value in sweep.items()]
+    return []
+
+
+def to_plain(config: DictConfig) -> dict[str, Any]:
+    """Plain dicts and lists, interpolations resolved; raises ConfigError for `???` and cycles."""
+    try:
+        content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    except omegaconf.errors.MissingMandatoryValue as error:
+        key = getattr(error, "full_key", None) or "?"
+        raise ConfigError(f"{key} has no value; give it one on the command line: {key}=VALUE") from error
+    except omegaconf.errors.OmegaConfBaseException as error:
+        raise ConfigError(_in_one_line(error)) from error
+    except RecursionError as error:
+        raise ConfigError("an interpolation refers to itself; write the value out") from error
+    return content  # type: ignore[return-value]
+
+
+@contextmanager
+def _session(schema: dict[str, Any], folders: tuple[Path, ...]) -> Iterator[None]:
+    """Hydra initialised for one composition; whatever the caller had set up (a notebook's own Hydra) comes back."""
+    conf = data_dir("conf")
+    for cls in (ConfSource, PluginSource, Search):
+        Plugins.instance().register(cls)
+    before = Singleton._instances.pop(GlobalHydra, None)
+    version = {"version_base": "1.3"} if hydra.__version__.startswith("1.3") else {}
+    under_way.folders = [*folders, conf]
+    under_way.schema = schema
+    under_way.files = []
+    try:
+        with hydra.initialize_config_dir(str(conf), job_name="rhs", **version):
+            yield
+    finally:
+        under_way.folders, under_way.schema = [], None
+        Singleton._instances.pop(GlobalHydra, None)
+        if before is not None:
+            Singleton._instances[GlobalHydra] = before
+
+
+def located(error: ConfigError, tree: Tree, words: Sequence[Word]) -> ConfigError:
+    """The same error with file:line before it, if the key at fault was written in a YAML file and not typed."""
+    match = re.match(r"(?:unknown key )?([\w.]+)", str(error))
+    leaf = match.group(1).rpartition(".")[2] if match else ""
+    if not leaf or any(leaf in re.split(r"[./]", word.key) or leaf in str(word.value) for word in words):
+        return error
+    for path in reversed(tree.files):
+        for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
+            if re.match(rf"\s*{re.escape(leaf)}\s*:", line):
+                return type(error)(f"{path}:{number}: {error}")
+    return error
+
+
+def _in_one_line(error: BaseException) -> str:
+    """Hydra's and OmegaConf's errors, which fill several lines, as one."""
+    cause = error.__cause__ if not str(error).strip() and error.__cause__ else error
+    lines = [line.strip() for line in str(cause).splitlines() if line.strip()]
+    lines = [line for line in lines if not re.match(r"(object_type|full_key|See https?:)", line)]
+    return " ".join(lines) or type(error).__name__

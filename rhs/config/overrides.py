@@ -1,0 +1,144 @@
+"""The words of the command line, read by Hydra's grammar and checked before anything is composed.
+
+`planner=prm` chooses an option of a group, `planner.samples=500` sets a value, `seed=range(10)` or `planner=prm,rrt`
+sweeps, `planner=glob(*)` over every planner there is. Unknown groups, options and malformed words are refused here,
+each in one line.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
+
+from rhs.api.contracts import KINDS
+from rhs.base.errors import ConfigError
+
+from .settings import nearest
+
+GROUPS = (*KINDS, "stack", "experiment")
+INSTEAD = {"hydra.run.dir": "output=FOLDER", "hydra.sweep.dir": "output=FOLDER", "hydra.launcher": "--jobs N",
+           "hydra.verbose": "--debug", "hydra.output_subdir": "output=FOLDER", "hydra.job": "output=FOLDER"}
+
+
+@dataclass(frozen=True)
+class Word:
+    """One override: a group's option (text) or a setting's value (any plain value), and how it was written."""
+
+    key: str
+    value: Any
+    text: str
+
+    @property
+    def is_group(self) -> bool:
+        return self.key in GROUPS and not isinstance(self.value, dict)
+
+
+def parse(words: Sequence[str]) -> list[Override]:
+    """Hydra's overrides, or ConfigError naming the word that cannot be read."""
+    parser = OverridesParser.create()
+    return [_parse_one(parser, word) for word in words]
+
+
+class _Names:
+    """What Hydra's grammar asks when it meets glob(...): the options of a group. Only parts can be enumerated."""
+
+    def get_group_options(self, group: str, results_filter: object = None) -> list[str]:
+        from . import registry
+
+        if group not in KINDS:
+            raise ConfigError(f"{group}=glob(...): only {', '.join(KINDS)} can be chosen by a pattern; list the values")
+        return registry.names(group)
+
+
+def _parse_one(parser: OverridesParser, word: str) -> Override:
+    if word.startswith("-"):
+        raise ConfigError(f"unknown option {word}; see python -m rhs --help")
+    try:
+        override = parser.parse_override(word)
+    except (HydraException, ValueError) as error:
+        if "=" not in word.strip("="):
+            raise ConfigError(f"cannot read '{word}': write key=value, for example seed=3") from error
+        reason = " ".join(str(error).split())[:100]
+        raise ConfigError(f"cannot read '{word}': {reason}; quote text with special characters: "
+                          f"{word.partition('=')[0]}=\"'...'\"") from error
+    override.config_loader = _Names()  # type: ignore[assignment]
+    if override.is_delete():
+        raise ConfigError(f"{word}: a setting cannot be taken away, only given another value")
+    if not override.key_or_group:
+        raise ConfigError(f"cannot read '{word}': write key=value, for example seed=3")
+    key = override.key_or_group.replace("/", ".")
+    if key.partition(".")[0] == "hydra":
+        raise _hydra_key(word, key)
+    if override.package is not None:
+        raise ConfigError(f"{word}: groups have fixed places here; write {override.key_or_group}=NAME")
+    return override
+
+
+def _hydra_key(word: str, key: str) -> ConfigError:
+    from hydra.conf import HydraConf
+
+    known = [f"hydra.{name}" for name in HydraConf.__dataclass_fields__]
+    head = ".".join(key.split(".")[:2])
+    if head not in known:
+        return ConfigError(f"{word}: unknown key {key}{nearest(head, known)}")
+    hint = next((value for prefix, value in INSTEAD.items() if key.startswith(prefix)), None)
+    return ConfigError(f"{word}: rhs runs its jobs itself and takes no settings of Hydra's"
+                       + (f"; type {hint}" if hint else ""))
+
+
+def plain_words(overrides: Sequence[Override]) -> list[Word]:
+    """The words of a single run. Refuses sweeps."""
+    for item in overrides:
+        if item.is_sweep_override():
+            raise ConfigError(f"{item.input_line}: several values need --multirun (-m); a list is written [1,2]")
+    return [_word(item, item.value()) for item in overrides]
+
+
+def sweep_words(overrides: Sequence[Override]) -> list[list[Word]]:
+    """One list of words per job: the product of all sweeps, the first key slowest."""
+    choices: list[list[Word]] = []
+    for item in overrides:
+        if not item.is_sweep_override():
+            choices.append([_word(item, item.value())])
+            continue
+        texts = [f"{item.key_or_group}={text}" for text in item.sweep_string_iterator()]
+        choices.append([_word(o, o.value()) for o in parse(texts)])
+    return [list(job) for job in itertools.product(*choices)]
+
+
+def swept_keys(overrides: Sequence[Override]) -> list[str]:
+    """Keys that take several values, in the order typed."""
+    return [o.key_or_group for o in overrides if o.is_sweep_override()]
+
+
+def _word(item: Override, value: Any) -> Word:
+    key = item.key_or_group
+    if key in GROUPS and not isinstance(value, (str, dict, type(None))):
+        raise ConfigError(f"{item.input_line}: choose one {key} by name: {key}=NAME")
+    return Word(key, _unquoted(value), (item.input_line or "").lstrip("+"))
+
+
+def _unquoted(value: Any) -> Any:
+    """Plain Python values for Hydra's quoted strings, inside lists and dicts too."""
+    if isinstance(value, dict):
+        return {str(_unquoted(k)): _unquoted(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_unquoted(v) for v in value]
+    return getattr(value, "text", value)
+
+
+def check_options(words: Sequence[Word], options: Callable[[str], list[str]]) -> None:
+    """Refuse a group option that does not exist. `options(group)` lists what there is, usable or not."""
+    for word in words:
+        if not word.is_group or (word.value is None and word.key not in KINDS):
+            continue
+        known = options(word.key)
+        if word.value not in known:
+            raise ConfigError(f"{word.text}: there is no such {word.key}{nearest(str(word.value), known)}"
+                              f" (there is {', '.join(known) or 'none'})")

@@ -1,0 +1,173 @@
+"""Plain values into settings dataclasses, strictly, with words for the user.
+
+One converter for every path a value can take (YAML, command line, sweep, Python), so that all of them refuse the same
+things in the same words. Nothing is converted except an int to a float.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import enum
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+from rhs.base.errors import ConfigError
+
+RESERVED = ("name",)
+
+
+def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
+    """An instance of the dataclass `cls` from plain values; `owner` is the dotted key they stand under ("" at the top).
+
+    Raises ConfigError for an unknown key (naming the nearest), a wrong type, a missing value or a value out of range.
+    """
+    hints = typing.get_type_hints(cls)
+    names = [f.name for f in dataclasses.fields(cls) if f.init]
+    arguments = {}
+    for key, value in values.items():
+        if key not in names:
+            raise unknown_key(owner, str(key), names)
+        arguments[key] = _convert(hints[key], value, dotted(owner, key))
+    try:
+        return cls(**arguments)
+    except ConfigError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{owner or cls.__name__}: {error}") from error
+
+
+def unknown_key(owner: str, key: str, known: list[str]) -> ConfigError:
+    """The error for a key nobody knows."""
+    hint = nearest(key, known, owner)
+    shown = ", ".join(sorted(known)[:12]) + (", ..." if len(known) > 12 else "")
+    return ConfigError(f"unknown key {dotted(owner, key)}{hint or f'; there is {shown}'}")
+
+
+def nearest(word: str, known: list[str], owner: str = "") -> str:
+    """`; did you mean x?`, or nothing when no known word is like it."""
+    close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
+    return f"; did you mean {dotted(owner, close[0])}?" if close else ""
+
+
+def dotted(owner: str, key: str) -> str:
+    return f"{owner}.{key}" if owner else str(key)
+
+
+def defaults(cls: type) -> dict[str, Any]:
+    """The plain default values of a settings dataclass, nested ones as dicts. Raises ConfigError if one has none."""
+    out: dict[str, Any] = {}
+    for item in dataclasses.fields(cls):
+        if not item.init:
+            continue
+        if item.default is not dataclasses.MISSING:
+            value = item.default
+        elif item.default_factory is not dataclasses.MISSING:
+            value = item.default_factory()
+        else:
+            raise ConfigError(f"{cls.__module__}.{cls.__qualname__}.{item.name} has no default value; give it one")
+        out[item.name] = plain(value)
+    return out
+
+
+def plain(value: Any) -> Any:
+    """Dataclasses as dicts, tuples as lists, enumerations as their value: what can be written to YAML or JSON."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    return value.value if isinstance(value, enum.Enum) else value
+
+
+def type_name(hint: Any) -> str:
+    """A type as a user reads it: `int`, `list[float]`, `str | None`."""
+    if hint is type(None):
+        return "null"
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        return " | ".join(type_name(h) for h in typing.get_args(hint))
+    if typing.get_origin(hint) is typing.Literal:
+        return " | ".join(map(str, typing.get_args(hint)))
+    if typing.get_origin(hint) is not None:
+        return str(hint).replace("typing.", "")
+    return getattr(hint, "__name__", str(hint))
+
+
+def _convert(hint: Any, value: Any, key: str) -> Any:
+    """`value` as the type `hint` asks for, or ConfigError."""
+    origin, inner = typing.get_origin(hint), typing.get_args(hint)
+    if hint is Any:
+        return value
+    if origin in (typing.Union, types.UnionType):
+        return _convert_union(inner, value, key, hint)
+    if origin is typing.Literal:
+        if value in inner:
+            return value
+        raise _wrong(key, value, hint)
+    if origin in (list, tuple):
+        return _convert_sequence(origin, inner, value, key, hint)
+    if origin is dict or hint is dict:
+        if isinstance(value, Mapping):
+            return {k: _convert(inner[1] if inner else Any, v, dotted(key, k)) for k, v in value.items()}
+        raise _wrong(key, value, hint)
+    if dataclasses.is_dataclass(hint):
+        if isinstance(value, Mapping):
+            return make(typing.cast(type, hint), value, key)
+        raise ConfigError(f"{key}={_show(value)}: {key} is a group of settings; write {key}.NAME=VALUE")
+    return _convert_scalar(hint, value, key)
+
+
+def _convert_scalar(hint: Any, value: Any, key: str) -> Any:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if hint is float and number:
+        return float(value)
+    if hint is int and number and not isinstance(value, float):
+        return value
+    if hint is bool and isinstance(value, bool):
+        return value
+    if hint is str and isinstance(value, str):
+        return value
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        for member in hint:
+            if value in (member, member.value):
+                return member
+    if hint is type(None) and value is None:
+        return None
+    if hint is str and number:
+        raise ConfigError(f"{key}={_show(value)}: expected text, found a number; quote it: {key}=\\'{_show(value)}\\'")
+    raise _wrong(key, value, hint)
+
+
+def _convert_union(inner: tuple, value: Any, key: str, hint: Any) -> Any:
+    for option in inner:
+        try:
+            return _convert(option, value, key)
+        except ConfigError:
+            continue
+    raise _wrong(key, value, hint)
+
+
+def _convert_sequence(origin: type, inner: tuple, value: Any, key: str, hint: Any) -> Any:
+    if not isinstance(value, (list, tuple)):
+        raise _wrong(key, value, hint)
+    if origin is tuple and inner and inner[-1] is not Ellipsis:
+        if len(value) != len(inner):
+            raise ConfigError(f"{key}={_show(value)}: expected {len(inner)} values, got {len(value)}")
+        kinds = list(inner)
+    else:
+        kinds = [inner[0] if inner else Any] * len(value)
+    return origin(_convert(kind, v, f"{key}[{i}]") for i, (kind, v) in enumerate(zip(kinds, value, strict=True)))
+
+
+def _wrong(key: str, value: Any, hint: Any) -> ConfigError:
+    say = {bool: ": true or false", int: ", a whole number", float: ", a number"}.get(hint, "")
+    return ConfigError(f"{key}={_show(value)}: expected {type_name(hint)}{say}")
+
+
+def _show(value: Any) -> str:
+    text = {True: "true", False: "false", None: "null"}[value] if value is None or value is True or value is False else (
+        str(value))
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,1 @@
+"""The toolbox of estimation, public but provisional: filters, scans, views."""

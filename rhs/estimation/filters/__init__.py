@@ -1,0 +1,1 @@
+"""Kalman and particle filters, pose hypotheses, pose graphs."""

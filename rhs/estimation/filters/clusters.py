@@ -1,0 +1,162 @@
+"""Separate heaps of particles: rival answers to "where am I", kept alive and weighed with caution.
+
+An ordinary particle filter loses all heaps but one: resampling drops the lighter ones for good, and small errors of the
+map, which keep their sign view after view, add up to certainty. Here each heap is resampled by itself, at its exact
+weight and with a least number of particles, and evidence between heaps counts less than within them.
+Source of the idea of clusters with their own normalisation: Milstein, Sanchez, Williamson, Robust global localization
+using clustered particle filtering (AAAI 2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.geometry import se2
+from rhs.api.jit import compiled
+
+from .particles import Cloud, SizeLaw, even, low_variance, needed, reweighted
+
+LIGHTEST = 1e-5  # heaps below this weight are dropped
+MOST_HEAPS = 12  # heavier ones that are kept alive whatever their weight
+
+
+def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cells: int = 400_000) -> np.ndarray:
+    """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / turns) are of one heap.
+
+    States spread over more than `most_cells` bins count as one heap."""
+    at, size = _bins(np.ascontiguousarray(states), cell_m, turns)
+    heading = at[:, 2]
+    if max(size[0], size[1]) <= 2 and heading.max() - heading.min() <= 1:  # touching bins only
+        return np.zeros(len(states), int)
+    if size[0] * size[1] * turns > most_cells:
+        return np.zeros(len(states), int)
+    return _touching(at, (size[0], size[1], turns))
+
+
+@dataclass(frozen=True)
+class Caution:
+    """How evidence counts between separate heaps. Maps and memories are a little wrong in the same way view after view,
+    so a heap is not made less likely by being `margin` (in logarithms) worse than the best, and beyond that only a
+    `share` of the difference counts. Within a heap evidence counts in full."""
+
+    margin: float = 1.0
+    share: float = 0.3
+
+
+def reweighted_by_heaps(
+    cloud: Cloud, log_likelihood: np.ndarray, labels: np.ndarray, caution: Caution
+) -> tuple[Cloud, float]:
+    """`reweighted` within each heap (labels (N,), see `heaps`), and cautiously between them. The second value is, as
+    there, the logarithm of the mean likelihood under the whole cloud."""
+    count = int(labels.max()) + 1
+    if count == 1:
+        return reweighted(cloud, log_likelihood)
+    before = np.bincount(labels, weights=cloud.weights, minlength=count)
+    total = cloud.log_weights + np.where(np.isnan(log_likelihood), -np.inf, log_likelihood)
+    peak_log = np.full(count, -np.inf)
+    np.maximum.at(peak_log, labels, total)
+    if not np.isfinite(peak_log).any():
+        return even(cloud.states), -np.inf
+    safe = np.where(np.isfinite(peak_log), peak_log, 0.0)
+    with np.errstate(divide="ignore"):
+        after = safe + np.log(np.bincount(labels, weights=np.exp(total - safe[labels]), minlength=count))
+        gain = after - np.log(before)
+        best = float(gain[before > 0].max())
+        evidence = _log_sum(np.where(before > 0, np.log(before) + gain, -np.inf))
+        drop = np.minimum(gain - best + caution.margin, 0.0) * caution.share
+        log_weights = total - after[labels] + np.log(before)[labels] + drop[labels]
+    log_weights = np.where(np.isnan(log_weights), -np.inf, log_weights)
+    return Cloud(cloud.states, log_weights - _log_sum(log_weights)), evidence
+
+
+def _log_sum(values: np.ndarray) -> float:
+    top = float(values.max())
+    return top + float(np.log(np.exp(values - top).sum()))
+
+
+def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, least: int = 60) -> Cloud:
+    """Low-variance resampling within each heap, to the size its own spread asks for; heaps keep their weights.
+
+    The MOST_HEAPS heaviest heaps above LIGHTEST live on with at least `least` particles each; the others are resampled
+    together, in proportion to their weight."""
+    labels = heaps(cloud.states)
+    weights = cloud.weights
+    mass = np.bincount(labels, weights=weights)
+    order = np.argsort(-mass, kind="stable")
+    order = order[mass[order] >= LIGHTEST]
+    rest = np.isin(labels, order[MOST_HEAPS:])
+    groups = [labels == heap for heap in order[:MOST_HEAPS]] + ([rest] if rest.any() else [])
+    states, logs = [], []
+    for inside in groups:
+        share = float(weights[inside].sum())
+        trial = low_variance(weights[inside], max(int(law.most * share), least), rng.random())
+        asked = needed(cloud.states[inside][trial], law)
+        size = int(np.clip(asked * min(1.0, 2.0 * share), least, max(law.most * share, least)))
+        chosen = low_variance(weights[inside], size, rng.random())
+        states.append(cloud.states[inside][chosen])
+        logs.append(np.full(size, np.log(share / size)))
+    log_weights = np.concatenate(logs)
+    return Cloud(np.concatenate(states), log_weights - _log_sum(log_weights))
+
+
+def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:
+    """Mean poses (4x4) of the heaviest heaps of a cloud."""
+    labels = heaps(cloud.states)
+    weights = cloud.weights
+    mass = np.bincount(labels, weights=weights)
+    out = []
+    for heap in np.argsort(-mass)[:most]:
+        inside = labels == heap
+        if mass[heap] > 0.02:
+            share = weights[inside] / mass[heap]
+            x, y, yaw = cloud.states[inside].T
+            out.append(se2(share @ x, share @ y, float(np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw)))))
+    return out
+
+
+@compiled
+def _bins(states, cell_m, turns):
+    """(N, 3) bins of states (N, 3) from the lowest x and y, and how many there are along x and y."""
+    at = np.empty(states.shape, np.int64)
+    low_x, low_y = np.floor(states[:, 0].min() / cell_m), np.floor(states[:, 1].min() / cell_m)
+    for k in range(len(states)):
+        at[k, 0] = int(np.floor(states[k, 0] / cell_m) - low_x)
+        at[k, 1] = int(np.floor(states[k, 1] / cell_m) - low_y)
+        at[k, 2] = int(np.floor(states[k, 2] / (2.0 * np.pi) * turns)) % turns
+    return at, (at[:, 0].max() + 1, at[:, 1].max() + 1)
+
+
+@compiled
+def _touching(at, size):
+    """(N,) numbers, from 0 in the order of first sight, of the groups of touching bins (N, 3) of a box of `size` bins; the
+    last heading touches the first."""
+    name = np.zeros(size, np.int32)  # 0: empty, -1: taken, else the group's number from 1
+    for k in range(len(at)):
+        name[at[k, 0], at[k, 1], at[k, 2]] = -1
+    out, waiting, groups = np.empty(len(at), np.int64), np.empty((len(at), 3), np.int64), 0
+    for k in range(len(at)):
+        count = 0
+        if name[at[k, 0], at[k, 1], at[k, 2]] == -1:
+            groups += 1
+            count = _take(name, at[k, 0], at[k, 1], at[k, 2], groups, waiting, count)
+        while count:
+            count -= 1
+            x, y, turn = waiting[count]
+            for nx in range(max(x - 1, 0), min(x + 2, size[0])):
+                for ny in range(max(y - 1, 0), min(y + 2, size[1])):
+                    for near in range(turn - 1, turn + 2):
+                        count = _take(name, nx, ny, near % size[2], groups, waiting, count)
+        out[k] = name[at[k, 0], at[k, 1], at[k, 2]] - 1
+    return out
+
+
+@compiled
+def _take(name, x, y, turn, group, waiting, count):
+    """Give a taken bin without a group this group, and let it wait for its neighbours to be looked at."""
+    if name[x, y, turn] != -1:
+        return count
+    name[x, y, turn] = group
+    waiting[count, 0], waiting[count, 1], waiting[count, 2] = x, y, turn
+    return count + 1

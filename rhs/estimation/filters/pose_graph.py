@@ -1,0 +1,250 @@
+"""Poses held together by relative measurements: sparse robust least squares on SE(3).
+
+Minimises sum rho(|e_k|^2) with e_k = W_k log(Z_k^-1 X_i^-1 X_j), W_k' W_k the information of edge k, over poses moved by
+right perturbations X exp(delta); the first pose is held. Levenberg-Marquardt with the normal equations factorised by
+SuperLU (scipy); edges marked robust carry the Cauchy kernel by iterative reweighting.
+Source: Grisetti, Kuemmerle, Stachniss, Burgard, A Tutorial on Graph-Based SLAM (2010), with SE(3) Jacobians after Sola,
+Deray, Atchuthan, A micro Lie theory (2018), eqs 179-182. The tests compare with gtsam.
+Planar surveys need nothing special: their odometry says by its covariance that z, roll and pitch hardly change.
+
+One number may be solved along with the poses: by what share the metres of some edges are too short (CommonScale), such as
+those of wheels whose radius is not quite known. It borders the normal equations by one row and column.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rhs.api.geometry import inverse
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """M relative measurements: from_at, to_at (M,) positions; from_from_to (M, 4, 4); covariances (M, 6, 6) of their
+    right perturbations; robust (M,) bool: may be an outlier."""
+
+    from_at: np.ndarray
+    to_at: np.ndarray
+    from_from_to: np.ndarray
+    covariances: np.ndarray
+    robust: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.from_at)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """poses (N, 4, 4). chi2 (M,): squared whitened residual of each edge, six degrees of freedom, before the kernel.
+    iterations: steps taken. share: of which the metres of a CommonScale are too short (0 without one)."""
+
+    poses: np.ndarray
+    chi2: np.ndarray
+    iterations: int
+    share: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class CommonScale:
+    """edges (M,) bool: whose translations are all too short by one unknown share; sigma: what is expected of that share;
+    share: as believed now."""
+
+    edges: np.ndarray
+    sigma: float
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """iterations: steps at most. settled: a step that lowers the cost by less than this share of it is the last."""
+
+    iterations: int = 30
+    settled: float = 1e-9
+
+
+def optimise(
+    poses: np.ndarray, edges: Edges, *, kernel: float = 3.0, scale: CommonScale | None = None, effort: Effort | None = None
+) -> Solution:
+    """The poses (N, 4, 4) that the edges agree on best, starting from `poses`. kernel: Cauchy scale in sigmas.
+    scale: edges whose metres may be wrong by a common share."""
+    effort = effort or Effort()
+    scale = scale or CommonScale(np.zeros(len(edges), bool), 1.0)
+    whitening = np.linalg.inv(np.linalg.cholesky(edges.covariances))
+    damping, tried = 1e-6, 0
+    residual = _residual(poses, edges)
+    cost = _cost(residual, whitening, edges, kernel)
+    while tried < effort.iterations:
+        tried += 1
+        information = _weighted(residual, whitening, edges, kernel)
+        matrix, gradient, border = _normal_equations(poses, residual, information, _stretched(edges, scale), scale)
+        steps, more = _solved(matrix, gradient, damping, border)
+        candidate, longer = _moved(poses, steps), replace(scale, share=scale.share + more)
+        fresh = _residual(candidate, _stretched(edges, longer))
+        fresh_cost = _cost(fresh, whitening, edges, kernel) + (longer.share / longer.sigma) ** 2
+        if fresh_cost > cost:
+            damping = max(damping, 1e-6) * 10.0
+            if damping > 1e6:
+                break
+            continue
+        last = cost - fresh_cost < effort.settled * (1.0 + cost)
+        poses, scale, residual, cost, damping = candidate, longer, fresh, fresh_cost, damping / 10.0
+        if last:
+            break
+    return Solution(poses, _squared(residual, whitening), tried, scale.share)
+
+
+def chain(poses: np.ndarray, covariances: np.ndarray) -> Edges:
+    """The odometry edges of a trajectory: each pose (N, 4, 4) seen from the one before; covariances (N - 1, 6, 6)."""
+    count = max(len(poses) - 1, 0)
+    steps = inverse(poses[:-1]) @ poses[1:]
+    return Edges(np.arange(count), np.arange(1, count + 1), steps, covariances, np.zeros(count, bool))
+
+
+def joined(first: Edges, second: Edges) -> Edges:
+    """Both sets of edges, in order."""
+    return Edges(*(np.concatenate([getattr(first, f.name), getattr(second, f.name)]) for f in fields(Edges)))
+
+
+def log_poses(poses: np.ndarray) -> np.ndarray:
+    """(M, 6) twists of (M, 4, 4) poses, translation first (geometry.log_se3 for many at once)."""
+    omega = Rotation.from_matrix(poses[:, :3, :3]).as_rotvec()
+    theta2 = np.maximum((omega**2).sum(axis=1), 1e-16)
+    theta = np.sqrt(theta2)
+    half = 0.5 * theta
+    small = theta < 1e-4
+    factor = np.where(small, 1.0 / 12.0 + theta2 / 720.0, (1.0 - half / np.tan(np.where(small, 1.0, half))) / theta2)
+    k = _hats(omega)
+    left_inverse = np.eye(3) - 0.5 * k + factor[:, None, None] * (k @ k)
+    return np.hstack([np.einsum("nij,nj->ni", left_inverse, poses[:, :3, 3]), omega])
+
+
+def exp_poses(twists: np.ndarray) -> np.ndarray:
+    """(M, 4, 4) poses of (M, 6) twists; inverse of log_poses."""
+    omega = twists[:, 3:]
+    theta2 = np.maximum((omega**2).sum(axis=1), 1e-16)
+    theta = np.sqrt(theta2)
+    a = np.where(theta < 1e-4, 0.5 - theta2 / 24.0, (1.0 - np.cos(theta)) / theta2)
+    b = np.where(theta < 1e-4, 1.0 / 6.0 - theta2 / 120.0, (theta - np.sin(theta)) / (theta2 * theta))
+    k = _hats(omega)
+    left = np.eye(3) + a[:, None, None] * k + b[:, None, None] * (k @ k)
+    out = np.tile(np.eye(4), (len(twists), 1, 1))
+    out[:, :3, :3] = Rotation.from_rotvec(omega).as_matrix()
+    out[:, :3, 3] = np.einsum("nij,nj->ni", left, twists[:, :3])
+    return out
+
+
+def adjoints(poses: np.ndarray) -> np.ndarray:
+    """(M, 6, 6) adjoints of (M, 4, 4) poses."""
+    out = np.zeros((len(poses), 6, 6))
+    out[:, :3, :3] = out[:, 3:, 3:] = poses[:, :3, :3]
+    out[:, :3, 3:] = _hats(poses[:, :3, 3]) @ poses[:, :3, :3]
+    return out
+
+
+def _residual(poses: np.ndarray, edges: Edges) -> np.ndarray:
+    """(M, 6) log(Z^-1 X_i^-1 X_j)."""
+    return log_poses(inverse(edges.from_from_to) @ inverse(poses[edges.from_at]) @ poses[edges.to_at])
+
+
+def _squared(residual: np.ndarray, whitening: np.ndarray) -> np.ndarray:
+    return (np.einsum("nij,nj->ni", whitening, residual) ** 2).sum(axis=1)
+
+
+def _cost(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel: float) -> float:
+    squared = _squared(residual, whitening)
+    return float(np.where(edges.robust, kernel**2 * np.log1p(squared / kernel**2), squared).sum())
+
+
+def _stretched(edges: Edges, scale: CommonScale) -> Edges:
+    """The edges with the metres of those of the common scale made longer by its share."""
+    if scale.share == 0.0:
+        return edges
+    longer = edges.from_from_to.copy()
+    longer[scale.edges, :3, 3] *= 1.0 + scale.share
+    return replace(edges, from_from_to=longer)
+
+
+def _weighted(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel: float) -> np.ndarray:
+    """(M, 6, 6) information of the edges, less where the kernel doubts them."""
+    weight = np.where(edges.robust, 1.0 / (1.0 + _squared(residual, whitening) / kernel**2), 1.0)
+    return np.einsum("nki,nkj,n->nij", whitening, whitening, weight)
+
+
+def _normal_equations(poses, residual, information, edges: Edges, scale: CommonScale):
+    """Sparse matrix A (6N, 6N) and vector b (6N,) of A delta = -b; and what the common scale adds to them: its column
+    (6N,), its own entry and its part of b."""
+    by_to = _right_jacobian_inverse(residual)
+    by_from = -by_to @ adjoints(inverse(poses[edges.to_at]) @ poses[edges.from_at])
+    by_scale = _by_scale(edges, scale)
+    gradient, column, blocks = np.zeros((len(poses), 6)), np.zeros((len(poses), 6)), []
+    for at_a, jac_a in ((edges.from_at, by_from), (edges.to_at, by_to)):
+        left = np.swapaxes(jac_a, 1, 2) @ information
+        np.add.at(gradient, at_a, np.einsum("nij,nj->ni", left, residual))
+        np.add.at(column, at_a, np.einsum("nij,nj->ni", left, by_scale))
+        blocks += [(at_a, at_b, left @ jac_b) for at_b, jac_b in ((edges.from_at, by_from), (edges.to_at, by_to))]
+    pull = np.einsum("nij,nj->ni", information, by_scale)
+    own, along = (pull * by_scale).sum() + scale.sigma**-2, (pull * residual).sum() + scale.share / scale.sigma**2
+    return _assembled(blocks, 6 * len(poses)), gradient.ravel(), (column.ravel(), float(own), float(along))
+
+
+def _by_scale(edges: Edges, scale: CommonScale) -> np.ndarray:
+    """(M, 6) derivative of the residuals by the common share, at small residuals: -R' t of the measured motion."""
+    out = np.zeros((len(edges), 6))
+    chosen = edges.from_from_to[scale.edges]
+    out[scale.edges, :3] = -np.einsum("nji,nj->ni", chosen[:, :3, :3], chosen[:, :3, 3])
+    return out
+
+
+def _assembled(blocks, size: int):
+    """Sparse (size, size) matrix that sums blocks (M, 6, 6), given with the positions (M,) of their rows and columns."""
+    from scipy.sparse import coo_matrix
+
+    one, six = np.zeros((1, 6, 6), int), np.arange(6)
+    rows = np.concatenate([(6 * at_a[:, None, None] + six[:, None] + one).ravel() for at_a, _, _ in blocks])
+    columns = np.concatenate([(6 * at_b[:, None, None] + six + one).ravel() for _, at_b, _ in blocks])
+    values = np.concatenate([block.ravel() for _, _, block in blocks])
+    return coo_matrix((values, (rows, columns)), (size, size)).tocsc()
+
+
+def _solved(matrix, gradient: np.ndarray, damping: float, border) -> tuple[np.ndarray, float]:
+    """(N, 6) steps, of which the first is none, and the step of the common share. border: its column (6N,), its own entry
+    and its part of the gradient."""
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
+
+    column, own, along = border
+    inner = matrix[6:, 6:]
+    damped = (inner + damping * diags(inner.diagonal())).tocsc()
+    factor = splu(damped, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    step = factor.solve(-gradient[6:])
+    if not column.any():
+        return np.vstack([np.zeros(6), step.reshape(-1, 6)]), 0.0
+    tied = factor.solve(column[6:])
+    more = -(along + column[6:] @ step) / (own - column[6:] @ tied)
+    return np.vstack([np.zeros(6), (step - more * tied).reshape(-1, 6)]), float(more)
+
+
+def _moved(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    out = poses @ exp_poses(steps)
+    out[:, :3, :3] = Rotation.from_matrix(out[:, :3, :3]).as_matrix()  # orthonormal again
+    out[0] = poses[0]
+    return out
+
+
+def _right_jacobian_inverse(twists: np.ndarray) -> np.ndarray:
+    """(M, 6, 6) inverse right Jacobian of SE(3), I + ad / 2 + ad^2 / 12: exact to fourth order, and residuals are small."""
+    ad = np.zeros((len(twists), 6, 6))
+    ad[:, :3, :3] = ad[:, 3:, 3:] = _hats(twists[:, 3:])
+    ad[:, :3, 3:] = _hats(twists[:, :3])
+    return np.eye(6) + 0.5 * ad + ad @ ad / 12.0
+
+
+def _hats(v: np.ndarray) -> np.ndarray:
+    """(M, 3, 3) cross-product matrices of (M, 3) vectors."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
+    return out

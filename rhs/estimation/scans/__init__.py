@@ -1,0 +1,1 @@
+"""Rays, scan matching, likelihood fields, wall lines."""

@@ -1,0 +1,122 @@
+"""Loops that only scans can close: a corridor walked back the other way, where no camera recognises anything.
+
+The walls seen on the way there (several scans in one small map) and those seen on the way back (several scans in one
+cloud) are laid onto one another (rhs.scanmatch). Along a plain corridor the result says nothing, by its covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.geometry import inverse, planar, se2, wrap
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import LoopEdge, View
+
+from .scan_match import MatchSettings, ScanMatcher, ends
+
+CELL_M = 0.1
+
+
+@dataclass(frozen=True)
+class ScanLoopSettings:
+    """every_m: metres of way between two tries. within_m: believed distance of the two views. turned_rad: least difference
+    of their headings; views that look the same way are the camera's business. min_way_m: way between them. there_m,
+    back_m: scans from so much of the way on both sides of a view make its map, and its cloud. sigma_m, sigma_rad: how far
+    off the belief may be."""
+
+    every_m: float = 1.0
+    within_m: float = 1.5
+    turned_rad: float = np.radians(120.0)
+    min_way_m: float = 5.0
+    there_m: float = 9.0
+    back_m: float = 1.5
+    sigma_m: float = 0.4
+    sigma_rad: float = 0.1
+
+
+def scan_edges(
+    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: ScanLoopSettings
+) -> list[LoopEdge]:
+    """Edges between views (at the believed poses (N, 4, 4), way_m (N,)) that stand close and look the other way."""
+    states = np.array([planar(pose) for pose in poses]).reshape(-1, 3)
+    walls = _Walls(views, poses)
+    out, tried_m = [], -np.inf
+    for later, view in enumerate(views):
+        if view.scan is None or way_m[later] < tried_m + settings.every_m:
+            continue
+        gap = np.hypot(*(states[:, :2] - states[later, :2]).T)
+        turned = np.abs(wrap(states[:, 2] - states[later, 2])) > settings.turned_rad
+        possible = turned & (gap < settings.within_m) & (way_m < way_m[later] - settings.min_way_m)
+        if not possible.any():
+            continue
+        tried_m = way_m[later]
+        edge = _edge(walls, way_m, (int(np.where(possible, gap, np.inf).argmin()), later), settings)
+        out += [edge] if edge is not None else []
+    return out
+
+
+class _Walls:
+    """Wall points of views, each scan looked at once. poses (N, 4, 4)."""
+
+    def __init__(self, views: Sequence[View], poses: np.ndarray) -> None:
+        self._views, self.poses = views, poses
+        self._points: dict[int, np.ndarray] = {}
+
+    def cloud(self, chosen: np.ndarray, at: int) -> np.ndarray:
+        """(M, 2) wall points of the chosen views (N,), in the frame of view `at`, metres."""
+        views = np.nonzero(chosen)[0]
+        at_from_view = inverse(self.poses[at]) @ self.poses[views]
+        yaw = np.arctan2(at_from_view[:, 1, 0], at_from_view[:, 0, 0])
+        c, s = np.cos(yaw), np.sin(yaw)
+        turned = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
+        parts = zip(views.tolist(), turned, at_from_view[:, :2, 3], strict=True)
+        return np.concatenate([np.empty((0, 2)), *(self._of(k) @ turn + shift for k, turn, shift in parts)])
+
+    def _of(self, view: int) -> np.ndarray:
+        if view not in self._points:
+            scan = self._views[view].scan
+            self._points[view] = ends(scan, MatchSettings()) if scan is not None else np.empty((0, 2))
+        return self._points[view]
+
+
+def _edge(walls: _Walls, way_m, pair: tuple[int, int], settings: ScanLoopSettings) -> LoopEdge | None:
+    """The edge between one pair of views, or None when their walls do not fit."""
+    earlier, later = pair
+    chart = walls.cloud(np.abs(way_m - way_m[earlier]) <= settings.there_m, earlier)
+    cloud = _thinned(walls.cloud(np.abs(way_m - way_m[later]) <= settings.back_m, later), CELL_M)
+    if len(chart) < 50 or len(cloud) < 50:
+        return None
+    prior = np.diag([settings.sigma_m**2, settings.sigma_m**2, settings.sigma_rad**2])
+    earlier_from_later = inverse(walls.poses[earlier]) @ walls.poses[later]
+    state = planar(earlier_from_later)
+    found = ScanMatcher(_drawn(chart), MatchSettings(sigma_m=0.05, trust=0.1)).match_points(cloud, state, prior)
+    if found is None:
+        return None
+    covariance = np.eye(6)
+    plane = np.ix_([0, 1, 5], [0, 1, 5])
+    covariance[plane] = np.linalg.inv(found.information + 0.01 * np.eye(3))  # unseen: ten metres, ten radians
+    # the match moves the pose in the plane; what the belief says of height and tilt stays
+    edge = earlier_from_later @ inverse(se2(*state)) @ se2(*found.state)
+    return LoopEdge(earlier, later, edge, covariance, len(cloud))
+
+
+def _thinned(points: np.ndarray, cell_m: float) -> np.ndarray:
+    """One point (their mean) per cell: walls seen often count no more than walls seen once."""
+    if len(points) == 0:
+        return points
+    _, at = np.unique(np.floor(points / cell_m).astype(int), axis=0, return_inverse=True)
+    count = np.bincount(at)
+    return np.stack([np.bincount(at, points[:, axis]) / count for axis in (0, 1)], axis=1)
+
+
+def _drawn(points: np.ndarray) -> OccupancyGrid:
+    """A map whose cells are occupied where at least two wall points lie."""
+    low = points.min(axis=0) - 1.0
+    at = np.floor((points - low) / CELL_M).astype(int)
+    columns, rows = at.max(axis=0) + int(1.0 / CELL_M)
+    counts = np.zeros((rows, columns))
+    np.add.at(counts, (at[:, 1], at[:, 0]), 1.0)
+    return OccupancyGrid(np.where(counts >= 2, 0.95, 0.05).astype(np.float32), CELL_M, (float(low[0]), float(low[1])))

@@ -1,0 +1,1 @@
+"""Features, rigid motion, the place database, checks of a view."""

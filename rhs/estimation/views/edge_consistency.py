@@ -1,0 +1,86 @@
+"""Which loop edges can be true together? Pairwise consistency through the odometry, and the largest agreeing set.
+
+Two edges (i, j) and (k, l) make a cycle: over the first loop, along the odometry from j to l, back over the second loop,
+along the odometry from k to i. It must come out at the identity, up to what the odometry may have drifted on these two
+ways. Source: Mangelson, Dominic, Eustice, Vasudevan, Pairwise Consistent Measurement Set Maximization (ICRA 2018);
+deviation: the bound is a drift per metre instead of a covariance, because the drift of visual odometry is steady, not
+white, and the set is grown greedily from the edge with most support.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.geometry import inverse, planar, wrap
+from rhs.api.records import LoopEdge
+
+
+@dataclass(frozen=True)
+class DriftBounds:
+    """How wrong the odometry may be: metres at once, metres per metre travelled, radians at once and per metre."""
+
+    base_m: float = 0.15
+    per_m: float = 0.05
+    base_rad: float = 0.05
+    rad_per_m: float = 0.015
+
+
+def consistent(a: LoopEdge, b: LoopEdge, poses: np.ndarray, travelled_m: np.ndarray, bounds: DriftBounds) -> bool:
+    """Whether both edges can be true, given believed poses (N, 4, 4) and metres travelled (N,) up to each."""
+    after = inverse(poses[a.later]) @ poses[b.later]
+    before = inverse(poses[b.earlier]) @ poses[a.earlier]
+    cycle = a.earlier_from_later @ after @ inverse(b.earlier_from_later) @ before
+    way_m = abs(travelled_m[a.later] - travelled_m[b.later]) + abs(travelled_m[a.earlier] - travelled_m[b.earlier])
+    x_m, y_m, yaw_rad = planar(cycle)
+    yaw_bound = bounds.base_rad + bounds.rad_per_m * way_m
+    lever_m = np.linalg.norm(after[:2, 3]) + np.linalg.norm(before[:2, 3]) + np.linalg.norm(b.earlier_from_later[:2, 3])
+    reach_m = bounds.base_m + bounds.per_m * way_m + yaw_bound * lever_m
+    return bool(np.hypot(x_m, y_m) <= reach_m and abs(wrap(yaw_rad)) <= yaw_bound)
+
+
+def agreement(
+    edges: Sequence[LoopEdge], poses: np.ndarray, travelled_m: np.ndarray, bounds: DriftBounds
+) -> np.ndarray:
+    """(M, M) bool, symmetric, True on the diagonal: which edges can be true together."""
+    out = np.eye(len(edges), dtype=bool)
+    for i in range(len(edges)):
+        for j in range(i):
+            out[i, j] = out[j, i] = consistent(edges[i], edges[j], poses, travelled_m, bounds)
+    return out
+
+
+def largest_agreeing(agree: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Indices of a heavy set of edges that all agree with one another, by greedy growth from each edge in turn."""
+    best: list[int] = []
+    best_weight = -1.0
+    for seed in np.argsort(-(agree @ weights), kind="stable"):
+        allowed = agree[seed].copy()
+        chosen: list[int] = []
+        while allowed.any():
+            gain = np.where(allowed, (agree & allowed) @ weights, -1.0)
+            pick = int(seed) if not chosen else int(gain.argmax())
+            chosen.append(pick)
+            allowed &= agree[pick]
+            allowed[pick] = False
+        if weights[chosen].sum() > best_weight + 1e-12:
+            best, best_weight = chosen, float(weights[chosen].sum())
+    return np.array(sorted(best), int)
+
+
+def supported(edges: Sequence[LoopEdge], travelled_m: np.ndarray, window_m: float) -> np.ndarray:
+    """(M,) number of different later views, within window_m of way, whose edges lead to the same stretch of the past.
+
+    A single look-alike view is seldom followed by others that look alike in the same order at the same distances."""
+    out = np.zeros(len(edges), int)
+    for i, a in enumerate(edges):
+        near = {
+            b.later
+            for b in edges
+            if abs(travelled_m[a.later] - travelled_m[b.later]) <= window_m
+            and abs(travelled_m[a.earlier] - travelled_m[b.earlier]) <= 2.0 * window_m
+        }
+        out[i] = len(near)
+    return out

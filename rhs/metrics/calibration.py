@@ -1,0 +1,127 @@
+"""Does a robot know whether it knows where it is? Kidnaps, calibration and wrong certainty, from the steps of a patrol.
+
+A belief is right within 0.25 m and 5 degrees of the truth (rhs.belief), and sure of itself when its status is tracking.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.belief import RIGHT_M, RIGHT_RAD
+from rhs.api.geometry import wrap
+
+WITHIN_M = 5.0  # a kidnapped robot is judged after so much way
+BINS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Beliefs:
+    """Views of a patrol whose truth is known. stamps_s, wrong_m, wrong_rad, probability, sure, kidnapped: (N,) each;
+    xy_m (N, 2): where the robot truly was. kidnapped: carried elsewhere since the view before."""
+
+    stamps_s: np.ndarray
+    xy_m: np.ndarray
+    wrong_m: np.ndarray
+    wrong_rad: np.ndarray
+    probability: np.ndarray
+    sure: np.ndarray
+    kidnapped: np.ndarray
+
+    @property
+    def right(self) -> np.ndarray:
+        return (self.wrong_m < RIGHT_M) & (self.wrong_rad < RIGHT_RAD)
+
+
+@dataclass(frozen=True, eq=False)
+class Kidnap:
+    """One kidnap and what followed, up to WITHIN_M of way, the next kidnap or the end. way_m, wrong_m, sure: per view.
+    metres, seconds: until it first called itself tracking and was right, NaN if never. wrong_sure: at the end it called
+    itself tracking and was wrong."""
+
+    way_m: np.ndarray
+    wrong_m: np.ndarray
+    sure: np.ndarray
+    metres: float
+    seconds: float
+    wrong_sure: bool
+
+
+def beliefs_of(steps: Sequence[dict[str, str]]) -> Beliefs:
+    """From rows of steps.csv; views without truth are left out."""
+    rows = [row for row in steps if row["true_x_m"]]
+
+    def column(name: str) -> np.ndarray:
+        return np.array([float(row[name] or "nan") for row in rows])
+
+    true = np.stack([column("true_x_m"), column("true_y_m")], axis=1).reshape(-1, 2)
+    gap = np.stack([column("x_m"), column("y_m")], axis=1).reshape(-1, 2) - true
+    return Beliefs(
+        column("stamp_s"), true, np.hypot(*gap.T), np.abs(wrap(column("yaw_rad") - column("true_yaw_rad"))),
+        column("belief_probability"), np.array([row["belief_status"] == "tracking" for row in rows], bool),
+        np.array(["kidnapped" in row["event"].split("+") for row in rows], bool),
+    )  # fmt: skip
+
+
+def kidnaps(beliefs: Beliefs, within_m: float = WITHIN_M) -> list[Kidnap]:
+    """Every kidnap of a patrol, judged."""
+    begins = np.nonzero(beliefs.kidnapped)[0]
+    ends = np.append(begins, len(beliefs.kidnapped))[1:]
+    return [_judged(beliefs, int(begin), int(end), within_m) for begin, end in zip(begins, ends, strict=True)]
+
+
+def _judged(beliefs: Beliefs, begin: int, end: int, within_m: float) -> Kidnap:
+    steps_m = np.linalg.norm(np.diff(beliefs.xy_m[begin:end], axis=0), axis=1)
+    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    views = np.arange(begin, end)[way_m <= within_m]
+    way_m = way_m[way_m <= within_m]
+    found = np.nonzero(beliefs.sure[views] & beliefs.right[views])[0]
+    metres, seconds = np.nan, np.nan
+    if len(found):
+        metres = float(way_m[found[0]])
+        seconds = float(beliefs.stamps_s[views[found[0]]] - beliefs.stamps_s[begin])
+    last = views[-1]
+    wrong_sure = bool(beliefs.sure[last] and not beliefs.right[last])
+    return Kidnap(way_m, beliefs.wrong_m[views], beliefs.sure[views], metres, seconds, wrong_sure)
+
+
+def reliability(probability: np.ndarray, right: np.ndarray, bins: int = BINS) -> np.ndarray:
+    """(B, 3) of the bins of predicted chance that hold any view: mean chance, share that was right, number of views."""
+    at = np.minimum((bins * np.asarray(probability)).astype(int), bins - 1)
+    right = np.asarray(right, float)
+    return np.array([[probability[at == b].mean(), right[at == b].mean(), (at == b).sum()]
+                     for b in np.unique(at)]).reshape(-1, 3)
+
+
+def calibration_error(probability: np.ndarray, right: np.ndarray, bins: int = BINS) -> float:
+    """Expected calibration error: mean over the views of |chance - share right| of their bin; NaN without views."""
+    if len(probability) == 0:
+        return float("nan")
+    chance, share, count = reliability(probability, right, bins).T
+    return float((np.abs(chance - share) * count).sum() / count.sum())
+
+
+def knowing_values(steps: Sequence[dict[str, str]]) -> dict[str, float | int]:
+    """Columns of the row. kidnaps: how many; kidnap_recovered_share: found themselves within 5 m of way; kidnap_recovery_m,
+    kidnap_recovery_s: median until then, of those that did, and the 90th percentile; kidnap_wrong_sure_share: were wrong
+    and sure of it at the end of that way. belief_wrong_sure_share: of all views of the patrol; belief_ece: expected
+    calibration error of the belief's probability. NaN where nothing was kidnapped, or nobody knows the truth."""
+    beliefs = beliefs_of(steps)
+    known = len(beliefs.wrong_m) > 0
+    happened = kidnaps(beliefs)
+    metres = np.array([one.metres for one in happened if np.isfinite(one.metres)])
+    seconds = np.array([one.seconds for one in happened if np.isfinite(one.metres)])
+    nan = float("nan")
+    return {
+        "kidnaps": len(happened) if known else nan,
+        "kidnap_recovered_share": len(metres) / len(happened) if happened else nan,
+        "kidnap_recovery_m": float(np.median(metres)) if len(metres) else nan,
+        "kidnap_recovery_p90_m": float(np.percentile(metres, 90)) if len(metres) else nan,
+        "kidnap_recovery_s": float(np.median(seconds)) if len(seconds) else nan,
+        "kidnap_recovery_p90_s": float(np.percentile(seconds, 90)) if len(seconds) else nan,
+        "kidnap_wrong_sure_share": float(np.mean([one.wrong_sure for one in happened])) if happened else nan,
+        "belief_wrong_sure_share": float(np.mean(beliefs.sure & ~beliefs.right)) if known else nan,
+        "belief_ece": calibration_error(beliefs.probability, beliefs.right),
+    }

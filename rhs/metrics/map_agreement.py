@@ -1,0 +1,37 @@
+"""How far a drawn map agrees with the true plan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.grid import OccupancyGrid
+
+
+def map_agreement(mine: OccupancyGrid, true: OccupancyGrid) -> dict[str, float]:
+    """map_agreement: of the cells called occupied or free, the share with a true cell of that kind within one cell
+    (eight neighbours). map_observed_share: of the truly free cells, the share that was called anything.
+
+    The grids may differ in extent and resolution: each cell of `mine` is compared at its centre.
+    """
+    occupied, free = mine.occupied(), mine.free()
+    called = np.argwhere(occupied | free)
+    if not len(called):
+        return {"map_agreement": float("nan"), "map_observed_share": 0.0}
+    reach = mine.resolution_m * np.array([[dx, dy] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
+    near = mine.centres(called)[:, None, :] + reach[None]
+    is_occupied = _look_up(true, true.occupied(), near).any(axis=1)
+    is_free = _look_up(true, true.free(), near).any(axis=1)
+    agrees = np.where(occupied[called[:, 0], called[:, 1]], is_occupied, is_free)
+    floor = true.centres(np.argwhere(true.free()))
+    seen = _look_up(mine, ~np.isnan(mine.probability), floor[:, None, :])[:, 0]
+    return {"map_agreement": float(agrees.mean()), "map_observed_share": float(seen.mean()) if len(seen) else float("nan")}
+
+
+def _look_up(grid: OccupancyGrid, flags: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Flags of (N, K, 2) points; False outside the grid."""
+    flat = points.reshape(-1, 2)
+    inside = grid.inside(flat)
+    out = np.zeros(len(flat), bool)
+    cells = grid.cells(flat[inside])
+    out[inside] = flags[cells[:, 0], cells[:, 1]]
+    return out.reshape(points.shape[:2])

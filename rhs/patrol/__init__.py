@@ -1,0 +1,1 @@
+"""The loop, the run, the survey and the sentinel."""

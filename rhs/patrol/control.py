@@ -1,0 +1,103 @@
+"""From a path and a believed pose to one command: pure pursuit with bounded steps.
+
+Coulter, R. C., "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992. Deviations: the
+command is held for one step of bounded length and turn, so that consecutive views overlap; when the path lies too far
+to the side the robot pivots (or, for cameras that must keep moving, turns on an arc).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.geometry import planar, wrap
+from rhs.api.records import Twist
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How far and how fast one command may go.
+
+    speed_mps: forward speed. step_m: path length of one command. turn_step_rad: most turning in one command.
+    lookahead_m: distance along the path of the point that is steered for. pivot_above_rad: heading error above which
+    the robot turns before it drives. arc_radius_m: radius of such turns; 0 is a turn on the spot.
+    cut_m: how far the chord to that point may leave the path.
+    """
+
+    speed_mps: float = 0.5
+    step_m: float = 0.2
+    turn_step_rad: float = np.radians(10.0)
+    lookahead_m: float = 0.45
+    pivot_above_rad: float = np.radians(25.0)
+    arc_radius_m: float = 0.0
+    cut_m: float = 0.03
+
+
+def closest_on_path(points_m: np.ndarray, at_m: np.ndarray) -> tuple[float, np.ndarray]:
+    """(arc length in metres, point) of the place on the polyline `points_m` (N, 2) that is nearest to `at_m` (2,)."""
+    start, run = points_m[:-1], np.diff(points_m, axis=0)
+    length = np.linalg.norm(run, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.where(length > 0, np.einsum("ij,ij->i", at_m - start, run) / length**2, 0.0)
+    t = np.clip(t, 0.0, 1.0)
+    near = start + t[:, None] * run
+    best = int(np.argmin(np.linalg.norm(near - at_m, axis=1)))
+    return float(length[:best].sum() + t[best] * length[best]), near[best]
+
+
+def point_at(points_m: np.ndarray, arc_m: float) -> np.ndarray:
+    """(2,) point at arc length `arc_m` along the polyline, its end beyond that."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points_m, axis=0), axis=1))])
+    return np.array([np.interp(arc_m, arc, points_m[:, 0]), np.interp(arc_m, arc, points_m[:, 1])])
+
+
+def ahead_on_path(points_m: np.ndarray, at_m: np.ndarray, length_m: float) -> np.ndarray:
+    """(M, 2) the stretch of the polyline from the place nearest to `at_m` for `length_m` metres, sampled every 5 cm."""
+    arc, _ = closest_on_path(points_m, at_m)
+    total = float(np.linalg.norm(np.diff(points_m, axis=0), axis=1).sum())
+    stations = np.arange(arc, min(arc + length_m, total) + 1e-9, 0.05)
+    return np.array([point_at(points_m, s) for s in stations]).reshape(-1, 2)
+
+
+def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:
+    """The next command that follows `path_m` (N >= 2, 2) from the believed pose."""
+    x, y, yaw = planar(map_from_body)
+    here = np.array([x, y])
+    target = target_on(path_m, here, pace)
+    left = float(np.linalg.norm(path_m[-1] - here))
+    error = float(wrap(np.arctan2(target[1] - y, target[0] - x) - yaw))
+    if abs(error) > pace.pivot_above_rad:
+        return turn(error, pace)
+    distance = max(float(np.linalg.norm(target - here)), 1e-6)
+    curvature = 2.0 * np.sin(error) / distance
+    step = min(pace.step_m, max(left, 0.02))
+    if abs(curvature) * step > pace.turn_step_rad:
+        step = pace.turn_step_rad / abs(curvature)
+    return Twist(pace.speed_mps, pace.speed_mps * curvature, step / pace.speed_mps)
+
+
+def target_on(path_m: np.ndarray, here_m: np.ndarray, pace: Pace) -> np.ndarray:
+    """(2,) the farthest point within the lookahead whose chord stays within pace.cut_m of the path."""
+    arc, near = closest_on_path(path_m, here_m)
+    stations = np.linspace(0.0, pace.lookahead_m, 10)[1:]
+    way = np.array([near, *(point_at(path_m, arc + s) for s in stations)])
+    for last in range(len(way) - 1, 2, -1):
+        chord = way[last] - near
+        length = np.linalg.norm(chord)
+        if length > 0:
+            side = np.abs(chord[0] * (way[:last, 1] - near[1]) - chord[1] * (way[:last, 0] - near[0])) / length
+            if side.max() <= pace.cut_m:
+                return way[last]
+    return way[2]
+
+
+def turn(angle_rad: float, pace: Pace) -> Twist:
+    """One bounded step of a turn by `angle_rad`: on the spot, or on an arc of pace.arc_radius_m."""
+    step = float(np.clip(angle_rad, -pace.turn_step_rad, pace.turn_step_rad))
+    if pace.arc_radius_m <= 0.0:
+        duration = max(abs(step) / 1.0, 0.05)
+        return Twist(0.0, step / duration, duration)
+    length = abs(step) * pace.arc_radius_m
+    duration = length / pace.speed_mps
+    return Twist(pace.speed_mps, step / duration, duration)

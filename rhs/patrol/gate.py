@@ -1,0 +1,140 @@
+"""The gate between an odometry that sees and the wheels: a confident wrong motion is replaced, and the table says so.
+
+A picture can lie with many witnesses: a wrong match, people who walk by, a cloud that slides along a flat wall. Wheels lie
+otherwise: they spin, and then count too much, never too little. So a motion that is further from every share of the wheel
+travel that spinning allows than both covariances explain (chi-square test of the difference, Bar-Shalom, Li and
+Kirubarajan 2001, section 5.4) is replaced by the wheel travel, status `lost`. A `degenerate` motion that agrees is joined
+with the wheels by their information, so that each direction comes from whoever knows it. Without wheels only a leap is
+refused: a speed that differs from what was believed last and from what vision itself said last.
+Where wheels contradict for many views on end they are the ones in doubt (a bag with another frame), and vision is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rhs.api.contracts import Odometry
+from rhs.api.geometry import exp_se3, inverse, log_se3, se2
+from rhs.api.records import Motion, Observation, Revision, Tracking
+from rhs.estimation.filters.kalman import gate as chi_square
+
+from .gate_settings import GATED, Gate
+from .loop import checked_motion
+
+FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
+FLOOR_SIGMA = 0.05  # of z, roll and pitch where the wheels alone are believed: metres, radians
+
+
+class GatedOdometry:
+    """An odometry whose motions pass the gate; all else is the odometry's own."""
+
+    def __init__(self, odometry: Odometry, settings: Gate) -> None:
+        self._odometry, self._settings = odometry, settings
+        self._limit = chi_square(3, settings.probability)
+        self._stamp_s = float("nan")
+        self._speeds: list[np.ndarray] = []  # twists (6,) believed last and said last by vision
+        self._lost = 0  # views since vision last knew: what it says next may put right its own guesses over all of them
+        self._contradicted = 0
+        self._replaced = 0
+
+    def update(self, observation: Observation) -> Motion:
+        """The odometry's motion, or what the wheels say where it contradicts them."""
+        said = checked_motion(self._odometry.update(observation), self._odometry)
+        elapsed_s = observation.stamp_s - self._stamp_s
+        self._stamp_s = observation.stamp_s
+        if not np.isfinite(elapsed_s):  # the first view: nothing moved
+            return said
+        if said.status is Tracking.LOST:
+            self._lost, self._speeds = self._lost + 1, []
+            return said
+        wheel = observation.wheel
+        if wheel is not None and np.isfinite(wheel).all():
+            motion = self._beside_wheels(said, wheel)
+        else:
+            motion = self._without_wheels(said, elapsed_s)
+        self._lost = 0
+        self._replaced += motion.reason.startswith(GATED)
+        return motion
+
+    def revise(self) -> Revision | None:
+        """The odometry's last word; none where motions were replaced, which it does not know of."""
+        revision = self._odometry.revise()
+        return None if self._replaced else revision
+
+    def _beside_wheels(self, said: Motion, wheel: np.ndarray) -> Motion:
+        spread = self._wheel_covariance(wheel)
+        apart = contradiction(said, wheel, spread * (1 + self._lost) ** 2, slip_share=self._settings.slip_share)
+        if apart <= self._limit:
+            self._contradicted = 0
+            return joined(said, wheel, spread) if said.status is Tracking.DEGENERATE else said
+        self._contradicted += 1
+        both = f"vision {_words(said.previous_from_body)} and wheels {_words(se2(*wheel))}"
+        what = f"{both} are {np.sqrt(apart):.1f} sigmas apart"
+        if self._contradicted > self._settings.patience:
+            return replace(said, reason="; ".join(filter(None, [said.reason, f"{what}: wheels doubted"])))
+        covariance = np.diag([0.0, 0.0, FLOOR_SIGMA**2, FLOOR_SIGMA**2, FLOOR_SIGMA**2, 0.0])
+        covariance[np.ix_(FREE, FREE)] = spread
+        return _instead(said, se2(*wheel), covariance, f"{what}; took wheel")
+
+    def _without_wheels(self, said: Motion, elapsed_s: float) -> Motion:
+        """Refuse a leap: no body changes its speed so much between two views."""
+        s, speeds = self._settings, self._speeds
+        if elapsed_s <= 0.0:
+            return said
+        speed = log_se3(said.previous_from_body) / elapsed_s
+        changes = [speed - before for before in speeds]
+        leaps = [np.linalg.norm(c[:3]) > s.leap_mps or np.linalg.norm(c[3:]) > s.leap_radps for c in changes]
+        if not leaps or not all(leaps):
+            self._speeds = [speed, speed]
+            return said
+        self._speeds = [speeds[0], speed]
+        guess = exp_se3(speeds[0] * elapsed_s)
+        sigmas = np.repeat([0.05 + s.leap_mps * elapsed_s / 3.0, 0.05 + s.leap_radps * elapsed_s / 3.0], 3)
+        what = f"vision {_words(said.previous_from_body)} in {elapsed_s:.3f} s leaps from {_words(guess)}"
+        return _instead(said, guess, np.diag(sigmas**2), f"{what}; took same again")
+
+    def _wheel_covariance(self, wheel: np.ndarray) -> np.ndarray:
+        s = self._settings
+        metres = s.wheel_least_m + s.wheel_share * float(np.hypot(wheel[0], wheel[1]))
+        return np.diag([metres**2, metres**2, (s.wheel_least_rad + s.wheel_share * abs(float(wheel[2]))) ** 2])
+
+
+def contradiction(said: Motion, wheel: np.ndarray, spread: np.ndarray, *, slip_share: float) -> float:
+    """Squared Mahalanobis distance (3 degrees of freedom) of a motion from the nearest wheel travel s * wheel with
+    1 - slip_share <= s <= 1. wheel: (3,) dx, dy, dyaw; spread: (3, 3) its covariance."""
+    vision, counted = log_se3(said.previous_from_body)[FREE], log_se3(se2(*wheel))[FREE]
+    weight = np.linalg.inv(said.covariance[np.ix_(FREE, FREE)] + spread)
+    length = float(counted @ weight @ counted)
+    share = float(counted @ weight @ vision) / length if length > 0.0 else 1.0
+    off = vision - np.clip(share, 1.0 - slip_share, 1.0) * counted
+    return float(off @ weight @ off)
+
+
+def joined(said: Motion, wheel: np.ndarray, spread: np.ndarray) -> Motion:
+    """The motion corrected by the wheel travel (Kalman update of x, y and yaw); status and reason stay."""
+    off = log_se3(inverse(said.previous_from_body) @ se2(*wheel))[FREE]
+    gain = said.covariance[:, FREE] @ np.linalg.inv(said.covariance[np.ix_(FREE, FREE)] + spread)
+    rest = np.eye(6)
+    rest[:, FREE] -= gain
+    noise = gain @ spread @ gain.T
+    covariance = rest @ said.covariance @ rest.T + noise  # Joseph's form stays positive definite
+    pose = said.previous_from_body @ exp_se3(gain @ off)
+    reason = "; ".join(filter(None, [said.reason, "joined with wheel"]))
+    return replace(said, previous_from_body=pose, covariance=0.5 * (covariance + covariance.T), reason=reason)
+
+
+def _instead(said: Motion, pose: np.ndarray, covariance: np.ndarray, why: str) -> Motion:
+    return replace(said, previous_from_body=pose, covariance=covariance, status=Tracking.LOST, reason=GATED + why,
+                   observability=None)
+
+
+def _words(pose: np.ndarray) -> str:
+    twist = log_se3(pose)
+    return f"{np.linalg.norm(pose[:3, 3]):.2f} m {np.degrees(np.linalg.norm(twist[3:])):.1f} deg"
+
+
+def gated(odometry: Odometry, needs: frozenset[str], settings: Gate) -> Odometry:
+    """The odometry behind the gate, if it is one that the gate is for."""
+    return GatedOdometry(odometry, settings) if settings.act != "off" and "depth" in needs else odometry

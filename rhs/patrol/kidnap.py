@@ -1,0 +1,51 @@
+"""Carry the robot elsewhere without telling it: the hardest question a localiser can be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rhs.api.contracts import Source
+from rhs.api.geometry import se2
+from rhs.api.records import View
+
+from .mission import Logbook
+
+SOONEST, LATEST = 4, 16  # commands of a mission before the robot is carried away
+SIDEWAYS_M, TURNED_RAD = 0.3, np.radians(40.0)
+
+
+class Kidnapper:
+    """Once per mission, at a seeded moment, puts the robot near a seeded view of the survey.
+
+    The new pose is drawn round the surveyed views (up to 0.3 m to the side, 40 degrees turned), so that it is free, and
+    in half of the cases turned round.
+    """
+
+    def __init__(self, rng: np.random.Generator, views: Sequence[View]) -> None:
+        self.rng, self.views = rng, views
+        self.done_for = 0
+        self.moment = self._draw_moment()
+        self.fresh = False
+
+    def maybe(self, source: Source, book: Logbook) -> None:
+        """Kidnap now if it is time."""
+        mission = book.missions[-1]
+        if mission.mission > self.done_for and mission.steps >= self.moment:
+            self.done_for, self.moment = mission.mission, self._draw_moment()
+            source.teleport(self._draw_pose())
+            self.fresh = True
+
+    def news(self) -> list[str]:
+        """["kidnapped"] once after each kidnap, for the step's event."""
+        fresh, self.fresh = self.fresh, False
+        return ["kidnapped"] if fresh else []
+
+    def _draw_moment(self) -> int:
+        return int(self.rng.integers(SOONEST, LATEST + 1))
+
+    def _draw_pose(self) -> np.ndarray:
+        view = self.views[int(self.rng.integers(len(self.views)))]
+        turned = self.rng.uniform(-TURNED_RAD, TURNED_RAD) + np.pi * self.rng.integers(2)
+        return view.map_from_body @ se2(0.0, self.rng.uniform(-SIDEWAYS_M, SIDEWAYS_M), float(turned))

@@ -1,0 +1,115 @@
+"""Missions: one goal each. A patrol is a list of them; this module keeps their book and decides when one is over."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+
+import numpy as np
+
+from rhs.base.errors import check_choice, check_range
+
+
+@dataclass
+class MissionSettings:
+    """How the patrol goes about its places."""
+
+    # distance from a place at which it counts as visited, metres (belief)
+    arrive_m: float = 0.25
+    # added to the robot's radius when the map is grown, metres: room for the error of the belief
+    margin_m: float = 0.1
+    # room the robot would like on top of that, metres; less is taken where there is no way with it. It keeps a robot
+    # whose belief has drifted off the walls: going the other way round, nothing looks as it did in the survey
+    comfort_m: float = 0.4
+    # plans per place before it is given up
+    tries: int = 6
+    # commands without progress (less than 5 cm believed motion each) before the place is given up
+    stuck_steps: int = 12
+    # how far ahead the path is watched for obstacles, metres
+    watch_m: float = 2.5
+    # scan points this close to a wall of the map are the wall, metres
+    wall_tolerance_m: float = 0.3
+    # turn on the spot, or on an arc that keeps the camera moving: pivot | arc | auto, which takes what the odometry wants
+    turn: str = "auto"
+    # radius of arc turns, metres
+    arc_radius_m: float = 0.7
+    # longest way between two views while patrolling, metres
+    step_m: float = 0.25
+    # largest turn between two views while patrolling, degrees
+    turn_step_deg: float = 12.0
+    # forward speed, metres per second
+    speed_mps: float = 0.5
+    # carry the robot elsewhere, without telling it, once per place
+    kidnap: bool = False
+
+    def __post_init__(self) -> None:
+        check_range("mission", "arrive_m", self.arrive_m, low=0.05, high=5.0, unit="m")
+        check_range("mission", "margin_m", self.margin_m, low=0.0, high=2.0, unit="m")
+        check_range("mission", "comfort_m", self.comfort_m, low=0.0, high=2.0, unit="m")
+        check_range("mission", "tries", self.tries, low=1, high=1000)
+        check_range("mission", "stuck_steps", self.stuck_steps, low=2, high=10000)
+        check_range("mission", "watch_m", self.watch_m, low=0.2, high=20.0, unit="m")
+        check_range("mission", "wall_tolerance_m", self.wall_tolerance_m, low=0.0, high=2.0, unit="m")
+        check_choice("mission", "turn", self.turn, ("auto", "pivot", "arc"))
+        check_range("mission", "arc_radius_m", self.arc_radius_m, low=0.1, high=5.0, unit="m")
+        check_range("mission", "step_m", self.step_m, low=0.02, high=2.0, unit="m")
+        check_range("mission", "turn_step_deg", self.turn_step_deg, low=1.0, high=90.0, unit="degrees")
+        check_range("mission", "speed_mps", self.speed_mps, low=0.02, high=3.0, unit="m/s")
+
+
+def turning(settings: MissionSettings, odometry: object) -> MissionSettings:
+    """The settings with `turn` decided: on arcs and in steps as short as the odometry wants them, where it is left to one
+    that `keeps_moving` (rhs.contracts)."""
+    wanted = getattr(odometry, "keeps_moving", None)
+    if settings.turn != "auto" or wanted is None:
+        return replace(settings, turn="pivot" if settings.turn == "auto" else settings.turn)
+    step_m, turn_step_deg = wanted
+    return replace(settings, turn="arc", step_m=min(settings.step_m, step_m),
+                   turn_step_deg=min(settings.turn_step_deg, turn_step_deg))
+
+
+@dataclass
+class Mission:
+    """One attempt at one place, as written to missions.json. status: active, arrived, aborted or gave_up."""
+
+    mission: int
+    place: str
+    goal_m: list[float]
+    start_m: list[float]
+    status: str = "active"
+    reason: str = ""
+    replans: int = 0
+    steps: int = 0
+
+
+@dataclass
+class Logbook:
+    """The missions of a patrol, and the places still to visit."""
+
+    places: tuple[tuple[str, float, float], ...]
+    missions: list[Mission] = field(default_factory=list)
+    visited: int = 0
+
+    @property
+    def current(self) -> Mission | None:
+        return self.missions[-1] if self.missions and self.missions[-1].status == "active" else None
+
+    @property
+    def done(self) -> bool:
+        return self.visited >= len(self.places) and self.current is None
+
+    def open(self, at_m: np.ndarray) -> Mission:
+        """Begin the mission to the next place."""
+        name, x, y = self.places[self.visited]
+        mission = Mission(len(self.missions) + 1, name, [float(x), float(y)], [float(v) for v in at_m])
+        self.missions.append(mission)
+        return mission
+
+    def close(self, status: str, reason: str = "") -> None:
+        """End the current mission. `arrived` and `gave_up` go on to the next place; `aborted` tries the same again."""
+        mission = self.missions[-1]
+        mission.status, mission.reason = status, reason
+        if status in ("arrived", "gave_up"):
+            self.visited += 1
+
+    def to_rows(self) -> list[dict]:
+        return [asdict(mission) for mission in self.missions]

@@ -1,0 +1,86 @@
+"""Everything of one run that listens to its steps, and the files that are not a step's."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rhs.api.files import replacing
+from rhs.api.floorplan import World, truth_grid
+from rhs.api.records import Path as Plan
+from rhs.api.records import Step
+from rhs.config.compose import RunConfig, to_plain, write_config
+from rhs.config.parts import Parts
+from rhs.recording.rerun_view import Audience, Listener, LiveView
+from rhs.recording.writer import Recorder
+from rhs.runfolder.steps_csv import StepTable
+from rhs.worlds.maps import save_map
+
+Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
+
+
+def unwatched(steps: Iterable[Step], phase: str, expected: int | None) -> Iterable[Step]:
+    """The default watcher: looks away. A progress bar has the same signature."""
+    return steps
+
+
+@dataclass
+class Notebook:
+    """Everything of one run that listens to its steps: the table, the recording, the progress bar."""
+
+    folder: Path
+    table: StepTable
+    recorder: Listener
+    watch: Watch
+    counts: dict[str, int] = field(default_factory=dict)
+    began_s: float | None = None
+    stamp_s: float = 0.0
+
+    def follow(self, steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
+        for step in self.watch(steps, phase, expected):
+            self.table.add(step)
+            self.recorder.step(step)
+            self.counts[phase] = self.counts.get(phase, 0) + 1
+            self.stamp_s = step.stamp_s
+            self.began_s = step.stamp_s if self.began_s is None else self.began_s
+            yield step
+
+
+def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: Path, watch: Watch) -> Notebook:
+    """The run's files that grow with its steps, and the true plan beside them for the judge."""
+    write_config(config, folder)
+    facts = parts.source.facts
+    places = [{"name": n, "x_m": x, "y_m": y} for n, x, y in facts.places]
+    write_json(folder / "facts.json", {"name": facts.name, "start": list(facts.start), "places": places,
+                                       "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m})
+    if world is not None:
+        save_map(folder / "true_map", truth_grid(world))
+        if world.obstacles:
+            save_map(folder / "true_map_patrol", truth_grid(world, with_obstacles=True))
+    level = "full" if config.recording == "auto" else config.recording
+    listeners: list[Listener] = [Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))]
+    if config.live:
+        listeners.append(LiveView(config.live, parts.source.camera, facts.name))
+    return Notebook(folder, StepTable(folder), Audience(listeners), watch)
+
+
+def closure_rows(closure) -> dict[str, Any]:
+    edges = [{"earlier": e.earlier, "later": e.later, "inliers": e.inliers, "accepted": e.accepted, "reason": e.reason,
+              "earlier_from_later": np.round(e.earlier_from_later, 9).tolist()} for e in closure.edges]
+    return {"edges": edges, "details": dict(closure.details)}
+
+
+def plan_row(mission: int, plan: Plan) -> dict[str, Any]:
+    return {"mission": mission, "reason": str(plan.reason), "plan_ms": plan.plan_ms, "learn_ms": plan.learn_ms,
+            "points_m": np.asarray(plan.points_m).tolist(), "raw_m": np.asarray(plan.raw_m).tolist()}
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Written whole or not at all."""
+    with replacing(path) as file:
+        file.write(json.dumps(value, indent=1) + "\n")

@@ -1,0 +1,84 @@
+"""How a robot that does not know where it is moves so that it finds out: look round, go on, look round again.
+
+Views were stored in the direction of the survey only; a robot that faces the other way recognises nothing until it has
+turned. And one recognised place is not enough where places look alike: what is recognised has to be driven past. So the
+robot turns on the spot until something is recognised (its belief is likelier right than wrong) and then goes on that way;
+when a whole turn showed nothing, it goes on for a while where there is room.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.records import Belief, Scan, Twist
+
+from .control import Pace, turn
+
+HOPE = 0.5  # chance of being right above which the robot goes on the way it looks
+GO_ON_M = 2.0  # way between two looks round
+ROOM_M = 0.6  # less room than this ahead: turn
+OPEN_M = 5.0  # farther than this the room is as good as it gets
+
+
+class Search:
+    """The commands of a robot that is lost."""
+
+    def __init__(self, radius_m: float, pace: Pace) -> None:
+        self._radius_m, self._pace = radius_m, Pace(pace.speed_mps, pace.step_m, pace.turn_step_rad)
+        self.begin()
+
+    def begin(self) -> None:
+        """The robot is not lost: the next search begins with a look round."""
+        self._turned_rad, self._way_m, self._side = 0.0, 0.0, 0.0
+
+    def next(self, belief: Belief, scan: Scan | None) -> Twist:
+        """The next command."""
+        if scan is None:
+            return turn(self._pace.turn_step_rad, self._pace)
+        if belief.probability >= HOPE:
+            self._turned_rad, self._way_m = 0.0, 0.0
+            return self._go(scan)
+        if self._turned_rad < 2.0 * np.pi - 1e-6:
+            self._turned_rad += self._pace.turn_step_rad
+            self._side = self._side or _open_side(scan)
+            return turn(self._side * self._pace.turn_step_rad, self._pace)
+        self._way_m += self._pace.step_m
+        if self._way_m >= GO_ON_M:
+            self._turned_rad, self._way_m = 0.0, 0.0
+        return self._go(scan)
+
+    def _go(self, scan: Scan) -> Twist:
+        """Forward and towards the open; without room ahead on round to one side, the same until there is room."""
+        if clear_ahead_m(scan, self._radius_m + 0.1) < ROOM_M:
+            self._side = self._side or _open_side(scan)
+            return turn(self._side * self._pace.turn_step_rad, self._pace)
+        self._side = 0.0
+        most = self._pace.turn_step_rad
+        seconds = self._pace.step_m / self._pace.speed_mps
+        return Twist(self._pace.speed_mps, float(np.clip(0.5 * open_bearing(scan), -most, most)) / seconds, seconds)
+
+
+def open_bearing(scan: Scan) -> float:
+    """Bearing in radians of the room that the scan sees: the mean over the beams, weighed by the cube of their length."""
+    weight = np.minimum(_reach(scan), OPEN_M) ** 3
+    return float(weight @ scan.bearings_rad / weight.sum()) if weight.sum() > 0 else 0.0
+
+
+def clear_ahead_m(scan: Scan, radius_m: float) -> float:
+    """Free metres in front of a round robot, from the beams inside its swath; inf when nothing is seen there."""
+    seen = np.isfinite(scan.ranges_m)
+    x = scan.origin_xy_m[0] + scan.ranges_m[seen] * np.cos(scan.bearings_rad[seen])
+    y = scan.origin_xy_m[1] + scan.ranges_m[seen] * np.sin(scan.bearings_rad[seen])
+    inside = (np.abs(y) < radius_m) & (x > 0)
+    return float(x[inside].min() - radius_m) if inside.any() else np.inf
+
+
+def _open_side(scan: Scan) -> float:
+    """1 (left) or -1, whichever side of the scan sees more room"""
+    seen = _reach(scan)
+    return 1.0 if seen[scan.bearings_rad > 0].mean() >= seen[scan.bearings_rad <= 0].mean() else -1.0
+
+
+def _reach(scan: Scan) -> np.ndarray:
+    """(B,) metres; a beam without an end sees as far as can be."""
+    return np.where(np.isfinite(scan.ranges_m), scan.ranges_m, scan.max_range_m)

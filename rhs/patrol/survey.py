@@ -1,0 +1,127 @@
+"""What a survey leaves behind: views, the corrected trajectory, the finished map and where the robot has stood."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rhs.api.contracts import FeatureSettings, LoopCloser, Mapper, Odometry
+from rhs.api.frozen import seal, with_sealed_copies
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Closure, Features, Observation, Step, View, Wall
+from rhs.base.errors import ContractError
+from rhs.estimation.scans.wall_rays import lift_on_walls
+
+
+@dataclass(frozen=True)
+class Survey:
+    """views: one per step. closure: corrected poses and loops. grid: drawn from the corrected poses."""
+
+    views: tuple[View, ...]
+    closure: Closure
+    grid: OccupancyGrid
+
+
+class ViewCollector:
+    """Turns steps into views, keeping the features of every `every`-th one, of the first and of the last."""
+
+    def __init__(self, every: int, settings: FeatureSettings,
+                 features: Callable[[Observation, FeatureSettings], Features]) -> None:
+        self.every, self.settings, self.features = every, settings, features
+        self.views: list[View] = []
+        self.last: Observation | None = None
+
+    def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
+        for step in steps:
+            stored = len(self.views) % self.every == 0 and step.observation.image is not None
+            features = seal(self.features(step.observation, self.settings)) if stored else None
+            belief = step.belief
+            self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
+                                   belief.map_from_body, belief.covariance, step.scan, features))
+            self.last = step.observation
+            yield step
+        if self.views and self.views[-1].features is None and self.last is not None and self.last.image is not None:
+            self.views[-1] = replace(self.views[-1], features=seal(self.features(self.last, self.settings)))
+
+
+def revise(views: list[View], odometry: Odometry) -> tuple[tuple[View, ...], tuple[Wall, ...]]:
+    """The views with the poses, scans and feature depths that the odometry settled on at the end, if it did; the walls it
+    found, in the frame of these poses."""
+    revision = odometry.revise()
+    if revision is None:
+        return tuple(views), ()
+    if len(revision.poses) != len(views) or len(revision.scans) != len(views):
+        raise ContractError(f"odometry {type(odometry).__name__}.revise() returned {len(revision.poses)} poses and "
+                            f"{len(revision.scans)} scans for {len(views)} views")
+    begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
+    revised = [replace(view, map_from_body=seal(begun @ pose), scan=seal(scan),
+                       features=_lifted(view, pose, revision.walls))
+               for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
+    if revision.covariance is not None:
+        revised[-1] = replace(revised[-1], covariance=seal(revision.covariance))
+    return tuple(revised), tuple(shifted(wall, begun, begun) for wall in revision.walls)
+
+
+def _lifted(view: View, pose: np.ndarray, walls: tuple[Wall, ...]) -> Features | None:
+    """The view's features; those of one eye get the points where their rays meet the walls the odometry settled on."""
+    if view.features is None or not walls or np.isfinite(view.features.points).any():
+        return view.features
+    return seal(lift_on_walls(view.features, view.camera, pose, walls))
+
+
+def shifted(wall: Wall, start_by: np.ndarray, end_by: np.ndarray) -> Wall:
+    """The wall with its ends moved by 4x4 poses of the floor."""
+    start, end = (by[:2, :2] @ at + by[:2, 3] for by, at in ((start_by, wall.start_xy_m), (end_by, wall.end_xy_m)))
+    return replace(wall, start_xy_m=start, end_xy_m=end)
+
+
+def carried(walls: tuple[Wall, ...], views: tuple[View, ...], closure: Closure) -> tuple[Wall, ...]:
+    """The walls where the closed loop puts them: each end goes with the view nearest to it. views: before it closed."""
+    stood = np.array([view.map_from_body[:2, 3] for view in views])
+
+    def by(at: np.ndarray) -> np.ndarray:
+        nearest = int(np.argmin(np.linalg.norm(stood - at, axis=1)))
+        return closure.poses[nearest] @ np.linalg.inv(views[nearest].map_from_body)
+
+    return tuple(shifted(wall, by(wall.start_xy_m), by(wall.end_xy_m)) for wall in walls)
+
+
+def wall_rows(walls: tuple[Wall, ...]) -> list[dict[str, Any]]:
+    """The walls as walls.json has them: ends in the map, metres; a ceiling never seen is null."""
+    return [{"start_m": np.round(wall.start_xy_m, 6).tolist(), "end_m": np.round(wall.end_xy_m, 6).tolist(),
+             "floor_m": float(wall.floor_m), "ceiling_m": float(wall.ceiling_m) if np.isfinite(wall.ceiling_m) else None}
+            for wall in walls]
+
+
+def close(views: tuple[View, ...], loop_closer: LoopCloser) -> tuple[tuple[View, ...], Closure]:
+    """The views moved to the poses the loop closer found."""
+    closure = loop_closer.close(views)
+    if closure.poses.shape != (len(views), 4, 4) or not np.all(np.isfinite(closure.poses)):
+        raise ContractError(f"loop closer {type(loop_closer).__name__} returned poses of shape {closure.poses.shape}, "
+                            f"expected finite ({len(views)}, 4, 4)")
+    closure = with_sealed_copies(closure, "poses")
+    return tuple(replace(v, map_from_body=p) for v, p in zip(views, closure.poses, strict=True)), closure
+
+
+def draw(views: tuple[View, ...], mapper: Mapper) -> OccupancyGrid:
+    """The map, drawn anew from the corrected poses."""
+    mapper.reset()
+    for view in views:
+        if view.scan is not None:
+            mapper.update(view.map_from_body, view.scan)
+    return with_sealed_copies(mapper.grid(), "probability")
+
+
+def known_free(grid: OccupancyGrid, views: tuple[View, ...], radius_m: float) -> np.ndarray:
+    """(H, W) bool: cells the map calls free, and those the robot's own body has stood on without touching anything."""
+    free = grid.free()
+    rows, columns = np.indices(grid.shape)
+    x = (columns + 0.5) * grid.resolution_m + grid.origin_m[0]
+    y = (rows + 0.5) * grid.resolution_m + grid.origin_m[1]
+    for view in views:
+        px, py = view.map_from_body[:2, 3]
+        free |= (x - px) ** 2 + (y - py) ** 2 <= radius_m**2
+    return free

@@ -1,0 +1,1 @@
+"""Recordings: writer, reader, ROS messages, scan and recovery of MCAP, Rerun."""

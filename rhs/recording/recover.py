@@ -1,0 +1,46 @@
+"""A new, indexed MCAP file from all that is whole in another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rhs.api.files import write_whole
+from rhs.base.errors import RecordingError
+
+from .mcap_file import Tape
+from .mcap_records import Note
+from .mcap_scan import Report, open_scan, scan
+
+
+def recover(source: Path, target: Path) -> tuple[Report, int]:
+    """Copy messages and notes byte for byte, in their order; returns the scan of the source and the count written.
+
+    The new file is read back before it gets its name. Attachments are not copied.
+    """
+    file, report = open_scan(source)
+    file.close()
+
+    def write(path: Path) -> None:
+        tape = Tape(path)
+        for item in scan(source, report):
+            if isinstance(item, Note):
+                tape.note(item.name, item.values)
+            else:
+                channel, schema = item.channel, item.channel.schema
+                tape.put_raw(channel.topic, item.data, item.log_ns, publish_ns=item.publish_ns, sequence=item.sequence,
+                             definition=(schema.name, schema.encoding, schema.data), encoding=channel.encoding)
+        if not report.whole:
+            tape.note("rhs.recovered", {"what": report.line})
+        tape.close()
+        _check(path, report.messages)
+
+    write_whole(target, write)
+    return report, report.messages
+
+
+def _check(path: Path, expected: int) -> None:
+    file, report = open_scan(path)
+    file.close()
+    count = sum(not isinstance(item, Note) for item in scan(path, report))
+    if count != expected or not report.whole:
+        raise RecordingError(f"{path} reads back as {count} of {expected} messages; the disk may be failing")

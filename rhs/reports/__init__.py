@@ -1,0 +1,1 @@
+"""Tables, pictures, video, HTML: views of run folders."""

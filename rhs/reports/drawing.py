@@ -1,0 +1,188 @@
+"""The layers of a picture of a run: map, walls, trajectories, plans, places; from the files of its folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rhs.api.grid import OccupancyGrid
+from rhs.api.trajectory import Trajectory, aligned, read_tum
+from rhs.metrics.accuracy import pair
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = {"truth": "#222222", "estimate": "#d1801f", "corrected": "#1f6fb4", "patrol": "#2a9d5c", "plan": "#b03a9c",
+           "place": "#c1121f", "wall": "#f2b600"}
+LEAP_M, LEAP_STEPS = 1.0, 8.0  # a line is not drawn across a step longer than this, and than so many usual ones
+PAIRED_S = 0.02  # a belief and a truth at most so far apart in time are of one moment
+MARGIN_M = 0.3  # round what is drawn
+
+
+def title(row: dict[str, Any]) -> str:
+    """Two lines: what ran, and the key numbers."""
+    parts = [row.get(name) for name in ("world", "sensor", "odometry", "loop_closer", "planner", "localiser")]
+    first = " · ".join(str(part) for part in parts if part) + (f" · seed {row['seed']}" if "seed" in row else "")
+    numbers = [_number(row, "ate_rmse_m", "ATE {:.3f} m"), _number(row, "end_error_m", "end error {:.3f} m"),
+               _number(row, "map_agreement", "map agreement {:.1%}"), _number(row, "collisions", "{:.0f} collisions")]
+    if row.get("places_total") and row.get("patrol_steps") != 0:  # a survey alone was asked to visit none
+        numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
+    if row.get("status") not in (None, "ok"):
+        numbers.insert(0, f"{row['status']}: {str(row.get('reason', ''))[:80]}")
+    return first + "\n" + " · ".join(n for n in numbers if n)
+
+
+def draw_run(axes: Axes, folder: Path) -> None:
+    """The layers of a run that exist, bottom to top."""
+    grid, true = grid_of(folder / "map.yaml"), grid_of(folder / "true_map.yaml")
+    if grid is not None:
+        draw_grid(axes, grid)
+    if true is not None:
+        draw_walls(axes, true)
+    draw_found_walls(axes, folder)
+    draw_lines(axes, folder)
+    draw_plans(axes, folder)
+    draw_places(axes, folder)
+    if grid is not None:
+        show_what_is_known(axes, grid)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+
+
+def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
+    """Occupancy as grey: white free, black occupied, grey-blue never seen."""
+    shade = np.where(np.isnan(grid.probability), 0.5, 1.0 - grid.probability)
+    image = np.repeat(shade[:, :, None], 3, axis=2)
+    image[np.isnan(grid.probability)] = (0.86, 0.88, 0.92)
+    axes.imshow(image, origin="lower", extent=extent(grid), interpolation="nearest", zorder=0)
+
+
+def draw_walls(axes: Axes, true: OccupancyGrid) -> None:
+    """Outline of the true walls."""
+    walls = true.occupied().astype(float)
+    if walls.any() and min(walls.shape) > 1:
+        rows, columns = np.arange(walls.shape[0]), np.arange(walls.shape[1])
+        x = true.origin_m[0] + (columns + 0.5) * true.resolution_m
+        y = true.origin_m[1] + (rows + 0.5) * true.resolution_m
+        axes.contour(x, y, walls, levels=[0.5], colors="#7ab8e0", linewidths=0.8, zorder=1)
+        axes.plot([], [], color="#7ab8e0", linewidth=0.8, label="true walls")
+
+
+def draw_found_walls(axes: Axes, folder: Path) -> None:
+    """The walls that an odometry without depth found on the survey, of which the map was drawn."""
+    label = "walls found"
+    for wall in json_of(folder / "walls.json") or []:
+        ends = np.array([wall["start_m"], wall["end_m"]])
+        axes.plot(ends[:, 0], ends[:, 1], color=COLOURS["wall"], linewidth=2.2, marker="|", markersize=9,
+                  label=label, zorder=2)
+        label = "_nolegend_"
+
+
+def draw_lines(axes: Axes, folder: Path) -> None:
+    """Trajectories: truth thin and dark, beliefs in colour. A truth measured in a frame of its own (a motion-capture
+    room) is laid onto the belief the way the row's ATE was; that of a simulator stands in the frame of the map."""
+    simulated = (folder / "true_map.yaml").exists()
+    how = "none" if simulated else str((json_of(folder / "row.json") or {}).get("ate_alignment") or "none")
+    note = "" if how == "none" else f" ({how} aligned)"
+    styles = (("truth_survey", "estimate", f"survey, true{note}", COLOURS["truth"], 1.4, "-"),
+              ("estimate", "", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
+              ("corrected", "", "survey, loop closed", COLOURS["corrected"], 1.2, "-"),
+              ("truth_patrol", "patrol", f"patrol, true{note}", COLOURS["truth"], 1.4, ":"),
+              ("patrol", "", "patrol, as believed", COLOURS["patrol"], 1.2, "-"))
+    for name, onto, label, colour, width, style in styles:
+        path = folder / f"{name}.tum"
+        if path.exists():
+            line = read_tum(path)
+            if onto and how != "none" and (folder / f"{onto}.tum").exists():
+                line = _laid_onto(line, read_tum(folder / f"{onto}.tum"), how)
+            xy = broken_at_leaps(line.positions_m[:, :2])
+            axes.plot(xy[:, 0], xy[:, 1], color=colour, linewidth=width, linestyle=style, label=label, zorder=3)
+
+
+def broken_at_leaps(xy_m: np.ndarray) -> np.ndarray:
+    """(M, 2) of a line (N, 2) with NaN where it leaps: a robot carried off, or of another mind, drove no such way."""
+    step_m = np.linalg.norm(np.diff(xy_m, axis=0), axis=1)
+    moving_m = step_m[step_m > 0]
+    if not len(moving_m):
+        return xy_m
+    leaps = np.nonzero(step_m > max(LEAP_M, LEAP_STEPS * float(np.median(moving_m))))[0]
+    return np.insert(xy_m.astype(float), leaps + 1, np.nan, axis=0)
+
+
+def _laid_onto(truth: Trajectory, belief: Trajectory, how: str) -> Trajectory:
+    """The poses of the truth that have a belief, moved onto it."""
+    paired = pair(truth, belief, PAIRED_S)
+    return aligned(paired.estimate, paired.truth, how)
+
+
+def show_what_is_known(axes: Axes, grid: OccupancyGrid) -> None:
+    """Cut the axes down to the known cells and what is drawn over them; a large empty map leaves nothing to see."""
+    rows, columns = np.nonzero(~np.isnan(grid.probability))
+    cells = np.stack([columns, rows], axis=1)
+    corners = np.concatenate([cells, cells + 1]) * grid.resolution_m + np.asarray(grid.origin_m)
+    drawn = [np.column_stack([line.get_xdata(), line.get_ydata()]).astype(float) for line in axes.get_lines()]
+    points = np.concatenate([corners, *(line for line in drawn if len(line))])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points):
+        (x0, y0), (x1, y1) = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+        axes.set_xlim(x0, x1)
+        axes.set_ylim(y0, y1)
+
+
+def draw_plans(axes: Axes, folder: Path) -> None:
+    """Every path that was planned."""
+    label = "planned"
+    for plan in json_of(folder / "plans.json") or []:
+        points = np.asarray(plan.get("points_m") or [], float).reshape(-1, 2)
+        if len(points) > 1:
+            axes.plot(points[:, 0], points[:, 1], color=COLOURS["plan"], linewidth=0.9, linestyle="--", label=label,
+                      zorder=2)
+            label = "_nolegend_"
+
+
+def draw_places(axes: Axes, folder: Path) -> None:
+    """Places by name; an empty ring where the robot never arrived."""
+    missions = json_of(folder / "missions.json") or []
+    arrived = {m["place"] for m in missions if m["status"] == "arrived"}
+    places = (json_of(folder / "facts.json") or {}).get("places", ())
+    goals = {place["name"]: (place["x_m"], place["y_m"]) for place in places}
+    for name, goal in goals.items():
+        face = COLOURS["place"] if name in arrived else "none"
+        axes.plot(goal[0], goal[1], "o", markersize=7, markerfacecolor=face, markeredgecolor=COLOURS["place"], zorder=5)
+        axes.annotate(name, (goal[0], goal[1]), xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6,
+                      bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1})
+    if goals and not missions:
+        axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place, not asked for")
+    elif goals:
+        axes.plot([], [], "o", color=COLOURS["place"], label="place reached")
+        axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place not reached")
+
+
+def extent(grid: OccupancyGrid) -> tuple[float, float, float, float]:
+    """x_min, x_max, y_min, y_max in metres, for imshow."""
+    height, width = grid.shape
+    x, y = grid.origin_m
+    return x, x + width * grid.resolution_m, y, y + height * grid.resolution_m
+
+
+def _number(row: dict[str, Any], name: str, pattern: str) -> str:
+    value = row.get(name)
+    return pattern.format(value) if isinstance(value, int | float) and value == value else ""
+
+
+def grid_of(path: Path) -> OccupancyGrid | None:
+    """The map of a yaml file, None where there is none."""
+    if not path.exists():
+        return None
+    from rhs.worlds.maps import load_map
+
+    return load_map(path)
+
+
+def json_of(path: Path) -> Any:
+    """The content of a JSON file, None where there is none."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None

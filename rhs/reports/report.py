@@ -1,0 +1,193 @@
+"""Pictures and pages of runs, from the files of their folders alone. `python -m rhs.report FOLDER` makes them again.
+
+overview.png: one run at a glance. report.html: one file that needs no other. For a folder of many runs, report.html
+shows bars per group and the table instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import io
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rhs.api.files import replacing, write_whole
+from rhs.base.errors import ConfigError, RhsError
+from rhs.runfolder.row import KEYS, read_row
+
+from .charts import bars, errors_over_time, new_figure, save, stage_times
+from .drawing import draw_run, json_of, title
+from .summary import SHOWN
+from .video import video
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LARGEST_VIDEO_BYTES = 30 << 20
+
+
+def overview(folder: Path) -> Path:
+    """overview.png: the map, the true walls, those one eye found, the survey as driven, believed and corrected, the patrol,
+    the places."""
+    folder = Path(folder)
+    figure = new_figure(10.5, 8.0)
+    axes = figure.add_subplot()
+    draw_run(axes, folder)
+    figure.suptitle(title(json_of(folder / "row.json") or {}), fontsize=11)
+    if axes.get_legend_handles_labels()[1]:
+        figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return write_whole(folder / "overview.png", lambda path: save(figure, path))
+
+
+def knowing(folder: Path) -> Path | None:
+    """knowing.png: what followed each kidnap, and how reliable the stated chances of being right were."""
+    from .calibration_pictures import knowing_picture
+
+    return knowing_picture(Path(folder))
+
+
+def motion(folder: Path) -> Path | None:
+    """motion.png: the error of the belief in x, y and heading, view by view, with its band; None where nobody knows the
+    truth."""
+    import csv
+
+    import numpy as np
+
+    from .charts import errors_by_axis
+
+    folder = Path(folder)
+    if not (folder / "steps.csv").exists():
+        return None
+    with (folder / "steps.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    names = ("x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad")
+    steps = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
+    steps["trusted"] = np.array([row["motion_status"] == "ok" for row in rows], bool)
+    figure = errors_by_axis(steps) if rows else None
+    if figure is None:
+        return None
+    figure.suptitle(title(json_of(folder / "row.json") or {}), fontsize=10)
+    return write_whole(folder / "motion.png", lambda path: save(figure, path))
+
+
+def html(folder: Path) -> Path:
+    """report.html of one run: numbers, pictures, missions, settings; the video too when it is there and not large."""
+    import pandas as pd
+
+    folder = Path(folder)
+    row = read_row(folder / "row.json")
+    steps = pd.read_csv(folder / "steps.csv") if (folder / "steps.csv").exists() else None
+    pictures = [(path.stem, embed(path)) for path in sorted((folder / "places").glob("*.png"))]
+    overview_png = folder / "overview.png" if (folder / "overview.png").exists() else overview(folder)
+    page = _page("run").render(
+        title=title(row).splitlines()[0] or folder.name, row=_shown(row), overview=embed(overview_png), places=pictures,
+        charts=_pictures(folder, steps), missions=json_of(folder / "missions.json") or [],
+        config=_text(folder / "config.yaml"), video=_video(folder))
+    return _write(folder / "report.html", page)
+
+
+def sweep(folder: Path) -> Path:
+    """report.html of a folder of runs: bars per group, the summary, and every run with a link to its folder."""
+    from .summary import complete, listing, summarise
+    from .table import rows
+
+    folder = Path(folder)
+    table = rows([folder])
+    if not len(table):
+        raise ConfigError(f"no row.json under {folder}; give the folder of a sweep")
+    group = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
+    charts = [figure for name in SHOWN if (figure := bars(table, name, group)) is not None]
+    runs = listing(table, [])
+    runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
+    page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summarise(table)),
+                                 charts=[embed_figure(figure) for figure in charts], count=len(table),
+                                 good=int(complete(table).sum()))
+    return _write(folder / "report.html", page)
+
+
+def embed(path: Path) -> str:
+    """A file as a data address."""
+    kind = {".png": "image/png", ".webm": "video/webm"}[path.suffix]
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def embed_figure(figure: Figure) -> str:
+    """A figure as a PNG data address."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return f"data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}"
+
+
+def _pictures(folder: Path, steps: Any) -> list[tuple[str, str]]:
+    """(what it shows, data address) of the charts of the steps and of the pictures that lie in the folder."""
+    some = steps is not None and not steps.empty
+    made = {"Error of the believed position": errors_over_time(steps) if some else None,
+            "Time per view and stage": stage_times(steps) if some else None}
+    lying = {"Error in x, y and heading": folder / "motion.png",
+             "After kidnaps; reliability of the stated chances": folder / "knowing.png"}
+    return [*((name, embed_figure(figure)) for name, figure in made.items() if figure is not None),
+            *((name, embed(path)) for name, path in lying.items() if path.exists())]
+
+
+def _shown(row: dict[str, object]) -> list[tuple[str, str]]:
+    return [(name, "-" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value))
+            for name, value in row.items()]
+
+
+def _cells(view: Any) -> dict[str, list]:
+    from .summary import short
+
+    return {"names": [str(name) for name in view.columns],
+            "rows": [[short(value) for value in row] for row in view.itertuples(index=False, name=None)]}
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+def _video(folder: Path) -> str:
+    path = folder / "video.webm"
+    return embed(path) if path.exists() and path.stat().st_size <= LARGEST_VIDEO_BYTES else ""
+
+
+def _page(name: str) -> Any:
+    """A template in which every value is escaped."""
+    from jinja2 import DictLoader, Environment
+
+    from .html import TEMPLATES
+
+    return Environment(loader=DictLoader(TEMPLATES), autoescape=True).get_template(name)
+
+
+def _write(path: Path, page: str) -> Path:
+    with replacing(path) as file:
+        file.write(page)
+    return path
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make the pictures and pages of run or sweep folders. Exit code 0; 1 not possible; 2 refused."""
+    parser = argparse.ArgumentParser(prog="python -m rhs.report", description="Pictures and pages of run folders.")
+    parser.add_argument("folders", nargs="+", type=Path, help="run folders (with row.json) or sweep folders")
+    parser.add_argument("--video", action="store_true", help="also make video.webm (needs recording=full)")
+    chosen = parser.parse_args(arguments)
+    try:
+        for folder in chosen.folders:
+            for path in _make(folder, with_video=chosen.video):
+                sys.stdout.write(f"{path}\n")
+    except RhsError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
+    return 0
+
+
+def _make(folder: Path, *, with_video: bool) -> list[Path]:
+    if not folder.is_dir():
+        raise ConfigError(f"{folder} is not a folder; give a run or sweep folder")
+    if not (folder / "row.json").exists():
+        return [sweep(folder)]
+    made = [overview(folder), *filter(None, [motion(folder), knowing(folder)])]
+    return [*made, *([video(folder)] if with_video else []), html(folder)]

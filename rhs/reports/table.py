@@ -1,0 +1,200 @@
+"""Run folders -> one table. `python -m rhs.table FOLDER...` prints it.
+
+A table is a view of row.json files; it can be made again at any time. Types do not depend on which runs are there:
+text, Int64 (with missing values), float64, boolean.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rhs.api.files import is_unfinished, replacing
+from rhs.base.errors import ConfigError, RhsError
+from rhs.runfolder.row import FLOATS, INTEGERS, KEYS, MACHINE, TEXT, column_rank, machine_dependent, read_row
+from rhs.runfolder.row import canonical_hash as canonical_hash
+from rhs.runfolder.row import write_row as write_row
+
+from .varied_settings import varied_settings
+
+if TYPE_CHECKING:
+    import pandas
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|inf|nan)", re.IGNORECASE)
+# A spreadsheet runs a cell that begins with one of these.
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def find_rows(folders: Iterable[Path | str]) -> Iterator[Path]:
+    """row.json files under the folders, in a fixed order; what an interrupted writer left is passed over."""
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise ConfigError(f"{folder} is not a folder; give run or sweep folders, for instance results/runs")
+        for root, names, files in os.walk(folder):
+            names[:] = sorted(n for n in names if ".tmp-" not in n)
+            if "row.json" in files and not is_unfinished(Path("row.json")):
+                yield Path(root) / "row.json"
+
+
+def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) -> pandas.DataFrame:
+    """One row per run, sorted by what was run; the index `run` holds its folder.
+
+    Settings that differ between the runs are columns too (`planner.samples`).
+    A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
+    """
+    found: dict[str, dict[str, object]] = {}
+    for path in find_rows(folders):
+        try:
+            found[str(path.parent)] = read_row(path)
+        except RhsError as error:
+            if unreadable is None:
+                raise
+            unreadable.append(str(error))
+    varied = varied_settings(list(found)) if len(found) > 1 else {}
+    return frame({folder: {**row, **varied.get(folder, {})} for folder, row in found.items()})
+
+
+def frame(found: dict[str, dict[str, object]]) -> pandas.DataFrame:
+    """DataFrame of named rows with fixed order and fixed types."""
+    import pandas as pd
+
+    columns = sorted({*_known_columns(), *(name for row in found.values() for name in row)}, key=column_rank)
+    order = sorted(found, key=lambda run: _row_rank(found[run]))
+    data = {name: _typed(name, [found[run].get(name) for run in order]) for name in columns}
+    return pd.DataFrame(data, index=pd.Index(order, name="run", dtype="str"), columns=columns)
+
+
+def _known_columns() -> set[str]:
+    return {*TEXT, *INTEGERS, *FLOATS, *MACHINE}
+
+
+def _row_rank(row: dict[str, object]) -> tuple:
+    keys = []
+    for name in KEYS:
+        value = row.get(name)
+        keys.append((isinstance(value, str), value if isinstance(value, int | float) else 0, str(value)))
+    return *keys, canonical_hash(row)
+
+
+def _typed(name: str, values: Sequence[object]):
+    import pandas as pd
+
+    known = [value for value in values if value is not None]
+    if name in TEXT or any(isinstance(value, str) for value in known):
+        return pd.array([None if v is None else str(v) for v in values], dtype="string")
+    if known and all(isinstance(value, bool) for value in known):
+        return pd.array(values, dtype="boolean")
+    if name in INTEGERS or (known and name not in FLOATS and all(isinstance(v, int) for v in known)
+                            and not machine_dependent(name)):
+        return pd.array([None if v is None else int(v) for v in values], dtype="Int64")  # type: ignore[call-overload]
+    return pd.array([float("nan") if v is None else float(v) for v in values], dtype="float64")  # type: ignore[arg-type]
+
+
+def to_csv(table: pandas.DataFrame, *, canonical: bool = False) -> str:
+    """The table as text that reads back equal: full precision, empty for unknown, LF; words that a reader could take
+    for a number or a spreadsheet for a formula begin with an apostrophe.
+
+    canonical: without the columns that depend on the machine, so that equal runs give equal bytes.
+    """
+    columns = [name for name in table.columns if not (canonical and machine_dependent(name))]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([_cell(name) for name in columns])
+    writer.writerows([_cell(value) for value in row] for row in table[columns].itertuples(index=False, name=None))
+    return out.getvalue()
+
+
+def _cell(value: object) -> str:
+    import pandas as pd
+
+    if value is None or value is pd.NA or (isinstance(value, float) and value != value):
+        return ""
+    if isinstance(value, str):
+        return f"'{value}" if _doubtful(value) else value
+    if str(value) in ("True", "False"):
+        return str(value).lower()
+    return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+def _doubtful(word: str) -> bool:
+    taken = not word or word in ("true", "false") or NUMBER.fullmatch(word) is not None
+    return taken or word.startswith((*FORMULA, "'"))
+
+
+def from_csv(text: str) -> pandas.DataFrame:
+    """The table `to_csv` wrote, with equal values and types (its index is not kept)."""
+    reader = csv.reader(io.StringIO(text, newline=""))
+    names = [str(_value(cell)) for cell in next(reader)]
+    found = {str(number): {name: _value(cell) for name, cell in zip(names, row, strict=True)}
+             for number, row in enumerate(reader)}
+    import pandas as pd
+
+    data = {name: _typed(name, [row[name] for row in found.values()]) for name in names}
+    return pd.DataFrame(data, columns=names)
+
+
+def _value(cell: str) -> object:
+    if cell == "":
+        return None
+    if cell.startswith("'"):
+        return cell[1:]
+    if cell in ("true", "false"):
+        return cell == "true"
+    if not NUMBER.fullmatch(cell):
+        return cell
+    return int(cell) if re.fullmatch(r"[+-]?\d+", cell) else float(cell)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print a summary of run folders. Exit code 0; 2 for a wrong request; 3 when a row could not be read."""
+    parser = argparse.ArgumentParser(prog="python -m rhs.table", description="The table of run folders.")
+    parser.add_argument("folders", nargs="+", type=Path, help="run or sweep folders, searched through")
+    parser.add_argument("--csv", type=Path, help="write every row and column here")
+    parser.add_argument("--canonical", type=Path, help="the same without times and memory: equal runs give equal bytes")
+    parser.add_argument("--group", default="", help="columns to group by, comma-separated; default: those that vary")
+    parser.add_argument("--columns", default="", help="columns to summarise, comma-separated")
+    parser.add_argument("--compare", default="", metavar="COLUMN",
+                        help="paired differences between the values of this column (planner, odometry, ...)")
+    parser.add_argument("--rows", action="store_true", help="print every run instead of a summary")
+    chosen = parser.parse_args(arguments)
+    try:
+        return _print_table(chosen)
+    except RhsError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
+
+
+def _print_table(chosen: argparse.Namespace) -> int:
+    from .summary import SHOWN, as_text, listing, summarise
+
+    unreadable: list[str] = []
+    table = rows(chosen.folders, unreadable=unreadable)
+    if not len(table) and not unreadable:
+        raise ConfigError(f"no row.json under {', '.join(map(str, chosen.folders))}; run `python -m rhs` first")
+    for path, canonical in ((chosen.csv, False), (chosen.canonical, True)):
+        if path:
+            with replacing(path) as file:
+                file.write(to_csv(table, canonical=canonical))
+    group, columns = _words(chosen.group), _words(chosen.columns)
+    if chosen.compare:
+        from .compare import compare
+
+        known = [name for name in SHOWN if name in table and table[name].notna().any()]
+        view = compare(table, chosen.compare, columns or known)
+    else:
+        view = listing(table, columns) if chosen.rows else summarise(table, group=group, columns=columns)
+    sys.stdout.write(as_text(view) + "\n")
+    for message in unreadable:
+        sys.stderr.write(f"not counted: {message}\n")
+    return 3 if unreadable else 0
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]

@@ -1,0 +1,1 @@
+"""What is left of a run: steps, row, folder; written and read back."""

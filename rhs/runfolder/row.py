@@ -1,0 +1,90 @@
+"""row.json: one run as one flat row, written whole or not at all, and the part of it that must repeat (level 3)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.files import replacing
+from rhs.base.errors import RhsError
+
+KEYS = ("world", "source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed")
+TEXT = ("status", "reason", *KEYS[:-1], "ate_alignment")
+INTEGERS = ("seed", "places_total", "places_visited", "missions", "replans", "collisions", "survey_steps",
+            "patrol_steps", "kidnaps")
+PATROL = ("clearance_min_m", "path_length_m", "path_optimal_m", "arrival_error_max_m", "patrol_rmse_m")
+SURVEY = (
+    "distance_m", "ate_rmse_m", "ate_before_closing_m", "ate_unaligned_m", "ate_mean_m", "ate_median_m", "ate_max_m",
+    "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad", "rpe_trans_per_second_m",
+    "rpe_rot_per_second_rad", "end_error_m", "end_error_before_closing_m", "half_error_m", "drift_pct",
+    "ate_tolerance_s", "matched_share", "covered_share", "tracked_share", "degenerate_share", "lost_share",
+    "gated_share",
+)
+MAP = ("map_agreement", "map_observed_share")
+KNOWING = ("kidnap_recovered_share", "kidnap_recovery_m", "kidnap_recovery_p90_m", "kidnap_recovery_s",
+           "kidnap_recovery_p90_s", "kidnap_wrong_sure_share", "belief_wrong_sure_share", "belief_ece")
+FLOATS = (*PATROL, *KNOWING, *SURVEY, *MAP)
+MACHINE = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms", "wall_ms", "real_time_factor",
+           "peak_memory_mb")
+# The order of a table; columns it does not name follow in alphabetical order, machine-dependent ones last.
+ORDER = ("status", "reason", *KEYS, *INTEGERS[1:6], *PATROL, *KNOWING, *SURVEY, "ate_alignment", *MAP, *INTEGERS[6:])
+NOT_REPEATABLE = ("real_time_factor", "peak_memory_mb", "folder", "run", "date", "commit", "version", "versions",
+                  "platform", "python", "host")
+
+
+def machine_dependent(column: str) -> bool:
+    """Whether a column may differ between two runs of one config and seed: times, memory, where and when it ran."""
+    return column.endswith("_ms") or column in NOT_REPEATABLE or column.startswith("version_")
+
+
+def write_row(folder: Path, row: Mapping[str, object]) -> Path:
+    """Write row.json: fixed order, one value per line, unknown as null, infinity as 1e999 (which JSON allows)."""
+    path = Path(folder) / "row.json"
+    lines = [f"  {json.dumps(name)}: {_encode(name, row[name])}" for name in sorted(row, key=column_rank)]
+    with replacing(path) as file:
+        file.write("{\n" + ",\n".join(lines) + "\n}\n")
+    return path
+
+
+def read_row(path: Path) -> dict[str, object]:
+    """The row; unknown is None. Raises RhsError naming the file when it is not a row."""
+    try:
+        row = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RhsError(f"{path} cannot be read as a row: {error}"[:180]) from error
+    if not isinstance(row, dict):
+        raise RhsError(f"{path} holds a {type(row).__name__}, expected one row as a JSON object")
+    return row
+
+
+def canonical_hash(row: Mapping[str, object]) -> str:
+    """SHA-256 of what must be equal when the same version, config and seed run again."""
+    names = sorted(name for name in row if not machine_dependent(name))
+    text = "\n".join(f"{json.dumps(name)}: {_encode(name, row[name])}" for name in names)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def column_rank(name: str) -> tuple[int, int, str]:
+    """Sort key of a column: the known ones in their order, then others, then machine-dependent ones."""
+    if name in ORDER:
+        return 0, ORDER.index(name), name
+    if machine_dependent(name):
+        return 2, MACHINE.index(name) if name in MACHINE else len(MACHINE), name
+    return 1, 0, name
+
+
+def _encode(name: str, value: object) -> str:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "null"
+    if isinstance(value, float) and math.isinf(value):
+        return "1e999" if value > 0 else "-1e999"
+    if isinstance(value, bool | int | float | str):
+        return json.dumps(str(value) if isinstance(value, str) else value)
+    raise RhsError(f"column {name} holds a {type(value).__name__}; a row takes numbers, words, true, false or nothing")

@@ -1,0 +1,123 @@
+"""The per-step files of a run folder: steps.csv and the four trajectories.
+
+Rows are appended to a partial file as they come, so that a killed run leaves them (`steps.jsonl.tmp-*`); the final
+names appear when the table is closed.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.files import free_space, replacing
+from rhs.api.geometry import planar
+from rhs.api.records import Step
+from rhs.api.trajectory import tum_line
+from rhs.base.errors import RhsError
+
+COLUMNS = (
+    "index", "phase", "stamp_s", "mission", "event", "motion_status", "motion_reason", "belief_status",
+    "belief_probability", "x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m",
+    "true_yaw_rad", "clearance_m", "collided", "forward_mps", "turn_radps", "duration_s",
+)
+TUM_HEADER = "# stamp_s x_m y_m z_m qx qy qz qw\n"
+
+
+def step_row(step: Step) -> dict[str, object]:
+    """One row of steps.csv: what was believed, what was true, how long each stage took."""
+    x, y, yaw = planar(step.belief.map_from_body)
+    sigma = np.sqrt(np.maximum(np.diag(world_covariance(step)), 0.0))
+    true = planar(step.truth) if step.truth is not None else np.full(3, np.nan)
+    command = step.command
+    row: dict[str, object] = {
+        "index": step.index, "phase": step.phase, "stamp_s": float(step.stamp_s), "mission": step.mission,
+        "event": step.event, "motion_status": str(step.motion.status), "motion_reason": step.motion.reason,
+        "belief_status": str(step.belief.status), "belief_probability": float(step.belief.probability),
+        "x_m": float(x), "y_m": float(y), "yaw_rad": float(yaw),
+        "sigma_x_m": float(sigma[0]), "sigma_y_m": float(sigma[1]), "sigma_yaw_rad": float(sigma[2]),
+        "true_x_m": float(true[0]), "true_y_m": float(true[1]), "true_yaw_rad": float(true[2]),
+        "clearance_m": float(step.clearance_m), "collided": int(step.collided),
+        "forward_mps": float(command.forward_mps) if command else np.nan,
+        "turn_radps": float(command.turn_radps) if command else np.nan,
+        "duration_s": float(command.duration_s) if command else np.nan,
+    }
+    row |= {f"motion_{name}": float(value) for name, value in step.motion.details.items()}
+    row |= {f"belief_{name}": float(value) for name, value in step.belief.details.items()}
+    row |= {f"{stage}_ms": float(value) for stage, value in step.timings_ms.items()}
+    return row
+
+
+def world_covariance(step: Step) -> np.ndarray:
+    """(3, 3) covariance of x, y, yaw in the map frame, from the belief's covariance in the body frame."""
+    covariance = step.belief.covariance
+    rotation = step.belief.map_from_body[:3, :3]
+    position = rotation @ covariance[:3, :3] @ rotation.T
+    turn = rotation @ covariance[3:, 3:] @ rotation.T
+    return np.diag([position[0, 0], position[1, 1], turn[2, 2]])
+
+
+class StepTable:
+    """Takes the steps of a run, in order, and leaves steps.csv, estimate.tum, patrol.tum and the truth beside them."""
+
+    def __init__(self, folder: Path):
+        self._folder = Path(folder)
+        self._extra: set[str] = set()
+        self._partial = self._folder / f"steps.jsonl.tmp-{os.getpid()}"
+        try:
+            self._file = self._partial.open("w+", encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise RhsError(f"cannot write {self._partial}: {error.strerror or error}") from error
+
+    def add(self, step: Step) -> None:
+        """Append one step; it survives a killed process."""
+        row = step_row(step)
+        self._extra |= row.keys() - set(COLUMNS)
+        lines = {name: tum_line(step.stamp_s, pose) for name, pose in _poses(step)}
+        try:
+            self._file.write(json.dumps([row, lines]) + "\n")
+            self._file.flush()
+        except OSError as error:
+            raise RhsError(f"cannot write {self._partial}: {error.strerror or error} ({free_space(self._partial)})"
+                           ) from error
+
+    def close(self) -> None:
+        """Give the files their final names. Columns: the fixed ones, then details and timings in alphabetical order."""
+        if self._file.closed:
+            return
+        columns = [*COLUMNS, *sorted(self._extra, key=lambda name: (name.endswith("_ms"), name))]
+        with replacing(self._folder / "steps.csv") as file:
+            table = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+            table.writeheader()
+            table.writerows(_plain(row) for row, _ in self._rows())
+        for name in ("estimate", "truth_survey", "patrol", "truth_patrol"):
+            self._write_trajectory(name)
+        self._file.close()
+        self._partial.unlink()
+
+    def _rows(self):
+        self._file.seek(0)
+        return (json.loads(line) for line in self._file)
+
+    def _write_trajectory(self, name: str) -> None:
+        if not any(name in lines for _, lines in self._rows()):
+            return  # no such poses: an absent file says so, an empty one would be mistaken for a result
+        with replacing(self._folder / f"{name}.tum") as file:
+            file.write(TUM_HEADER)
+            file.writelines(lines[name] for _, lines in self._rows() if name in lines)
+
+
+def _poses(step: Step) -> list[tuple[str, np.ndarray]]:
+    survey = step.phase == "survey"
+    poses = [("estimate" if survey else "patrol", step.belief.map_from_body)]
+    if step.truth is not None:
+        poses.append(("truth_survey" if survey else "truth_patrol", step.truth))
+    return poses
+
+
+def _plain(row: dict[str, object]) -> dict[str, object]:
+    """NaN as an empty field, so that unknown reads back as unknown in any program."""
+    return {name: "" if isinstance(value, float) and np.isnan(value) else value for name, value in row.items()}

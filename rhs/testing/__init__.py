@@ -1,0 +1,1 @@
+"""The conformance kit: checks of every kind of plugin, and small rooms with truth."""

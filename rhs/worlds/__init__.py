@@ -1,0 +1,1 @@
+"""World files and their checks, maps, MovingAI, tubes."""

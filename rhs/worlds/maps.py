@@ -1,0 +1,204 @@
+"""Maps on disk: the ROS `map_server` pair (YAML and image), and MovingAI's `.map` and `.scen`.
+
+Semantics of the YAML follow nav2's map_server (nav2_map_server, `map_io`): brightness 0..1 is the mean of the colour
+channels, occupancy is 1 - brightness (brightness itself when `negate`), and
+trinary: above occupied_thresh occupied, below free_thresh free, anything else unknown;
+scale: the same ends, a linear ramp between them, transparent pixels unknown;
+raw: pixel values 0..100 are percent, above 100 unknown; negate is ignored.
+The first row of the image is the highest y. Strict inequalities matter: unknown is written as grey 205, whose
+occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from rhs.api.files import replacing
+from rhs.api.grid import OccupancyGrid
+from rhs.base.errors import ConfigError
+from rhs.base.strict_yaml import load_yaml
+
+FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
+MOST_CELLS = 50_000_000  # 7000 x 7000; the head of a small file could ask for all the memory there is
+_FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map_server reads `negate: no`
+
+
+@dataclass(frozen=True)
+class MapHeader:
+    """The keys of a map_server YAML. origin: (x m, y m, yaw rad) of the lower left corner of the image."""
+
+    image: FilePath
+    resolution_m: float
+    origin: tuple[float, float, float]
+    negate: bool
+    mode: str
+    occupied_thresh: float
+    free_thresh: float
+
+
+def load_map(yaml_path: str | FilePath) -> OccupancyGrid:
+    """Read a map_server YAML and its image. Cells: 0 free, 1 occupied, NaN unknown, between them in scale and raw mode.
+
+    A map with a yaw is turned into axis-parallel cells by taking the nearest pixel; cells beyond the image are unknown.
+    Raises ConfigError, in one line, for anything missing or out of range.
+    """
+    header = read_header(yaml_path)
+    probability = np.flipud(_occupancy(_read_image(header.image), header))
+    x, y, yaw = header.origin
+    if abs(np.sin(yaw)) < 1e-12 and np.cos(yaw) > 0:
+        return OccupancyGrid(np.ascontiguousarray(probability, np.float32), header.resolution_m, (x, y))
+    return _turned(probability, header)
+
+
+def save_map(stem_path: str | FilePath, grid: OccupancyGrid) -> tuple[FilePath, FilePath]:
+    """Write `stem.yaml` and `stem.pgm` (trinary) and return both paths; files appear only when complete.
+
+    A cell is written free below 0.25, occupied from 0.65 on (OccupancyGrid's calls), else unknown; reading the file
+    back gives exactly these three classes.
+    """
+    stem = FilePath(stem_path)
+    grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
+    grey[grid.free()] = FREE_GREY
+    grey[grid.occupied()] = OCCUPIED_GREY
+    image, text = stem.with_name(stem.name + ".pgm"), stem.with_name(stem.name + ".yaml")
+    rows, columns = grey.shape
+    _write(image, b"P5\n%d %d\n255\n" % (columns, rows) + np.flipud(grey).tobytes())
+    _write(text, (
+        f"image: {image.name}\nmode: trinary\nresolution: {float(grid.resolution_m)!r}\n"
+        f"origin: [{float(grid.origin_m[0])!r}, {float(grid.origin_m[1])!r}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    ).encode())
+    return text, image
+
+
+def read_header(yaml_path: str | FilePath) -> MapHeader:
+    """The checked keys of a map_server YAML; unknown keys are left alone, as map_server does."""
+    path = FilePath(yaml_path)
+    keys = read_yaml(path)
+    missing = [k for k in ("image", "resolution", "origin") if k not in keys]
+    if missing:
+        raise ConfigError(f"{path}: map_server key {missing[0]!r} is missing; expected image, resolution, origin")
+    origin = keys["origin"]
+    if not isinstance(origin, list) or len(origin) not in (2, 3) or not all(_is_number(v) for v in origin):
+        raise ConfigError(f"{path}: origin is {origin!r}; expected [x m, y m, yaw rad]")
+    mode = keys.get("mode", "trinary")
+    if mode not in ("trinary", "scale", "raw"):
+        raise ConfigError(f"{path}: mode is {mode!r}; expected trinary, scale or raw")
+    occupied = _number(path, keys, "occupied_thresh", 0.65, low=0.0, high=1.0)
+    free = _number(path, keys, "free_thresh", 0.196, low=0.0, high=1.0)
+    if free > occupied:
+        raise ConfigError(f"{path}: free_thresh {free} is above occupied_thresh {occupied}; expected it below")
+    x, y, yaw = (*map(float, origin), 0.0)[:3]
+    return MapHeader(
+        image=path.parent / str(keys["image"]),
+        resolution_m=_number(path, keys, "resolution", 0.0, low=1e-6, high=1e6),
+        origin=(x, y, yaw),
+        negate=bool(_number(path, keys, "negate", 0, low=0, high=1)),
+        mode=mode,
+        occupied_thresh=occupied,
+        free_thresh=free,
+    )
+
+
+def read_yaml(path: FilePath) -> dict:
+    """A YAML file as a dictionary, or a ConfigError with file and line; duplicate keys are refused."""
+    keys = load_yaml(path)
+    if not isinstance(keys, dict):
+        raise ConfigError(f"{path}: expected keys and values, found {'nothing' if keys is None else type(keys).__name__}")
+    return keys
+
+
+def _is_number(value) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _number(path: FilePath, keys: dict, name: str, default: float, *, low: float, high: float) -> float:
+    value = keys.get(name, default)
+    value = _FLAGS.get(str(value).lower(), value) if name == "negate" else value
+    if not _is_number(value) or not low <= value <= high:
+        raise ConfigError(f"{path}: {name} is {value!r}; expected a number in [{low:g}, {high:g}]")
+    return float(value)
+
+
+def _read_image(path: FilePath) -> np.ndarray:
+    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG and BMP."""
+    import cv2
+
+    if not path.is_file():
+        raise ConfigError(f"map image {path} does not exist; correct the key `image` of its YAML")
+    width, height = _size(path)
+    if width * height > MOST_CELLS:
+        raise ConfigError(f"{path}: {width} x {height} cells are more than the {MOST_CELLS} allowed")
+    log = cv2.utils.logging
+    before = log.setLogLevel(log.LOG_LEVEL_SILENT)  # the error below says it better
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    log.setLogLevel(before)
+    if image is None:
+        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
+    image = image[:, :, None] if image.ndim == 2 else image
+    return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
+
+
+def _size(path: FilePath) -> tuple[int, int]:
+    """Width and height that the header of a PGM, PNG or BMP claims. Raises ConfigError for other files."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) >= 24:
+        return int.from_bytes(head[16:20]), int.from_bytes(head[20:24])
+    if head[:2] == b"BM" and len(head) >= 26:
+        width, height = (abs(int.from_bytes(head[k: k + 4], "little", signed=True)) for k in (18, 22))
+        return width, height
+    numbers = re.match(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s", head)
+    if numbers is None:
+        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
+    return int(numbers[1]), int(numbers[2])
+
+
+def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:
+    """(H, W) probability from (H, W, C) brightness, rows still in image order."""
+    has_alpha = image.shape[2] in (2, 4)
+    colours = image[:, :, :-1] if has_alpha else image
+    if header.mode == "trinary" and has_alpha:
+        shade = image.mean(axis=2)  # opacity counts as one more channel there: transparent is darker
+    else:
+        shade = colours.mean(axis=2)
+    if header.mode == "raw":
+        percent = np.round(shade * 255.0)
+        return np.where(percent <= 100.0, percent / 100.0, np.nan)
+    occupancy = shade if header.negate else 1.0 - shade
+    low, high = header.free_thresh, header.occupied_thresh
+    out = np.full(shape=occupancy.shape, fill_value=np.nan)
+    if header.mode == "scale":
+        out = np.rint(100.0 * (occupancy - low) / max(high - low, 1e-12)) / 100.0
+    out[occupancy > high] = 1.0
+    out[occupancy < low] = 0.0
+    if header.mode == "scale" and has_alpha:
+        out[image[:, :, -1] < 1.0] = np.nan
+    return out
+
+
+def _turned(probability: np.ndarray, header: MapHeader) -> OccupancyGrid:
+    """The map seen along the axes: every new cell takes the pixel under its centre."""
+    x, y, yaw = header.origin
+    step, (rows, columns) = header.resolution_m, probability.shape
+    c, s = np.cos(yaw), np.sin(yaw)
+    corners = np.array([[0, 0], [columns, 0], [0, rows], [columns, rows]]) * step @ np.array([[c, s], [-s, c]])
+    low, high = corners.min(0), corners.max(0)
+    width, height = np.maximum(np.ceil((high - low) / step - 1e-6).astype(int), 1)
+    u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    dx, dy = u * step + low[0], v * step + low[1]
+    column = np.floor((c * dx + s * dy) / step + 1e-9).astype(int)
+    row = np.floor((-s * dx + c * dy) / step + 1e-9).astype(int)
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    out = np.full((height, width), np.nan, np.float32)
+    out[inside] = probability[row[inside], column[inside]]
+    return OccupancyGrid(out, step, (float(x + low[0]), float(y + low[1])))
+
+
+def _write(path: FilePath, content: bytes) -> None:
+    with replacing(path, "wb") as file:
+        file.write(content)

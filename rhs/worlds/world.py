@@ -1,0 +1,200 @@
+"""Read a world from its YAML file (format: worlds/README.md) and refuse it, in one line, when something is wrong."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.floorplan import (
+    Blank,
+    Box,
+    Paintings,
+    Surface,
+    Wall,
+    World,
+    mapping_grid_frame,
+    truth_grid,
+)
+from rhs.base.data_dirs import data_dir
+from rhs.base.errors import ConfigError
+
+from .world_checks import check_world
+from .world_yaml import Section, read_yaml
+
+__all__ = ["Box", "Paintings", "Surface", "Wall", "World", "load_world", "mapping_grid_frame", "truth_grid",
+           "world_names"]
+
+RECIPES = ("plaster", "brick", "wood", "carpet", "tiles", "plain")
+WALL = Surface("plaster", (200.0, 195.0, 185.0), 12.0)
+FLOOR = Surface("carpet", (120.0, 105.0, 95.0), 30.0)
+CEILING = Surface("tiles", (215.0, 215.0, 210.0), 12.0)
+FURNITURE = Surface("wood", (150.0, 110.0, 70.0), 20.0)
+
+
+def load_world(name_or_path: str | Path) -> World:
+    """A world by the name of a file in worlds/, or by path. Raises ConfigError: one line with file, line and advice."""
+    path = find_world(name_or_path)
+    file = read_yaml(path)
+    if _is_flat_map(file):
+        raise ConfigError(f"{path}:1: this is a map_server map, for planning; the simulator needs a world with walls, "
+                          "such as world=square")
+    base_name = file.text("like", "")
+    if base_name:
+        base = read_yaml(find_world(base_name, beside=path.parent))
+        if "like" in base.nodes:
+            raise ConfigError(f"{file.where('like')}: like: '{base_name}' is itself like another world; name that one")
+        file.inherit(base)
+    world = _world(path, file)
+    check_world(world, file)
+    return world
+
+
+def world_names() -> list[str]:
+    """Names of the buildings that come with the program (worlds/ may also hold flat maps for planning)."""
+    return sorted(path.stem for path in data_dir("worlds").glob("*.yaml") if not _is_flat_map(read_yaml(path)))
+
+
+def _is_flat_map(file: Section) -> bool:
+    return "image" in file.nodes and "walls" not in file.nodes
+
+
+def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
+    """The file of a world: a name is looked for in `beside` and worlds/; anything with a slash or .yaml is a path."""
+    text = str(name_or_path)
+    if "/" in text or text.endswith((".yaml", ".yml")):
+        path = Path(text).expanduser()
+        if not path.is_file():
+            raise ConfigError(f"world={text}: there is no such file")
+        return path.resolve()
+    for folder in ([beside] if beside else []) + [data_dir("worlds")]:
+        if text and (folder / f"{text}.yaml").is_file():
+            return folder / f"{text}.yaml"
+    near = difflib.get_close_matches(text, world_names(), n=1, cutoff=0.5)
+    advice = f"did you mean '{near[0]}'?" if near else f"worlds: {', '.join(world_names())}"
+    raise ConfigError(f"world={text} is neither a world nor a path to a YAML file; {advice}")
+
+
+def _world(path: Path, file: Section) -> World:
+    x_m, y_m, yaw_deg = file.numbers("start", count=3)
+    walls_and_pilasters = [_wall(section) for section in file.sections("walls", required=True)]
+    if not walls_and_pilasters:
+        raise ConfigError(f"{file.where('walls')}: walls is empty; a world needs walls around its start")
+    places = file.section("places")
+    world = World(
+        name=path.stem,
+        path=path,
+        start=(x_m, y_m, float(np.radians(yaw_deg))),
+        robot_radius_m=file.number("robot_radius_m", 0.3, low=0.05, high=2.0),
+        camera_height_m=file.number("camera_height_m", 1.2, low=0.1, high=3.0),
+        walls=tuple(wall for wall, _ in walls_and_pilasters),
+        boxes=tuple(b for _, boxes in walls_and_pilasters for b in boxes) + _boxes(file, "boxes"),
+        obstacles=_boxes(file, "obstacles"),
+        places=tuple((name, *_point(places, name)) for name in places.keys()),
+        route_m=file.points("route_m"),
+        paintings=_paintings(file.section("paintings")),
+        floor=_surface(file.section("floor"), FLOOR),
+        ceiling=_surface(file.section("ceiling"), CEILING),
+        seed=file.whole("seed", 0),
+    )
+    file.finish()
+    return world
+
+
+def _wall(section: Section) -> tuple[Wall, list[Box]]:
+    points = section.points("points_m")
+    pieces = len(points) - 1
+    if np.any(np.hypot(*np.diff(points, axis=0).T) < 1e-3):
+        raise ConfigError(f"{section.where('points_m')}: points_m holds the same point twice in a row")
+    blanks = []
+    for entry in section.sections("blanks"):
+        blanks.append(Blank(entry.whole("segment", high=pieces - 1), entry.number("from_m", low=0.0),
+                            entry.number("to_m", low=0.0)))
+        entry.finish()
+    wall = Wall(
+        name=section.text("name"),
+        points_m=points,
+        height_m=section.number("height_m", 2.6, low=0.1, high=20.0),
+        surface=_surface(section.section("surface"), WALL),
+        paintings=section.flag("paintings", True),
+        twins=tuple(int(v) for v in section.numbers("twins", (), count=pieces if "twins" in section.nodes else None)),
+        blanks=tuple(blanks),
+    )
+    pilasters = section.section("pilasters")
+    boxes = _pilasters(wall, pilasters) if pilasters.nodes else []
+    section.finish()
+    return wall, boxes
+
+
+def _pilasters(wall: Wall, section: Section) -> list[Box]:
+    """Boxes standing astride the wall every spacing_m, so that a range sensor sees where along it the robot is."""
+    spacing = section.number("spacing_m", 3.0, low=0.2, high=100.0)
+    width = section.number("width_m", 0.4, low=0.02, high=10.0)
+    depth = section.number("depth_m", 0.2, low=0.01, high=5.0)
+    section.finish()
+    boxes: list[Box] = []
+    for a, b in wall.segments_m:
+        length, yaw = float(np.hypot(*(b - a))), float(np.arctan2(*(b - a)[::-1]))
+        count = int(length / spacing)
+        for along in (np.arange(count) + 0.5) * length / max(count, 1):
+            x, y = a + (b - a) * along / length
+            boxes.append(Box(f"{wall.name} pilaster {len(boxes)}", (float(x), float(y)),
+                             (width, 2.0 * depth, wall.height_m), yaw, 0.0, wall.surface))
+    return boxes
+
+
+def _boxes(file: Section, key: str) -> tuple[Box, ...]:
+    boxes = []
+    for section in file.sections(key):
+        x, y = _point(section, "centre_m")
+        size = section.numbers("size_m", count=3, low=0.01, high=100.0)
+        boxes.append(Box(
+            name=section.text("name"), centre_m=(x, y), size_m=(size[0], size[1], size[2]),
+            yaw_rad=float(np.radians(section.number("yaw_deg", 0.0, low=-360.0, high=360.0))),
+            bottom_m=section.number("bottom_m", 0.0, low=0.0, high=20.0),
+            surface=_surface(section.section("surface"), FURNITURE)))
+        section.finish()
+    return tuple(boxes)
+
+
+def _point(section: Section, key: str) -> tuple[float, float]:
+    x, y = section.numbers(key, count=2)
+    return x, y
+
+
+def _surface(section: Section, default: Surface) -> Surface:
+    r, g, b = section.numbers("colour", default.colour, count=3, low=0.0, high=255.0)
+    surface = Surface(section.text("recipe", default.recipe, choices=RECIPES), (r, g, b),
+                      section.number("roughness", default.roughness, low=0.0, high=100.0),
+                      section.whole("fold", default.fold, low=1, high=4))
+    if surface.fold == 3:
+        raise ConfigError(f"{section.where('fold')}: fold=3 is not possible on square tiles; expected 1, 2 or 4")
+    section.finish()
+    return surface
+
+
+def _paintings(section: Section) -> Paintings:
+    default = Paintings()
+    width = section.numbers("width_m", default.width_m, count=2, low=0.05, high=20.0)
+    height = section.numbers("height_m", default.height_m, count=2, low=0.05, high=20.0)
+    paintings = Paintings(
+        unique=section.whole("unique", default.unique, low=1, high=100_000),
+        density=section.number("density", default.density, low=0.0, high=1.0),
+        spacing_m=section.number("spacing_m", default.spacing_m, low=0.2, high=100.0),
+        width_m=(width[0], width[1]), height_m=(height[0], height[1]),
+        middle_m=section.number("middle_m", default.middle_m, low=0.0, high=20.0))
+    section.finish()
+    for name in ("width_m", "height_m"):
+        low, high = getattr(paintings, name)
+        if low > high:
+            raise ConfigError(f"{section.where(name)}: {name}: least {low} is more than greatest {high}")
+    return paintings
+
+
+def reversed_world(world: World) -> World:
+    """The same building surveyed the other way: from the end of the route back to its beginning."""
+    route = world.route_m[::-1].copy()
+    dx, dy = route[1] - route[0]
+    return replace(world, route_m=route, start=(float(route[0, 0]), float(route[0, 1]), float(np.arctan2(dy, dx))))

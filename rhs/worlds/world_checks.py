@@ -1,0 +1,85 @@
+"""What a world must keep before anything runs in it: names, size; start, places and route where a robot can stand."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from rhs.api.floorplan import World, distance_m, truth_grid
+from rhs.base.errors import ConfigError
+
+from .world_yaml import Section
+
+MAX_AREA_M2 = 40_000.0  # a grid of 4 million cells at 0.1 m
+
+
+def check_world(world: World, file: Section) -> None:
+    """Refuse a world that is too large, and a start, place or route where the robot cannot stand."""
+    _check_names_and_size(world, file)
+    if np.hypot(*(world.route_m[0] - np.array(world.start[:2]))) > 1e-6:
+        raise ConfigError(f"{file.where('route_m')}: route_m begins at {world.route_m[0].tolist()}; "
+                          f"expected the start {list(world.start[:2])}")
+    _check_point(world, file, "start", np.array(world.start[:2]), "START")
+    free = truth_grid(world).probability == 0.0
+    if free[0].any() or free[-1].any() or free[:, 0].any() or free[:, -1].any() or not free.any():
+        raise ConfigError(f"{file.where('start')}: START_OUTSIDE_MAP: start {list(world.start[:2])} is not enclosed by "
+                          "walls; move it inside or close the gap")
+    for name, x, y in world.places:
+        _check_point(world, file, f"place '{name}'", np.array([x, y]), "GOAL")
+        if not _reached(world, np.array([[x, y]])).all():
+            raise ConfigError(f"{file.where('places')}: GOAL_OUTSIDE_MAP: place '{name}' ({x:g}, {y:g}) cannot be "
+                              "reached from the start; move it into the building")
+    _check_route(world, file)
+
+
+def _check_names_and_size(world: World, file: Section) -> None:
+    for key, things in (("walls", world.walls), ("boxes", world.boxes + world.obstacles)):
+        names = [thing.name for thing in things]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ConfigError(f"{file.where(key)}: two {key} are named '{twice[0]}'; give each its own name")
+    for name, _, _ in world.places:
+        if not re.fullmatch(r"\w[\w .-]{0,60}", str(name)):  # pictures are named after their places
+            raise ConfigError(f"{file.where('places')}: the place {str(name)[:60]!r} needs a plain name: letters, digits, "
+                              "spaces, dots and dashes")
+    x_min, y_min, x_max, y_max = world.bounds_m
+    if (x_max - x_min) * (y_max - y_min) > MAX_AREA_M2:
+        raise ConfigError(f"{file.where('walls')}: the walls span {x_max - x_min:g} x {y_max - y_min:g} m; "
+                          f"expected at most {MAX_AREA_M2:g} square metres")
+
+
+def _check_route(world: World, file: Section) -> None:
+    for x, y in world.route_m:
+        _check_point(world, file, f"route point [{x:g}, {y:g}]", np.array([x, y]), "ROUTE")
+    for a, b in zip(world.route_m[:-1], world.route_m[1:], strict=True):
+        along = np.linspace(0.0, 1.0, 2 + int(np.hypot(*(b - a)) / 0.05))[:, None]
+        if not _reached(world, a + along * (b - a)).all():
+            raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: the leg from {a.tolist()} to {b.tolist()} goes "
+                              "through a wall or a box; lead it round")
+    for end in (world.route_m[0], world.route_m[-1]):
+        distance, thing = distance_m(replace(world, walls=(), boxes=world.obstacles), end)
+        if distance < world.robot_radius_m:
+            raise ConfigError(f"{file.where('obstacles')}: obstacle {thing} is put in {distance:.2f} m from the robot at "
+                              f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
+
+
+def _reached(world: World, points_m: np.ndarray) -> np.ndarray:
+    """(N,) bool: the point lies in the building, in no wall and no box."""
+    grid = truth_grid(world)
+    cells = grid.cells(points_m)
+    return grid.probability[cells[:, 0], cells[:, 1]] == 0.0
+
+
+def _check_point(world: World, file: Section, what: str, point: np.ndarray, code: str) -> None:
+    key = {"START": "start", "GOAL": "places", "ROUTE": "route_m"}[code]
+    x_min, y_min, x_max, y_max = world.bounds_m
+    x, y = point
+    if not (x_min <= x <= x_max and y_min <= y <= y_max):
+        raise ConfigError(f"{file.where(key)}: {code}_OUTSIDE_MAP: {what} ({x:g}, {y:g}) lies outside the walls, which "
+                          f"span x {x_min:g}..{x_max:g}, y {y_min:g}..{y_max:g}")
+    distance, thing = distance_m(world, point)
+    if distance < world.robot_radius_m:
+        raise ConfigError(f"{file.where(key)}: {code}_OCCUPIED: {what} ({x:g}, {y:g}) is {distance:.2f} m from "
+                          f"{thing}; the robot's radius is {world.robot_radius_m:g} m")

@@ -1,0 +1,78 @@
+"""Trajectories: files, association, alignment."""
+
+import numpy as np
+import pytest
+
+from rhs.api.geometry import exp_se3, rotation_z, se2, se3
+from rhs.api.trajectory import Trajectory, aligned, associate, read_tum, write_tum
+from rhs.api.errors import RecordingError
+
+
+def wander(count: int, seed: int = 0) -> Trajectory:
+    rng = np.random.default_rng(seed)
+    poses = [np.eye(4)]
+    for _ in range(count - 1):
+        poses.append(poses[-1] @ exp_se3(rng.normal(0, 0.1, 6)))
+    return Trajectory(np.arange(count) * 0.1, np.array(poses))
+
+
+def test_a_trajectory_reads_back_within_a_nanometre(tmp_path):
+    written = wander(50)
+    write_tum(tmp_path / "a.tum", written)
+    read = read_tum(tmp_path / "a.tum")
+    np.testing.assert_allclose(read.stamps_s, written.stamps_s, atol=1e-9)
+    np.testing.assert_allclose(read.poses, written.poses, atol=4e-9)
+
+
+def test_w_comes_last(tmp_path):
+    write_tum(tmp_path / "a.tum", Trajectory(np.array([1.5]), se2(1, 2, np.pi)[None]))
+    words = (tmp_path / "a.tum").read_text().splitlines()[1].split()
+    assert words[0] == "1.500000000"
+    np.testing.assert_allclose([float(w) for w in words[1:]], [1, 2, 0, 0, 0, 1, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("line", ["1 2 3", "1 0 0 0 0 0 0 nan", "1 0 0 0 0 0 0 0", "a b c d e f g h"])
+def test_a_bad_line_is_named_with_its_number(tmp_path, line):
+    (tmp_path / "a.tum").write_text("# header\n0 0 0 0 0 0 0 1\n" + line + "\n")
+    with pytest.raises(RecordingError, match="a.tum:3"):
+        read_tum(tmp_path / "a.tum")
+
+
+def test_a_picture_is_not_a_trajectory(tmp_path):
+    (tmp_path / "a.tum").write_bytes(b"\x89PNG\r\n\xff\xfe")
+    with pytest.raises(RecordingError, match="not text"):
+        read_tum(tmp_path / "a.tum")
+
+
+def test_association_is_one_to_one_nearest_first_and_within_the_tolerance():
+    # 0.00 is nearest to 0.01; 0.02 would also like 0.01, but it is taken, and 0.05 is too far
+    pairs = associate(np.array([0.0, 0.02, 1.0]), np.array([0.009, 0.05, 1.019, 5.0]), 0.02)
+    assert pairs.tolist() == [[0, 0], [2, 2]]
+
+
+def test_association_survives_dropped_frames():
+    rng = np.random.default_rng(1)
+    a = np.arange(50) / 30.0
+    b = np.delete(a + rng.uniform(-0.01, 0.01, 50), [3, 17, 18])
+    pairs = associate(a, b, 0.02)
+    assert len(pairs) == 47 and not {3, 17, 18} & set(pairs[:, 0].tolist())
+
+
+@pytest.mark.parametrize(("how", "move", "scale"), [
+    ("se3", exp_se3(np.array([1.0, -2.0, 0.5, 0.3, -0.2, 1.0])), 1.0),
+    ("sim3", exp_se3(np.array([1.0, -2.0, 0.5, 0.3, -0.2, 1.0])), 0.37),
+    ("yaw", se3(rotation_z(2.0), np.array([3.0, 1.0, -4.0])), 1.0),
+    ("origin", exp_se3(np.array([1.0, -2.0, 0.5, 0.3, -0.2, 1.0])), 1.0),
+])
+def test_alignment_undoes_the_motion_it_allows(how, move, scale):
+    truth = wander(40)
+    poses = truth.poses.copy()
+    poses[:, :3, 3] *= scale
+    moved = Trajectory(truth.stamps_s, move @ poses)
+    np.testing.assert_allclose(aligned(moved, truth, how).positions_m, truth.positions_m, atol=1e-9)
+
+
+def test_yaw_alignment_does_not_repair_a_tilt():
+    truth = wander(40)
+    tilted = Trajectory(truth.stamps_s, exp_se3(np.array([0, 0, 0, 0.3, 0, 0])) @ truth.poses)
+    assert np.abs(aligned(tilted, truth, "yaw").positions_m - truth.positions_m).max() > 0.01

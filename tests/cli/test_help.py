@@ -1,0 +1,63 @@
+"""--help tells everything, quickly, without loading anything heavy."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+
+import pytest
+from installing import FAKES, environment, installed
+
+from rhs.api.contracts import KINDS
+from rhs.cli.help_text import help_text
+from rhs.config import registry, settings
+from rhs.config.documented import comments
+
+HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "hydra", "gtsam")
+
+
+def test_every_plugin_and_every_setting_is_listed_with_its_default():
+    text = help_text()
+    for kind in KINDS:
+        for name in registry.names(kind):
+            assert f"  {kind}={name}" in text
+            if registry.failure(kind, name) is None:
+                for key in settings.defaults(registry.load(kind, name)):
+                    assert f"    {kind}.{key}=" in text
+
+
+def test_the_meaning_of_a_setting_is_its_comment_above_or_behind():
+    @dataclasses.dataclass
+    class Both:
+        # first half,
+        # second half
+        above: int = 1
+        behind: float = 2.0  # metres
+        with_it: float = 3.0
+
+        none: str = ""
+
+    assert comments(Both) == {"above": "first half, second half", "behind": "metres", "with_it": "metres", "none": ""}
+
+
+def test_a_plugin_that_cannot_be_imported_is_listed_with_the_reason():
+    with installed(FAKES):
+        text = " ".join(help_text().split())
+        one = help_text(["planner=fake"])
+    assert "planner=broken NOT USABLE" in text
+    assert "No module named 'a_module_nobody_has'" in text
+    assert "planner=exits NOT USABLE" in text
+    assert "planner.step_m=0.5" in one
+    assert "longest edge, metres [float]" in one
+    assert "sensor" not in one
+
+
+@pytest.mark.parametrize("words", [["--help"], ["planner=fake", "--help"]])
+def test_help_loads_no_heavy_library(words):
+    code = ("import sys; from rhs.cli.main import main; assert main(sys.argv[1:]) == 0;"
+            f"bad = [m for m in {HEAVY!r} if m in sys.modules]; print('LOADED', bad, file=sys.stderr)")
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60,
+                          env=environment(FAKES), check=True)
+    assert "LOADED []" in done.stderr
+    assert "planner=fake" in done.stdout

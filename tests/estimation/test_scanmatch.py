@@ -1,0 +1,124 @@
+"""Laying a scan onto a map: what it can see it finds, what it cannot see it leaves to the prior and says so."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rhs.api.geometry import camera_from_fov, inverse, planar, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import FeatureSettings, Motion, Scan, Tracking, View
+from rhs.estimation.scans.rays import cast
+from rhs.estimation.scans.scan_loops import ScanLoopSettings, scan_edges
+from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.loops import travelled_m
+from rhs_loop_closers.pose_graph_config import PoseGraph
+
+PRIOR = np.diag([0.2**2, 0.2**2, 0.06**2])
+
+
+def _corridor(end_wall: bool) -> OccupancyGrid:
+    """A corridor along x, 20 m long and 2 m wide between wall centres (y = 0.05 and 2.05), closed at x = 19.95 or open."""
+    probability = np.full((25, 205), 0.02, np.float32)
+    probability[[0, 20]] = 0.98
+    if end_wall:
+        probability[:21, 199] = 0.98
+    return OccupancyGrid(probability, 0.1, (0.0, 0.0))
+
+
+def _scan(grid, state, noise_m=0.0):
+    bearings = np.linspace(-0.5, 0.5, 161)
+    ranges = cast(grid.occupied(), grid, state[:2], bearings + state[2], 8.0) + 0.05
+    ranges += noise_m * np.random.default_rng(int(100 * state[0])).standard_normal(len(ranges))
+    return Scan(bearings, np.where(np.isfinite(ranges), ranges, np.inf), 8.0)
+
+
+def _wrong(truth, state):
+    return planar(inverse(se2(*truth)) @ se2(*state))
+
+
+@pytest.mark.parametrize("offset", [(0.15, 0.12, 0.04), (-0.2, -0.15, -0.05), (0.0, 0.1, 0.0)])
+def test_before_an_end_wall_the_whole_pose_is_found(offset):
+    grid, truth = _corridor(end_wall=True), (16.0, 1.0, 0.05)
+    found = ScanMatcher(grid).match(_scan(grid, truth), planar(se2(*truth) @ se2(*offset)), PRIOR)
+    wrong = _wrong(truth, found.state)
+    assert np.hypot(*wrong[:2]) < 0.06 and abs(wrong[2]) < 0.02
+    assert found.seen == 3 and np.sqrt(found.covariance[0, 0]) < 0.07
+
+
+def test_along_a_plain_corridor_the_prior_stays_and_the_covariance_is_long():
+    grid, truth = _corridor(end_wall=False), (8.0, 1.0, 0.0)
+    found = ScanMatcher(grid).match(_scan(grid, truth), np.array([8.18, 1.15, 0.04]), PRIOR)
+    wrong = _wrong(truth, found.state)
+    assert abs(wrong[1]) < 0.05 and abs(wrong[2]) < 0.015  # the walls are beside the robot
+    assert wrong[0] == pytest.approx(0.18, abs=0.02)  # nothing says where along them it is
+    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(0.2, abs=0.01)
+    assert np.sqrt(found.covariance[1, 1]) < 0.1
+
+
+def test_a_scan_that_fits_nowhere_near_is_refused():
+    grid = _corridor(end_wall=True)
+    elsewhere = Scan(np.linspace(-0.5, 0.5, 161), np.full(161, 0.6), 8.0)  # something stands before the camera
+    assert ScanMatcher(grid).match(elsewhere, np.array([8.0, 1.0, 0.0]), PRIOR) is None
+    assert ScanMatcher(grid).match(Scan(np.zeros(3), np.full(3, np.nan), 8.0), np.array([8.0, 1.0, 0.0]), PRIOR) is None
+
+
+def test_an_empty_map_and_no_motion_beyond_the_prior():
+    empty = OccupancyGrid(np.full((20, 20), 0.02, np.float32), 0.1, (0.0, 0.0))
+    assert ScanMatcher(empty).match(_scan(_corridor(True), (8.0, 1.0, 0.0)), np.array([1.0, 1.0, 0.0]), PRIOR) is None
+    sure = np.diag([0.01**2, 0.01**2, 0.002**2])
+    grid = _corridor(end_wall=True)
+    found = ScanMatcher(grid).match(_scan(grid, (16.0, 1.0, 0.0)), np.array([16.0, 1.0, 0.0]), sure)
+    np.testing.assert_allclose(found.state, [16.0, 1.0, 0.0], atol=0.01)
+
+
+CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)
+
+
+def _there_and_back(heading_drift: float):
+    """Views along the corridor and back; on the way back the believed heading and side are off by what was drifted."""
+    grid = _corridor(end_wall=True)
+    way = [se2(x, 1.0, 0.0) for x in np.arange(3.0, 15.0, 0.25)] + [se2(x, 1.1, np.pi) for x in np.arange(15.0, 5.0, -0.25)]
+    turning = se2(15.0, 1.0, 0.0)
+    off = turning @ se2(0.0, 0.1, heading_drift) @ inverse(turning)
+    views = []
+    for k, pose in enumerate(way):
+        believed = off @ pose if k >= 48 else pose
+        views.append(View(k, 0.1 * k, CAMERA, Motion(np.eye(4), np.eye(6), Tracking.OK), believed, np.eye(6),
+                          _scan(grid, planar(pose), 0.02), None))
+    return way, views
+
+
+def test_a_corridor_walked_back_the_other_way_is_recognised_by_its_walls():
+    way, views = _there_and_back(0.04)
+    poses = np.stack([view.map_from_body for view in views])
+    edges = scan_edges(views, poses, travelled_m(poses), ScanLoopSettings())
+    assert len(edges) >= 5
+    along_m = []
+    for edge in edges:
+        true = inverse(way[edge.earlier]) @ way[edge.later]
+        wrong = planar(inverse(true) @ edge.earlier_from_later)
+        sigma = np.sqrt(np.diag(edge.covariance)[[0, 1, 5]])
+        assert np.all(np.abs(wrong) < 3.0 * sigma + 0.01)  # right as far as it says it knows
+        assert abs(planar(edge.earlier_from_later)[2]) > np.radians(120)
+        along_m.append(sigma[0])
+    assert np.median(along_m) > 1.0  # along a plain corridor nothing is known
+
+
+def test_pose_graph_straightens_the_way_back_by_the_walls_alone():
+    way, views = _there_and_back(0.04)
+    context = SimpleNamespace(rng=np.random.default_rng(0), features=FeatureSettings())
+    closure = PoseGraph(walls_every_m=0.0).build(context).close(views)
+    untouched = PoseGraph(walls_every_m=0.0, scan_every_m=0.0).build(context).close(views)
+    assert closure.details["closures_by_scan"] >= 3 and untouched.details["closures"] == 0
+
+    def sideways_m(poses):
+        return np.sqrt(np.mean([planar(inverse(t) @ p)[1] ** 2 for p, t in zip(poses[48:], way[48:], strict=True)]))
+
+    assert sideways_m(closure.poses) < 0.5 * sideways_m(untouched.poses)
+
+
+def test_views_that_look_the_same_way_are_left_to_the_camera():
+    way, views = _there_and_back(0.0)
+    poses = np.stack([view.map_from_body for view in views[:48]])
+    assert scan_edges(views[:48], poses, travelled_m(poses), ScanLoopSettings()) == []

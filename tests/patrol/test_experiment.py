@@ -1,0 +1,77 @@
+"""The main job, whole, in a small building: what a row says of it, and that it says the same twice."""
+
+import csv
+import json
+import subprocess
+import sys
+
+import pytest
+
+import rhs
+from rhs.runfolder.row import canonical_hash, read_row
+
+WORDS = ["world=square_small", "source.image_width=160", "features.count=150"]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """One patrol of the small square, shared by the tests of this file."""
+    folder = tmp_path_factory.mktemp("run") / "whole"
+    return rhs.run([*WORDS, f"output={folder}"], quiet=True), folder
+
+
+def test_every_place_is_visited_without_a_touch(whole):
+    row, _ = whole
+    assert row["status"] == "ok", row["reason"]
+    assert row["places_visited"] == row["places_total"] == 4
+    assert row["missions"] == 4 and row["collisions"] == 0
+    assert row["clearance_min_m"] > 0.0
+
+
+def test_closing_the_loop_helps_and_the_map_agrees_with_the_plan(whole):
+    row, _ = whole
+    assert row["end_error_m"] < 0.5 * row["end_error_before_closing_m"]
+    assert row["map_agreement"] > 0.9
+
+
+def test_the_robot_drives_at_least_the_shortest_way(whole):
+    row, _ = whole
+    assert row["path_length_m"] >= row["path_optimal_m"] - 4 * 0.25
+    assert row["path_length_m"] <= 1.5 * row["path_optimal_m"]
+
+
+def test_the_folder_holds_what_the_readme_promises(whole):
+    _, folder = whole
+    promised = ["row.json", "config.yaml", "steps.csv", "estimate.tum", "corrected.tum", "truth_survey.tum", "patrol.tum",
+                "truth_patrol.tum", "map.yaml", "map.pgm", "true_map.yaml", "missions.json", "plans.json",
+                "closure.json", "run.mcap", "overview.png"]
+    assert [name for name in promised if not (folder / name).is_file()] == []
+    assert len(list((folder / "places").glob("*.png"))) == 4
+
+
+def test_the_row_can_be_recomputed_from_the_files(whole):
+    from rhs.metrics.metrics import evaluate
+
+    row, folder = whole
+    again = evaluate(folder)
+    assert {k: row[k] for k in again} == pytest.approx(again, nan_ok=True)
+
+
+def test_steps_and_missions_agree(whole):
+    row, folder = whole
+    with (folder / "steps.csv").open() as file:
+        steps = list(csv.DictReader(file))
+    arrived = [step for step in steps if "arrived" in step["event"].split("+")]
+    missions = json.loads((folder / "missions.json").read_text())
+    assert len(arrived) == len([m for m in missions if m["status"] == "arrived"]) == row["places_visited"]
+    assert len(steps) == row["views"]
+
+
+@pytest.mark.slow
+def test_two_processes_at_once_give_the_row_of_the_first(whole, tmp_path):
+    _, folder = whole
+    words = [sys.executable, "-m", "rhs", *WORDS, "recording=off"]
+    both = [subprocess.Popen([*words, f"output={tmp_path / name}"], stdout=subprocess.DEVNULL) for name in ("a", "b")]
+    assert [process.wait(timeout=600) for process in both] == [0, 0]
+    hashes = {canonical_hash(read_row(path / "row.json")) for path in (folder, tmp_path / "a", tmp_path / "b")}
+    assert len(hashes) == 1

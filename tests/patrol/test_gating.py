@@ -1,0 +1,126 @@
+"""The gate: what passes is untouched, what contradicts the wheels is replaced, spinning wheels are forgiven."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rhs.api.geometry import Camera, planar, se2
+from rhs.api.records import Motion, Observation, Revision, Tracking
+from rhs.patrol.gate import GatedOdometry, contradiction, gated, joined
+from rhs.patrol.gate_settings import Gate
+
+CAMERA = Camera(100.0, 100.0, 80.0, 60.0, 160, 120)
+SURE = np.diag([1e-3] * 3 + [1e-3] * 3) ** 2
+AHEAD = (0.25, 0.0, 0.0)
+
+
+class Told:
+    """An odometry that says what it was told to."""
+
+    def __init__(self, *motions: Motion) -> None:
+        self.motions = [Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view"), *motions]
+
+    def update(self, observation: Observation) -> Motion:
+        return self.motions[observation.index]
+
+    def revise(self) -> Revision:
+        return Revision(np.array([np.eye(4)] * len(self.motions)), (None,) * len(self.motions))
+
+
+def said(x: float, y: float = 0.0, yaw: float = 0.0, status: Tracking = Tracking.OK) -> Motion:
+    return Motion(se2(x, y, yaw), SURE, status, observability=np.ones(6))
+
+
+def through(motions: list[Motion], wheels: list[tuple | None], hz: float = 10.0, **settings) -> list[Motion]:
+    part = GatedOdometry(Told(*motions), Gate(**settings))
+    views = [Observation(0, 5.0, CAMERA)]
+    for index, wheel in enumerate(wheels, 1):
+        travel = None if wheel is None else np.array(wheel)
+        views.append(Observation(index, 5.0 + index / hz, CAMERA, wheel=travel))
+    return [part.update(view) for view in views][1:]
+
+
+def test_a_motion_that_agrees_is_handed_on_untouched() -> None:
+    good = said(0.251, 0.002, 0.004)
+    passed = through([good], [AHEAD])[0]
+    assert np.array_equal(passed.previous_from_body, good.previous_from_body)
+    assert np.array_equal(passed.covariance, good.covariance)
+    assert passed.status is Tracking.OK and passed.reason == ""
+
+
+@pytest.mark.parametrize("wrong", [(0.9, 0.0, 0.0), (0.25, 0.4, 0.0), (0.25, 0.0, 0.5), (-0.2, 0.0, 0.0)])
+def test_a_confident_contradiction_is_replaced_by_the_wheels(wrong: tuple) -> None:
+    motion = through([said(*wrong)], [AHEAD])[0]
+    assert motion.status is Tracking.LOST
+    assert motion.reason.startswith("gated: ") and motion.reason.endswith("took wheel")
+    assert planar(motion.previous_from_body) == pytest.approx(AHEAD)
+    # 0.02 m and a tenth of 0.25 m; 0.02 rad
+    assert np.sqrt(np.diag(motion.covariance))[[0, 1, 5]] == pytest.approx([0.045, 0.045, 0.02])
+    assert np.linalg.eigvalsh(motion.covariance).min() > 0.0
+
+
+def test_an_unsure_motion_is_not_refused_for_the_same_difference() -> None:
+    unsure = replace(said(0.9), covariance=np.diag([0.3, 0.3, 0.3, 0.1, 0.1, 0.1]) ** 2)
+    assert through([unsure], [AHEAD])[0].status is Tracking.OK
+
+
+def test_wheels_may_count_too_much_but_never_too_little() -> None:
+    spread = np.diag([1e-3, 1e-3, 1e-3]) ** 2
+    wheel = np.array([1.0, 0.0, 0.0])
+    assert contradiction(said(0.5), wheel, spread, slip_share=0.5) == pytest.approx(0.0, abs=1e-9)
+    # 0.1 m past what spinning explains, or past the wheels: 0.1^2 / (1e-6 + 1e-6)
+    assert contradiction(said(0.4), wheel, spread, slip_share=0.5) == pytest.approx(5000.0)
+    assert contradiction(said(1.1), wheel, spread, slip_share=0.5) == pytest.approx(5000.0)
+
+
+def test_wheels_that_always_contradict_are_doubted() -> None:
+    motions = through([said(0.25)] * 6, [(0.0, 0.0, 0.0)] * 6, patience=4)
+    assert [m.status is Tracking.LOST for m in motions] == [True] * 4 + [False] * 2
+    assert motions[-1].reason.endswith("wheels doubted")
+    assert planar(motions[-1].previous_from_body) == pytest.approx(AHEAD)
+
+
+def test_a_slide_along_a_flat_wall_gets_its_length_from_the_wheels() -> None:
+    """Known to a millimetre across, to half a metre along: the wheels decide along, vision across."""
+    slid = replace(said(0.1, 0.004, status=Tracking.DEGENERATE), covariance=SURE + np.diag([0.25, 0, 0, 0, 0, 0]))
+    spread = np.diag([0.02, 0.02, 0.02]) ** 2
+    x, y, _ = planar(joined(slid, np.array(AHEAD), spread).previous_from_body)
+    assert x == pytest.approx(0.25, abs=0.001) and y == pytest.approx(0.004, abs=0.0002)
+    motion = through([slid], [AHEAD])[0]
+    assert motion.status is Tracking.DEGENERATE and "joined with wheel" in motion.reason
+    assert planar(motion.previous_from_body)[0] == pytest.approx(0.25, abs=0.002)
+
+
+def test_without_wheels_a_leap_is_refused_once() -> None:
+    """1 m/s at 10 Hz, then 1 m in a tenth of a second: no; the same again and again: it is a fast vehicle."""
+    motions = through([said(0.1), said(1.0), said(0.1)], [None] * 3)
+    assert [m.status for m in motions] == [Tracking.OK, Tracking.LOST, Tracking.OK]
+    assert motions[1].reason.endswith("took same again")
+    assert planar(motions[1].previous_from_body) == pytest.approx((0.1, 0.0, 0.0))
+    fast = through([said(0.1), said(1.0), said(1.0), said(1.0)], [None] * 4)
+    assert [m.status is Tracking.OK for m in fast] == [True, False, True, True]
+
+
+def test_what_follows_lost_views_may_put_their_guesses_right() -> None:
+    lost = said(0.25, status=Tracking.LOST)
+    motions = through([lost, lost, lost, said(0.6)], [AHEAD] * 4)
+    assert motions[3].status is Tracking.OK
+    assert through([said(0.25)] * 3 + [said(0.6)], [AHEAD] * 4)[3].status is Tracking.LOST
+
+
+def test_a_revision_that_knows_nothing_of_replaced_motions_is_not_used() -> None:
+    for motion, kept in ((said(0.25), True), (said(2.0), False)):
+        part = GatedOdometry(Told(motion), Gate())
+        for index in range(2):
+            part.update(Observation(index, float(index), CAMERA, wheel=np.array(AHEAD)))
+        assert (part.revise() is not None) == kept
+
+
+def test_only_odometries_with_depth_are_gated() -> None:
+    part = Told()
+    assert gated(part, frozenset({"wheel"}), Gate()) is part
+    assert gated(part, frozenset({"image", "depth"}), Gate(act="off")) is part
+    assert isinstance(gated(part, frozenset({"depth"}), Gate()), GatedOdometry)

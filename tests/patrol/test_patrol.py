@@ -1,0 +1,155 @@
+"""The loop and the sentinel without pictures: what a patrol does when the world is kind, blocked or broken."""
+
+import numpy as np
+import pytest
+from flatland import Dijkstra, Flatland, Oracle, Through, ring
+
+from rhs.api.records import Belief, Knowing, Motion, Tracking
+from rhs.api.errors import ContractError
+from rhs.patrol.loop import steps
+from rhs.patrol.mission import MissionSettings
+from rhs.patrol.sentinel import Sentinel
+
+PLACES = (("a", 4.0, 1.0), ("b", 7.0, 4.0), ("c", 4.0, 7.0), ("home", 1.0, 1.0))
+
+
+def patrol(world: Flatland, *, localiser=None, settings=None, limit=2000):
+    grid = world.grid()
+    oracle = Oracle(world)
+    sentinel = Sentinel(localiser or oracle, Dijkstra(), grid, grid.free(), places=world.facts.places,
+                        radius_m=world.radius, settings=settings or MissionSettings())
+    out = []
+    for step in steps(world, Through(world.camera), oracle, sentinel):
+        out.append(step)
+        assert len(out) < limit, "the patrol does not end"
+    return sentinel, out
+
+
+def test_all_places_are_visited_in_order_without_a_touch():
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
+    sentinel, out = patrol(world)
+    assert [m.status for m in sentinel.book.missions] == ["arrived"] * 4
+    assert [m.place for m in sentinel.book.missions] == ["a", "b", "c", "home"]
+    assert not any(step.collided for step in out)
+    arrivals = [step for step in out if "arrived" in step.event]
+    for step, (_, x, y) in zip(arrivals, PLACES, strict=True):
+        assert np.linalg.norm(step.truth[:2, 3] - (x, y)) <= 0.25
+
+
+def test_an_unknown_obstacle_costs_one_mission_and_the_way_round():
+    hidden = np.zeros((80, 80), bool)
+    hidden[1:20, 25:28] = True
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES, hidden=hidden)
+    sentinel, out = patrol(world)
+    assert [m.status for m in sentinel.book.missions] == ["aborted", "arrived", "arrived", "arrived", "arrived"]
+    assert sentinel.book.missions[0].place == sentinel.book.missions[1].place == "a"
+    assert not any(step.collided for step in out)
+    assert not sentinel.watch.cells.any(), "the next mission starts with the map as surveyed"
+
+
+def test_a_place_that_cannot_be_reached_is_given_up_with_its_reason_and_the_patrol_goes_on():
+    hidden = np.zeros((80, 80), bool)
+    hidden[1:20, 25:28] = True
+    hidden[60:79, 25:28] = True
+    places = (("a", 4.0, 1.0), ("home", 1.0, 3.0))
+    sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), places, hidden=hidden))
+    last = {m.place: m for m in sentinel.book.missions}
+    assert last["a"].status == "gave_up" and "disconnected" in last["a"].reason
+    assert last["home"].status == "arrived"
+    assert not any(step.collided for step in out)
+
+
+def test_a_place_inside_a_wall_is_given_up_at_once():
+    places = (("wall", 4.0, 4.0), ("home", 1.0, 2.0))
+    sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), places))
+    assert [(m.status, m.reason) for m in sentinel.book.missions] == [
+        ("gave_up", "no path: goal_blocked"), ("arrived", "")]
+
+
+def test_wheels_that_turn_without_moving_the_robot_end_the_mission():
+    world = Flatland(ring(), (1.0, 1.0, 0.0), (("a", 4.0, 1.0),), slip=0.0)
+    sentinel, out = patrol(world)
+    assert sentinel.book.missions[-1].status == "gave_up"
+    assert "no progress" in sentinel.book.missions[-1].reason
+    assert len(out) <= 2 * MissionSettings().stuck_steps
+
+
+def test_no_places_no_patrol():
+    sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), ()))
+    assert out == [] and sentinel.book.missions == []
+
+
+def test_the_same_place_twice_is_two_missions():
+    sentinel, _ = patrol(Flatland(ring(), (1.0, 1.0, 0.0), (("a", 3.0, 1.0), ("a", 3.0, 1.0))))
+    assert [m.status for m in sentinel.book.missions] == ["arrived", "arrived"]
+
+
+class NeverSure:
+    """A localiser that never finds itself."""
+
+    def update(self, observation, motion):
+        return Belief(np.eye(4), np.eye(6), Knowing.LOST, 0.0)
+
+
+def test_a_robot_that_never_finds_itself_stops_and_says_so():
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
+    sentinel, out = patrol(world, localiser=NeverSure())
+    assert all(m.status == "gave_up" and "lost" in m.reason for m in sentinel.book.missions)
+    assert not any(step.collided for step in out)
+
+
+class Broken:
+    def __init__(self, motion):
+        self.motion = motion
+
+    def update(self, observation):
+        return self.motion
+
+
+@pytest.mark.parametrize("motion, message", [
+    (None, "expected a Motion"),
+    (Motion(np.full((4, 4), np.nan), np.eye(6), Tracking.OK), "finite 4x4"),
+    (Motion(np.eye(3), np.eye(6), Tracking.OK), "finite 4x4"),
+    (Motion(np.diag([1.0, 1.0, -1.0, 1.0]), np.eye(6), Tracking.OK), "determinant"),
+    (Motion(np.eye(4), np.eye(3), Tracking.OK), "covariance"),
+])
+def test_a_bad_motion_is_stopped_at_the_boundary(motion, message):
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
+    oracle = Oracle(world)
+    grid = world.grid()
+    sentinel = Sentinel(oracle, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3, settings=MissionSettings())
+    with pytest.raises(ContractError, match=message):
+        list(steps(world, Through(world.camera), Broken(motion), sentinel))
+
+
+def test_an_obstacle_on_the_place_itself_is_not_touched_and_the_patrol_goes_on_the_other_way():
+    hidden = np.zeros((80, 80), bool)
+    hidden[1:20, 38:42] = True
+    sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), PLACES, hidden=hidden))
+    last = {m.place: m for m in sentinel.book.missions}
+    assert last["a"].status == "gave_up" and "goal_blocked" in last["a"].reason
+    assert [last[name].status for name in ("b", "c", "home")] == ["arrived"] * 3
+    assert not any(step.collided for step in out)
+
+
+def test_an_odometry_that_wants_a_moving_camera_gets_arcs():
+    """Round the ring, always onwards: with arcs the robot never turns without going forward; otherwise it pivots."""
+    from types import SimpleNamespace
+
+    from rhs.patrol.mission import turning
+
+    moving, any_other = SimpleNamespace(keeps_moving=(0.125, 6.5)), SimpleNamespace()
+    assert turning(MissionSettings(), moving).turn == "arc" and turning(MissionSettings(), any_other).turn == "pivot"
+    decided = turning(MissionSettings(step_m=0.1), moving)
+    assert (decided.step_m, decided.turn_step_deg) == (0.1, 6.5)
+    assert turning(MissionSettings(turn="pivot"), moving).turn == "pivot"  # what a person typed holds
+    assert turning(MissionSettings(turn="arc"), any_other).turn == "arc"
+    on_the_spot = {}
+    for odometry in (moving, any_other):
+        world = Flatland(ring(), (1.0, 1.0, 0.6), PLACES)  # looks aside at first
+        sentinel, out = patrol(world, settings=turning(MissionSettings(), odometry))
+        assert [m.status for m in sentinel.book.missions] == ["arrived"] * 4
+        assert not any(step.collided for step in out)
+        told = [step.command for step in out[1:]]
+        on_the_spot[odometry is moving] = sum(c.forward_mps == 0.0 and c.turn_radps != 0.0 for c in told)
+    assert on_the_spot[True] == 0 < on_the_spot[False]

@@ -1,0 +1,64 @@
+"""What a survey leaves of the walls that one eye found: in the frame of the map, moved with the closed loop."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rhs.api.geometry import camera_from_fov, inverse, se2
+from rhs.api.records import Closure, Motion, Revision, Tracking, View, Wall
+from rhs.patrol.loop import survey
+
+CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
+
+
+def view(index: int, pose: np.ndarray) -> View:
+    motion = Motion(np.eye(4), np.eye(6), Tracking.OK)
+    return View(index, float(index), CAMERA, motion, pose, np.eye(6), None, None)
+
+
+class Sees:
+    """An odometry that began at its own origin and found one wall two metres to its left."""
+
+    def __init__(self, poses: list[np.ndarray]) -> None:
+        self.poses = np.array(poses)
+
+    def revise(self) -> Revision:
+        wall = Wall(np.array([0.0, 2.0]), np.array([10.0, 2.0]))
+        return Revision(self.poses, (None,) * len(self.poses), (wall,))
+
+
+def test_walls_are_told_in_the_frame_of_the_map():
+    """The survey begins at (5, 1) looking north: what is two metres to the left of that start is the line x = 3."""
+    start = se2(5.0, 1.0, np.pi / 2)
+    moves = [se2(0.0, 0.0, 0.0), se2(4.0, 0.0, 0.0)]
+    views, walls = survey.revise([view(k, start) for k in range(2)], Sees(moves))
+    assert np.allclose(views[1].map_from_body[:2, 3], [5.0, 5.0])
+    assert walls[0].start_xy_m == pytest.approx([3.0, 1.0])
+    assert walls[0].end_xy_m == pytest.approx([3.0, 11.0])
+
+
+def test_an_odometry_that_revises_nothing_found_no_walls():
+    class Blind:
+        def revise(self):
+            return None
+
+    assert survey.revise([view(0, np.eye(4))], Blind())[1] == ()
+
+
+def test_each_end_of_a_wall_goes_with_the_view_nearest_to_it():
+    """The loop moves the last view by 0.3 m to the right of the way: the far end of the wall with it, the near end not."""
+    views = (view(0, se2(0.0, 0.0, 0.0)), view(1, se2(10.0, 0.0, 0.0)))
+    closure = Closure(np.array([se2(0.0, 0.0, 0.0), se2(10.0, -0.3, 0.0)]))
+    wall, = survey.carried((Wall(np.array([0.5, 1.0]), np.array([9.0, 1.0])),), views, closure)
+    assert wall.start_xy_m == pytest.approx([0.5, 1.0])
+    assert wall.end_xy_m == pytest.approx([9.0, 0.7])
+    turned = Closure(np.array([views[0].map_from_body, se2(10.0, 0.0, np.pi / 2)]))
+    wall, = survey.carried((Wall(np.array([0.5, 1.0]), np.array([9.0, 1.0])),), views, turned)
+    ahead = inverse(turned.poses[1]) @ [*wall.end_xy_m, 0.0, 1.0]
+    assert ahead[:2] == pytest.approx([-1.0, 1.0])  # seen from its view it stays where it was
+
+
+def test_a_ceiling_never_seen_is_null_in_the_file():
+    rows = survey.wall_rows((Wall(np.zeros(2), np.array([1.0, 0.0])), Wall(np.zeros(2), np.ones(2), 0.0, 2.6)))
+    assert [row["ceiling_m"] for row in json.loads(json.dumps(rows, allow_nan=False))] == [None, 2.6]

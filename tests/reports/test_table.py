@@ -1,0 +1,169 @@
+"""Row files and the table made of them."""
+
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rhs.api.errors import ConfigError, RhsError
+from rhs.reports.summary import bootstrap, summarise, wilson
+from rhs.reports.table import from_csv, main, rows, to_csv
+from rhs.runfolder.row import canonical_hash, read_row, write_row
+
+NASTY = ["NA", "", "a,b", 'say "hi"', "two\nlines", "=cmd|' /C calc'!A0", "+1", "-x", "@sum", "12", "1e5", "nan",
+         "true", "'quoted", "\tindent", "äöü 机"]
+
+
+def run(folder, name, **values):
+    (folder / name).mkdir(parents=True)
+    row = {"status": "ok", "reason": "", "world": "square", "planner": "prm", "seed": 0, "places_total": 4,
+           "places_visited": 4, "ate_rmse_m": 0.1}
+    write_row(folder / name, row | values)
+
+
+def test_a_row_reads_back(tmp_path):
+    row = {"status": "ok", "seed": 3, "ate_rmse_m": 0.1 + 0.2, "end_error_m": math.nan, "clearance_min_m": math.inf,
+           "flag": True, "count": np.int64(4), "note": None}
+    write_row(tmp_path, row)
+    read = read_row(tmp_path / "row.json")
+    assert read == row | {"end_error_m": None}
+    json.loads((tmp_path / "row.json").read_text(), parse_constant=pytest.fail)  # strict JSON: no NaN, no Infinity
+
+
+def test_a_table_reads_back_equal_in_values_and_types(tmp_path):
+    for i, word in enumerate(NASTY):
+        run(tmp_path, f"{i:02d}", reason=word, seed=i, extra=None if i % 2 else i, weight=math.inf if i else 1e-300,
+            yes=bool(i % 2))
+    table = rows([tmp_path])
+    pd.testing.assert_frame_equal(from_csv(to_csv(table)), table.reset_index(drop=True))
+    assert list(table["reason"]) == NASTY
+    assert str(table["extra"].dtype) == "Int64" and str(table["yes"].dtype) == "boolean"
+
+
+def test_no_cell_starts_a_formula(tmp_path):
+    import csv
+    import io
+
+    for i, word in enumerate(NASTY):
+        run(tmp_path, f"{i:02d}", reason=word, seed=i)
+    for line in list(csv.reader(io.StringIO(to_csv(rows([tmp_path])), newline="")))[1:]:
+        assert not line[1].startswith(("=", "+", "-", "@", "\t", "\r"))
+
+
+def test_types_do_not_depend_on_the_runs(tmp_path):
+    run(tmp_path / "a", "0", ate_rmse_m=1, collisions=None)
+    run(tmp_path / "b", "0", ate_rmse_m=None, collisions=2)
+    assert rows([tmp_path / "a"]).dtypes.to_dict() == rows([tmp_path / "b"]).dtypes.to_dict()
+
+
+def test_order_of_folders_and_names_does_not_matter(tmp_path):
+    for place, order in (("a", (0, 1, 2, 10)), ("b", (10, 2, 1, 0))):
+        for number, seed in enumerate(order):
+            run(tmp_path / place, f"job{number}", seed=seed, wall_ms=float(number))
+    one, two = (to_csv(rows([tmp_path / place]), canonical=True) for place in "ab")
+    assert one == two and "wall_ms" not in one
+    assert list(rows([tmp_path / "a"])["seed"]) == [0, 1, 2, 10]  # as numbers, not as words
+
+
+def test_what_an_interrupted_writer_left_is_passed_over(tmp_path):
+    run(tmp_path, "good")
+    run(tmp_path, "0.tmp-123")
+    (tmp_path / "half").mkdir()
+    (tmp_path / "half" / "row.json.tmp-99").write_text('{"status": "o')
+    assert len(rows([tmp_path])) == 1
+
+
+def test_a_damaged_row_is_reported_and_not_counted(tmp_path, capsys):
+    run(tmp_path, "good")
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "row.json").write_text('{"status": "o')
+    with pytest.raises(RhsError, match="bad"):
+        rows([tmp_path])
+    assert main([str(tmp_path)]) == 3
+    captured = capsys.readouterr()
+    assert "bad/row.json" in captured.err and len(captured.err.splitlines()) == 1
+
+
+def test_the_hash_sees_results_and_not_times():
+    row = {"status": "ok", "ate_rmse_m": 0.1, "odometry_ms": 3.0, "peak_memory_mb": 5.0, "real_time_factor": 1.0}
+    assert canonical_hash(row) == canonical_hash(row | {"odometry_ms": 4.0, "peak_memory_mb": 6.0})
+    assert canonical_hash(row) != canonical_hash(row | {"ate_rmse_m": 0.1 + 1e-16})
+    assert canonical_hash(row) == canonical_hash(dict(reversed(row.items())))
+    assert canonical_hash({"a": math.nan}) == canonical_hash({"a": None})
+
+
+def test_a_disk_that_is_full_leaves_the_old_row(tmp_path):
+    write_row(tmp_path, {"status": "ok"})
+    before = (tmp_path / "row.json").read_bytes()
+    code = ("import resource, signal, sys, pathlib; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+            "from rhs.runfolder.row import write_row; from rhs.api.errors import RhsError\n"
+            "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+            "try: write_row(pathlib.Path(sys.argv[1]), {'reason': 'x' * 5000})\n"
+            "except RhsError as error: sys.exit(str(error))\n")
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and "cannot write" in done.stderr and "MB free" in done.stderr
+    assert (tmp_path / "row.json").read_bytes() == before and len(list(tmp_path.iterdir())) == 1
+
+
+def test_wilson_knows_that_ten_of_ten_is_not_certain():
+    low, high = wilson(10, 10)
+    assert low == pytest.approx(0.722, abs=1e-3) and high == pytest.approx(1.0)
+    low, high = wilson(5, 10)
+    assert (low, high) == pytest.approx((0.2366, 0.7634), abs=1e-3)  # textbook
+
+
+def test_the_bootstrap_covers_the_mean_about_as_often_as_it_says():
+    rng = np.random.default_rng(3)
+    hits = 0
+    for _ in range(200):
+        low, high = bootstrap(rng.normal(5.0, 1.0, 40), draws=400)
+        hits += low <= 5.0 <= high
+    assert 0.90 <= hits / 200 <= 0.98
+
+
+def test_the_summary_counts_failures(tmp_path):
+    for seed in range(4):
+        run(tmp_path, f"prm{seed}", seed=seed, ate_rmse_m=0.1 * seed)
+        run(tmp_path, f"rrt{seed}", seed=seed, planner="rrt", status="failed" if seed else "ok", places_visited=3)
+    view = summarise(rows([tmp_path])).set_index("planner")
+    assert view.loc["prm", "failed"] == 0 and view.loc["rrt", "failed"] == 3
+    assert view.loc["prm", "complete"].startswith("1.00") and view.loc["rrt", "complete"].startswith("0.00")
+    assert view.loc["prm", "ate_rmse_m"].startswith("0.15 [")
+
+
+def test_a_column_that_is_not_there(tmp_path):
+    run(tmp_path, "a")
+    with pytest.raises(ConfigError, match="did you mean ate_rmse_m"):
+        summarise(rows([tmp_path]), columns=["ate_rmse"])
+
+
+def test_the_command(tmp_path, capsys):
+    run(tmp_path, "a")
+    assert main([str(tmp_path), "--csv", str(tmp_path / "t.csv"), "--group", "world,planner"]) == 0
+    assert "square" in capsys.readouterr().out
+    pd.testing.assert_frame_equal(from_csv((tmp_path / "t.csv").read_text()), rows([tmp_path]).reset_index(drop=True))
+    assert main([str(tmp_path / "nothing")]) == 2
+    (tmp_path / "empty").mkdir()
+    assert main([str(tmp_path / "empty")]) == 2
+    assert "python -m rhs" in capsys.readouterr().err
+
+
+def test_a_survey_is_complete_without_the_places_it_was_not_sent_to(tmp_path):
+    run(tmp_path, "a", task="survey", places_visited=0)
+    run(tmp_path, "b", task="patrol", places_visited=0, seed=1)
+    run(tmp_path, "c", task="patrol", places_visited=4, seed=2)
+    table = summarise(rows([tmp_path]), group=["task"])
+    assert table.set_index("task")["complete"].astype(str).str[:4].to_dict() == {"survey": "1.00", "patrol": "0.50"}
+
+
+def test_settings_group_the_runs_only_where_they_differ_with_the_same_parts(tmp_path):
+    for seed in range(2):
+        run(tmp_path, f"a{seed}", seed=seed, planner="prm", **{"planner.step_m": 0.2})
+        run(tmp_path, f"b{seed}", seed=seed, planner="rrt", **{"planner.step_m": 0.5})
+    assert list(summarise(rows([tmp_path])).columns[:2]) == ["planner", "runs"]  # the default of each
+    run(tmp_path, "c", seed=0, planner="rrt", **{"planner.step_m": 0.1})
+    assert list(summarise(rows([tmp_path])).columns[:3]) == ["planner", "planner.step_m", "runs"]

@@ -1,0 +1,173 @@
+"""map_server files: what the ROS semantics say of single pixels, and exact round trips."""
+
+import numpy as np
+import pytest
+
+from rhs.api.grid import OccupancyGrid
+from rhs.api.errors import ConfigError
+from rhs.worlds.maps import load_map, save_map
+
+
+def write_map(folder, pixels, **keys):
+    """A map_server pair with a PNG (or the named image) of (H, W) or (H, W, C) uint8 pixels, first row on top."""
+    import cv2
+
+    values = {"image": "m.png", "resolution": 0.5, "origin": "[0, 0, 0]", "negate": 0, "occupied_thresh": 0.65,
+              "free_thresh": 0.196} | keys
+    assert cv2.imwrite(str(folder / values["image"]), np.asarray(pixels, np.uint8))
+    path = folder / "m.yaml"
+    path.write_text("".join(f"{k}: {v}\n" for k, v in values.items()) + "# a comment line\n")
+    return path
+
+
+def test_round_trip_keeps_the_three_classes_exactly(tmp_path):
+    rng = np.random.default_rng(0)
+    probability = rng.choice([0.02, 0.1, 0.24, 0.3, 0.5, 0.64, 0.66, 0.99, np.nan], size=(13, 7)).astype(np.float32)
+    grid = OccupancyGrid(probability, 0.05, (-1.25, 3.5))
+    text, image = save_map(tmp_path / "map.v2", grid)
+    back = load_map(text)
+    assert (text.name, image.name) == ("map.v2.yaml", "map.v2.pgm")
+    assert back.resolution_m == 0.05 and back.origin_m == (-1.25, 3.5)
+    assert np.array_equal(back.free(), grid.free()) and np.array_equal(back.occupied(), grid.occupied())
+    assert np.array_equal(np.isnan(back.probability), ~(grid.free() | grid.occupied()))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["map.v2.pgm", "map.v2.yaml"]
+
+
+@pytest.mark.parametrize("name", ["m.pgm", "m.png", "m.bmp"])
+def test_the_first_image_row_is_the_highest_y(tmp_path, name):
+    grid = load_map(write_map(tmp_path, [[0, 254], [254, 254], [254, 254]], image=name))
+    assert grid.occupied().tolist() == [[False, False], [False, False], [True, False]]
+    assert grid.cells([(0.25, 1.25)]).tolist() == [[2, 0]]
+
+
+def test_trinary_thresholds_are_strict_and_205_is_unknown(tmp_path):
+    # occupancy of 205 is 50/255 = 0.19608: not below 0.196, but below nav2's old 0.25
+    pixels = [[254, 205, 100, 89, 0]]
+    found = load_map(write_map(tmp_path, pixels)).probability[0]
+    assert np.array_equal(found, [0, np.nan, np.nan, 1, 1], equal_nan=True)
+    assert load_map(write_map(tmp_path, pixels, free_thresh=0.25)).probability[0, 1] == 0.0
+
+
+def test_negate_makes_white_occupied(tmp_path):
+    assert load_map(write_map(tmp_path, [[254, 0]], negate=1)).probability.tolist() == [[1.0, 0.0]]
+
+
+def test_scale_is_a_ramp_between_the_thresholds(tmp_path):
+    pixels = np.array([[255, 128, 0]])
+    grid = load_map(write_map(tmp_path, pixels, mode="scale", occupied_thresh=0.9, free_thresh=0.1))
+    middle = np.rint(100 * ((1 - 128 / 255) - 0.1) / 0.8) / 100
+    assert grid.probability[0] == pytest.approx([0.0, middle, 1.0])
+
+
+def test_scale_takes_transparent_as_unknown(tmp_path):
+    rgba = np.zeros((1, 2, 4))
+    rgba[0, :, 3] = 255, 10
+    grid = load_map(write_map(tmp_path, rgba, mode="scale"))
+    assert grid.probability[0, 0] == 1.0 and np.isnan(grid.probability[0, 1])
+
+
+def test_raw_is_percent_up_to_100_and_unknown_above(tmp_path):
+    grid = load_map(write_map(tmp_path, [[0, 37, 100, 101, 255]], mode="raw"))
+    assert np.allclose(grid.probability[0], [0, 0.37, 1.0, np.nan, np.nan], equal_nan=True)
+
+
+def test_a_quarter_turn_moves_every_cell_where_geometry_says(tmp_path):
+    # origin (10, 20) turned by 90 degrees: the image's x axis points along +y, its y axis along -x
+    path = write_map(tmp_path, [[254, 254, 0]], origin=f"[10, 20, {np.pi / 2}]")
+    grid = load_map(path)
+    assert grid.shape == (3, 1) and grid.origin_m == pytest.approx((9.5, 20.0))
+    assert grid.occupied()[:, 0].tolist() == [False, False, True]
+
+
+def test_a_slanted_map_keeps_its_obstacle_in_place_and_knows_nothing_outside(tmp_path):
+    pixels = np.full((20, 20), 254)
+    pixels[20 - 1 - 5, 14] = 0  # centre at (7.25, 2.75) m of the image frame
+    grid = load_map(write_map(tmp_path, pixels, origin="[1, 2, 0.5]"))
+    c, s = np.cos(0.5), np.sin(0.5)
+    where = np.array([1 + c * 7.25 - s * 2.75, 2 + s * 7.25 + c * 2.75])
+    assert grid.occupied().any()
+    assert np.linalg.norm(grid.centres(np.argwhere(grid.occupied())) - where, axis=1).max() < 0.5
+    assert np.isnan(grid.probability[0, 0])
+
+
+def test_comments_bom_and_windows_lines_are_read(tmp_path):
+    path = write_map(tmp_path, [[254, 0]])
+    plain = load_map(path).probability
+    path.write_bytes(b"\xef\xbb\xbf# head\r\n" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert np.array_equal(load_map(path).probability, plain)
+
+
+def test_comments_in_the_head_of_a_pgm_are_read(tmp_path):
+    """map_saver writes one: `# CREATOR: map_saver.cpp 0.050 m/pix`."""
+    text = write_map(tmp_path, [[0, 254]], image="m.pgm")
+    (tmp_path / "m.pgm").write_bytes(b"P5\n# CREATOR: map_saver.cpp 0.050 m/pix\n2 1 # wide, high\n255\n\x00\xfe")
+    assert load_map(text).probability.tolist() == [[1.0, 0.0]]
+
+
+@pytest.mark.parametrize(("word", "found"), [("no", 1.0), ("false", 1.0), ("0", 1.0), ("yes", 0.0), ("true", 0.0)])
+def test_negate_may_be_a_word(tmp_path, word, found):
+    assert load_map(write_map(tmp_path, [[0]], negate=word)).probability.tolist() == [[found]]
+
+
+def test_a_key_that_stands_twice_is_refused_with_its_line(tmp_path):
+    text = write_map(tmp_path, [[0, 254]])
+    text.write_text(text.read_text() + "resolution: 0.1\n")
+    with pytest.raises(ConfigError, match=r"m\.yaml:8: .*'resolution' stands twice"):
+        load_map(text)
+
+
+def huge(kind: str) -> bytes:
+    """The head of an image of 30,000 x 30,000 pixels, and hardly anything behind it."""
+    side = 30_000
+    if kind == "pgm":
+        return b"P5\n# huge\n%d %d\n255\n\x00" % (side, side)
+    if kind == "png":
+        return b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + side.to_bytes(4) * 2 + b"\x08\x00\x00\x00\x00"
+    return b"BM" + bytes(12) + (40).to_bytes(4, "little") + side.to_bytes(4, "little") * 2 + bytes(28)
+
+
+@pytest.mark.parametrize("kind", ["pgm", "png", "bmp"])
+def test_a_head_that_asks_for_too_many_cells_is_refused_before_anything_is_read(tmp_path, kind):
+    text = write_map(tmp_path, [[0]], image=f"m.{kind}")
+    (tmp_path / f"m.{kind}").write_bytes(huge(kind))
+    with pytest.raises(ConfigError, match="30000 x 30000 cells are more than"):
+        load_map(text)
+
+
+@pytest.mark.parametrize("kind", ["pgm", "png", "bmp"])
+def test_an_image_cut_short_is_refused_in_one_line(tmp_path, kind, capfd):
+    text = write_map(tmp_path, np.full((9, 9), 254), image=f"m.{kind}")
+    whole = (tmp_path / f"m.{kind}").read_bytes()
+    for size in range(0, len(whole), 7):
+        (tmp_path / f"m.{kind}").write_bytes(whole[:size])
+        with pytest.raises(ConfigError, match="not an image"):
+            load_map(text)
+    assert "OpenCV" not in capfd.readouterr().err  # its own complaints, of many lines
+
+
+@pytest.mark.parametrize(
+    ("keys", "word"),
+    [
+        ({"resolution": 0}, "resolution"), ({"resolution": "nan"}, "resolution"), ({"resolution": "a"}, "resolution"),
+        ({"origin": "[0, .inf, 0]"}, "origin"), ({"origin": 3}, "origin"), ({"mode": "binary"}, "mode"),
+        ({"occupied_thresh": 1.5}, "occupied_thresh"), ({"free_thresh": 0.9}, "free_thresh"), ({"negate": 2}, "negate"),
+    ],
+)
+def test_bad_keys_are_refused_by_name(tmp_path, keys, word):
+    with pytest.raises(ConfigError, match=word):
+        load_map(write_map(tmp_path, [[254, 0]], **keys))
+
+
+def test_missing_files_and_bad_yaml_are_refused_in_words(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_map(tmp_path / "none.yaml")
+    path = write_map(tmp_path, [[254]])
+    (tmp_path / "m.png").write_bytes(b"not an image")
+    with pytest.raises(ConfigError, match="not an image"):
+        load_map(path)
+    path.write_text("image: [unclosed\nx: 1\n")
+    with pytest.raises(ConfigError, match="m.yaml:"):
+        load_map(path)
+    path.write_text("!!python/object/apply:os.system ['true']\n")
+    with pytest.raises(ConfigError):
+        load_map(path)
