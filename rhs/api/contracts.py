@@ -8,7 +8,9 @@ defaults, units in the names), checks their ranges in `__post_init__`, declares
 
 and has `build(context) -> part`, where heavy libraries are imported. Words used by needs/provides:
 `image`, `depth`, `scan`, `wheel`, `command`, `driving` (the source can be driven), `teleport`, `walls`, `gray`, `texture`
-(the source has `texture(along_m, around_m)`, the true grey of its wall, for the judge of task=unroll).
+(the source has `texture(along_m, around_m)`, the true grey of its wall, for the judge of task=unroll). Any other word names
+an extra modality: an array that travels by that name in `Capture.extras` and `Observation.extras` (`imu`, `right_image`,
+...), past every sensor; it is recorded and replayed. `extras` in a source's provides: which ones is known when it is open.
 
 Parts get randomness only from `context.rng`, and never see a true pose. Arrays they receive are read-only.
 """
@@ -17,13 +19,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from rhs.worlds.world import World
-
+from .floorplan import World
 from .geometry import Camera
 from .grid import OccupancyGrid
 from .records import (
@@ -42,7 +44,13 @@ from .records import (
     WorldFacts,
 )
 
-KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser")
+# The parts of the chain, in building order ...
+KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "replan")
+# ... a part that takes the place of several of them ...
+SLAM = "slam"
+REPLACED_BY_SLAM = ("odometry", "loop_closer", "mapper", "localiser")
+# ... and every kind of plugin there is, each an entry point group `rhs.<kind>`.
+PLUGIN_KINDS = ("task", *KINDS, SLAM, "metric", "engine")
 
 
 @dataclass(frozen=True)
@@ -148,6 +156,51 @@ class Planner(Protocol):
     """
 
     def plan(self, problem: PlanningProblem) -> Path: ...
+
+
+class Blocked(StrEnum):
+    """What a robot does whose way is blocked by something that the map does not know."""
+
+    REPLAN = "replan"  # plan again from here, in the same mission
+    NEW_MISSION = "new_mission"  # break the mission off and begin another to the same place (thesis 5.6)
+    WAIT = "wait"  # stand still for this view and look again
+    GIVE_UP = "give_up"  # leave this place out
+
+
+@dataclass(frozen=True, eq=False)
+class Blockage:
+    """Something stands on the path. at_m: (2,) its middle, metres in the map. known: it stood there before in the attempts
+    at this place. waited: views waited for it already."""
+
+    at_m: np.ndarray
+    known: bool
+    waited: int
+
+
+class Replan(Protocol):
+    """Decides what to do when the way is blocked."""
+
+    def blocked(self, blockage: Blockage) -> Blocked: ...
+
+
+class Slam(Protocol):
+    """One part that estimates motion, draws the map, closes loops and localises, all the time, survey and patrol alike.
+
+    It takes the place of odometry, loop closer, mapper and localiser (`slam=NAME`). `update` is called once per view;
+    `belief`, `trajectory` and `grid` then say what is believed now.
+    """
+
+    def update(self, observation: Observation) -> Motion:
+        """Motion since the previous view, as an Odometry returns it."""
+
+    def belief(self) -> Belief:
+        """Where the robot is in the map of now."""
+
+    def trajectory(self) -> np.ndarray:
+        """(N, 4, 4) map_from_body of every view so far, as believed now."""
+
+    def grid(self) -> OccupancyGrid:
+        """The map of now. The patrol takes a new one at the beginning of each mission."""
 
 
 class Localiser(Protocol):

@@ -13,6 +13,8 @@ import numpy as np
 from .grid import OccupancyGrid, frame_of
 from .records import WorldFacts
 
+OBSTACLE_HEIGHT_M = 1.8  # of boxes that are put in by x, y, width and depth alone
+
 
 @dataclass(frozen=True)
 class Surface:

@@ -11,6 +11,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from rhs.base.errors import check_range
+
 from .geometry import Camera
 
 
@@ -39,6 +41,44 @@ class PlanReason(StrEnum):
     OUTSIDE = "outside_map"
     DISCONNECTED = "disconnected"
     BUDGET_SPENT = "budget_spent"
+
+
+class Event(StrEnum):
+    """What happened in one view of a patrol; steps.csv joins several by `+`."""
+
+    ARRIVED = "arrived"
+    """the robot believes itself at the place of its mission"""
+    GAVE_UP = "gave_up"
+    """the mission ended without; its reason stands in missions.json"""
+    PLAN = "plan"
+    """a path was planned"""
+    NO_PLAN = "no_plan"
+    """the planner found none; why stands in plans.json"""
+    REPLAN = "replan"
+    """the path was left or is blocked by what was seen before: a new one is planned in the same mission"""
+    BLOCKED = "blocked"
+    """something the map does not know stands on the path: the mission was broken off and begun anew"""
+    WAIT = "wait"
+    """the robot stands still before something on its path"""
+    STOPPED = "stopped"
+    """the scan shows no room ahead: the robot stopped and turns"""
+    LOST = "lost"
+    """the robot does not know where it is and looks for itself"""
+    KIDNAPPED = "kidnapped"
+    """it was carried elsewhere without being told (a truth: for the table only)"""
+
+
+class MissionStatus(StrEnum):
+    """How a mission stands, as written to missions.json."""
+
+    ACTIVE = "active"
+    """under way; at the end of a run: it was cut short"""
+    ARRIVED = "arrived"
+    """the robot believed itself at the place"""
+    ABORTED = "aborted"
+    """broken off because the way was blocked; another mission goes to the same place"""
+    GAVE_UP = "gave_up"
+    """the place was left out; `reason` says why"""
 
 
 @dataclass(frozen=True)
@@ -87,6 +127,7 @@ class Capture:
     command: what the robot was told since the previous view, or None. travel: (3,) true wheel travel since the previous
     view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
     sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
+    extras: further modalities by name (`imu`, `right_image`, ...), arrays of any shape.
     """
 
     index: int
@@ -97,6 +138,7 @@ class Capture:
     travel: np.ndarray | None = None
     scan: Scan | None = None
     sensed: bool = False
+    extras: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +146,7 @@ class Observation:
     """What this sensor reports of a Capture. Arrays are read-only.
 
     wheel: (3,) encoder travel since the previous view (dx, dy, dyaw), with slip, or None.
+    extras: further modalities by name, as the source gave them.
     """
 
     index: int
@@ -114,6 +157,7 @@ class Observation:
     scan: Scan | None = None
     command: Twist | None = None
     wheel: np.ndarray | None = None
+    extras: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +168,7 @@ class Motion:
     observability (6,): square roots of the information per direction in the body frame (1/m, 1/rad), or None.
     scan: a scan the odometry believes in without depth (walls seen by one camera), or None.
     details: numbers for the per-step table (inliers, matches, ...).
+    replaced: this is not what the odometry said: the gate put the wheels' motion in its place (rhs.patrol.gate).
     """
 
     previous_from_body: np.ndarray
@@ -133,6 +178,7 @@ class Motion:
     observability: np.ndarray | None = None
     scan: Scan | None = None
     details: Mapping[str, float] = field(default_factory=dict)
+    replaced: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,15 +194,19 @@ class Belief:
 
 @dataclass(frozen=True)
 class FeatureSettings:
-    """Settings of the SIFT features that all parts share; see rhs.vision.
-
-    count: strongest key-points kept per 320x240 pixels (four times as many at 640x480).
-    contrast: OpenCV's contrastThreshold, smaller keeps weaker ones.
-    ratio: Lowe's ratio between the nearest and the second nearest descriptor."""
+    """The SIFT features that all parts share (rhs.estimation.views.features)."""
 
     count: int = 300
+    """key-points kept per 320x240 pixels of a view, strongest first (1200 at 640x480)"""
     contrast: float = 0.02
+    """SIFT contrast threshold (OpenCV's contrastThreshold): lower finds more, weaker points"""
     ratio: float = 0.8
+    """ratio test: a match is kept when its distance is below this share of the second best (Lowe 2004)"""
+
+    def __post_init__(self) -> None:
+        check_range("features", "count", self.count, low=10, high=100_000)
+        check_range("features", "contrast", self.contrast, low=0.0, high=1.0)
+        check_range("features", "ratio", self.ratio, low=0.1, high=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +324,7 @@ class Path:
 @dataclass(frozen=True, eq=False)
 class Step:
     """Everything about one captured view. truth: world_from_body 4x4 or None; it is for recorders and metrics only.
-    timings_ms: stage -> milliseconds. event: a word for the table ("arrived", "replan", "blocked", ...)."""
+    timings_ms: stage -> milliseconds. events: what happened, in order."""
 
     index: int
     phase: str
@@ -286,8 +336,13 @@ class Step:
     truth: np.ndarray | None
     path: Path | None
     mission: int
-    event: str
+    events: tuple[Event, ...]
     command: Twist | None
     timings_ms: Mapping[str, float]
     clearance_m: float = np.nan
     collided: bool = False
+
+    @property
+    def event(self) -> str:
+        """The events as steps.csv has them, joined by `+`."""
+        return "+".join(self.events)

@@ -95,9 +95,9 @@ def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
 
 
 def _core_settings() -> Iterator[str]:
-    from rhs.config.compose import RunConfig
+    from rhs.config.compose import Core
 
-    yield from _settings(RunConfig, "", skip=KINDS)
+    yield from _settings(Core, "")
 
 
 def _settings(cls: type, owner: str, skip: Sequence[str] = ()) -> Iterator[str]:

@@ -111,7 +111,7 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
         return 0
     from rhs.api.jit import on_compile
-    from rhs.patrol.progress import bar
+    from rhs.patrol.observers import bar
     from rhs.patrol.run import run_config
     from rhs.runfolder.folders import claim_run
 
@@ -195,12 +195,12 @@ def _run_sweep(plan, folder: Path, limits) -> int:
 
 def _limits(arguments: argparse.Namespace):
     from rhs.base.errors import check_range
-    from rhs.sweeps.jobs import Limits
+    from rhs.sweeps.jobs import Limits, processes
 
     check_range("", "--jobs", arguments.jobs, low=0, high=1024)
     check_range("", "--timeout", arguments.timeout, low=0.0, high=1e7, unit="s")
     check_range("", "--fail-fast", arguments.fail_fast, low=0, high=1_000_000)
-    return Limits(arguments.jobs or len(os.sched_getaffinity(0)), arguments.timeout, arguments.fail_fast)
+    return Limits(arguments.jobs or processes(), arguments.timeout, arguments.fail_fast)
 
 
 def _quoted(text: str) -> str:

@@ -28,7 +28,7 @@ from rhs.base.strict_yaml import load_yaml
 
 from . import registry, settings
 from .hydra_sources import ConfSource, PluginSource, Search, under_way
-from .overrides import Word, check_options
+from .overrides import CHOICES, Word, check_options
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _check_key(config: DictConfig, word: Word) -> None:
 
 def _options(group: str) -> list[str]:
     """Every option of a group: plugins, and YAML files in the conf folders under way."""
-    found = set(registry.names(group) if group in KINDS else [])
+    found = set(registry.names(group) if group in CHOICES else [])
     for folder in under_way.folders:
         found |= {path.stem for path in (folder / group).glob("*.yaml")}
     return sorted(found)

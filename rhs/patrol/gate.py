@@ -20,8 +20,8 @@ from rhs.api.geometry import exp_se3, inverse, log_se3, se2
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.estimation.filters.kalman import gate as chi_square
 
-from .gate_settings import GATED, Gate
 from .loop import checked_motion
+from .tasks import Gate
 
 FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
 FLOOR_SIGMA = 0.05  # of z, roll and pitch where the wheels alone are believed: metres, radians
@@ -32,12 +32,18 @@ class GatedOdometry:
 
     def __init__(self, odometry: Odometry, settings: Gate) -> None:
         self._odometry, self._settings = odometry, settings
+        self.keeps_moving = getattr(odometry, "keeps_moving", None)
         self._limit = chi_square(3, settings.probability)
         self._stamp_s = float("nan")
         self._speeds: list[np.ndarray] = []  # twists (6,) believed last and said last by vision
         self._lost = 0  # views since vision last knew: what it says next may put right its own guesses over all of them
         self._contradicted = 0
         self._replaced = 0
+
+    @property
+    def scale_from(self) -> str:
+        """What the odometry says of its scale."""
+        return getattr(self._odometry, "scale_from", "")
 
     def update(self, observation: Observation) -> Motion:
         """The odometry's motion, or what the wheels say where it contradicts them."""
@@ -55,7 +61,7 @@ class GatedOdometry:
         else:
             motion = self._without_wheels(said, elapsed_s)
         self._lost = 0
-        self._replaced += motion.reason.startswith(GATED)
+        self._replaced += motion.replaced
         return motion
 
     def revise(self) -> Revision | None:
@@ -126,8 +132,8 @@ def joined(said: Motion, wheel: np.ndarray, spread: np.ndarray) -> Motion:
 
 
 def _instead(said: Motion, pose: np.ndarray, covariance: np.ndarray, why: str) -> Motion:
-    return replace(said, previous_from_body=pose, covariance=covariance, status=Tracking.LOST, reason=GATED + why,
-                   observability=None)
+    return replace(said, previous_from_body=pose, covariance=covariance, status=Tracking.LOST, reason=f"gated: {why}",
+                   observability=None, replaced=True)
 
 
 def _words(pose: np.ndarray) -> str:

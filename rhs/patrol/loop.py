@@ -9,15 +9,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from rhs.api.belief import moved
-from rhs.api.contracts import Odometry, Sensor, Source
+from rhs.api.contracts import Mapper, Odometry, Sensor, Slam, Source
 from rhs.api.frozen import seal, with_sealed_copies
-from rhs.api.records import Belief, Capture, Motion, Observation, Path, Scan, Step, Twist
+from rhs.api.records import Belief, Capture, Event, Motion, Observation, Path, Scan, Step, Twist
 from rhs.base.errors import ContractError
 
 
@@ -27,7 +27,7 @@ class Decision:
 
     command: Twist | None = None
     path: Path | None = None
-    event: str = ""
+    events: tuple[Event, ...] = ()
     mission: int = 0
 
 
@@ -54,7 +54,7 @@ def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, f
         capture = pilot.first(source)
     while capture is not None:
         with clock("sense"):
-            observation = seal(sensor.sense(seal(capture)))
+            observation = seal(with_extras(sensor.sense(seal(capture)), capture))
         with clock("odometry"):
             motion = checked_motion(odometry.update(observation), odometry)
         with clock("localise"):
@@ -67,27 +67,34 @@ def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, f
             decision = pilot.decide(belief, scan)
         clearance_m, collided = source.clearance_m()
         yield Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, source.truth(),
-                   decision.path, decision.mission, decision.event, capture.command, clock.timings_ms,
+                   decision.path, decision.mission, decision.events, capture.command, clock.timings_ms,
                    clearance_m, collided)
         clock, index = Stopwatch(), index + 1
         with clock("capture"):
             capture = pilot.move(source, decision.command)
 
 
+def with_extras(observation: Observation, capture: Capture) -> Observation:
+    """The observation with the extra modalities of its capture, which pass every sensor that says nothing of them."""
+    return replace(observation, extras={**capture.extras, **observation.extras}) if capture.extras else observation
+
+
 class Led:
-    """The survey: somebody leads the camera along its route; the belief is the sum of the odometry."""
+    """The survey: somebody leads the camera along its route; the belief is the sum of the odometry, or a SLAM's own."""
 
     phase = "survey"
 
-    def __init__(self, start: np.ndarray, mapper) -> None:
+    def __init__(self, start: np.ndarray, mapper: Mapper, slam: Slam | None = None) -> None:
         self.belief = Belief(start, np.diag([1e-6] * 6))
-        self.mapper = mapper
+        self.mapper, self.slam = mapper, slam
         self.begun = False
 
     def first(self, source: Source) -> Capture | None:
         return source.lead()
 
     def locate(self, observation: Observation, motion: Motion) -> Belief:
+        if self.slam is not None:
+            return self.slam.belief()
         self.belief = moved(self.belief, motion) if self.begun else self.belief
         self.begun = True
         return self.belief

@@ -47,6 +47,11 @@ class Job:
         return self.name.rpartition("_")[2]
 
 
+def processes() -> int:
+    """Processes at a time when nothing is said: one per core this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
 @dataclass(frozen=True)
 class Limits:
     """jobs: processes at a time. timeout_s: per job, 0 for none. same_failures: stop after so many alike, 0 never."""

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from rhs.api.randomness import generator
 from rhs.config import registry
-from rhs.config.parts import generator
 from rhs.metrics.path_judge import Optimum
+from rhs.metrics.planning import path_values
 from rhs.reports.planning_table import as_markdown, draw_bars, order, planning_table
 from rhs.reports.table import frame
 from rhs.worlds.planning_question import load_arena
-from rhs_tasks.planning.metrics import path_values
 from rhs_tasks.planning.task import context_of, problem_of, warm_up
 
 if TYPE_CHECKING:

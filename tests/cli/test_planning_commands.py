@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from rhs.api.grid import OccupancyGrid
+from rhs.api.randomness import generator
 from rhs.cli.main import main
 from rhs.config import registry
-from rhs.config.parts import generator
 from rhs.reports import arena_log as planner_arena
-from rhs.runfolder.plan_files import read_plan
 from rhs.runfolder.row import read_row
 from rhs.worlds.maps import save_map
+from rhs.worlds.plan_files import read_plan
 from rhs.worlds.planning_question import load_arena
 from rhs_tasks.planning.task import context_of
 

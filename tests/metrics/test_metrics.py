@@ -11,7 +11,7 @@ from helpers.synthetic_run import make_run, room, true_pose
 
 from rhs.api.grid import OccupancyGrid
 from rhs.metrics.map_agreement import map_agreement
-from rhs.metrics.metrics import evaluate
+from rhs.metrics.survey import evaluate
 from rhs.runfolder.row import FLOATS, INTEGERS, canonical_hash
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from flatland import Dijkstra, Flatland, Oracle, Through, ring
 
-from rhs.api.records import Belief, Knowing, Motion, Tracking
 from rhs.api.errors import ContractError
+from rhs.api.records import Belief, Knowing, Motion, Tracking
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from planning_cases import PLANNERS, WORDS, digits, planner, problem, room, settings, thesis_problem
 
-from rhs.api.records import PlanReason
 from rhs.api.errors import ConfigError, ContractError
+from rhs.api.records import PlanReason
 from rhs.metrics.path_judge import path_valid, polyline_length
 from rhs_planners.chance import uniform
 from rhs_planners.contours import contours

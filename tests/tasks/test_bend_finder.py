@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 from rhs.worlds.tubes import RoundSection, Tube
 from rhs_tasks.unroll.bend_finder import PairFit
 from rhs_tasks.unroll.bending import KNOT, Profile, Winding

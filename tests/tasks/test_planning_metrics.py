@@ -5,8 +5,8 @@ import pytest
 
 from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.metrics.path_judge import Optimum
+from rhs.metrics.planning import clearance_min_m, path_values, smoothness, steps_8
 from rhs.worlds.planning_question import class_of
-from rhs_tasks.planning.metrics import clearance_min_m, path_values, smoothness, steps_8
 
 
 def problem(blocked, start, goal, step=0.5):

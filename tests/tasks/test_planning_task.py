@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from rhs.api.grid import OccupancyGrid
 from rhs.api.errors import ConfigError
+from rhs.api.grid import OccupancyGrid
 from rhs.config.compose import compose_config
 from rhs.patrol.run import run_config
 from rhs.runfolder.row import canonical_hash, read_row

@@ -7,6 +7,7 @@ but the times of this machine follows from map and plan.json (`evaluate_plan`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -14,34 +15,28 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import Context, FeatureSettings, WorldFacts
+from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.grid import inflate
+from rhs.api.randomness import generator
 from rhs.api.records import Path, PlanningProblem, PlanReason
-from rhs.api.errors import ConfigError, ContractError
-from rhs.config.compose import RunConfig, identity
-from rhs.config.parts import generator
-from rhs.metrics.path_judge import Optimum
-from rhs.patrol.task_row import run_task
-from rhs.reports.planning_pictures import plan_picture
-from rhs.runfolder.plan_files import read_plan, write_plan
+from rhs.api.task import TaskContext, Value
+from rhs.worlds.plan_files import write_plan
 from rhs.worlds.planning_question import Arena, load_arena
 
-from .metrics import path_values
+from .settings import Planning
 
 
-def run_planning_config(config: RunConfig, folder: FilePath) -> dict[str, Any]:
-    """Plan one problem as a run of the command line, and return its row, written whatever the outcome.
+class PlanningJob:
+    """One planner, one problem."""
 
-    Raises ConfigError before anything ran, for what can be refused. The cause of a failure stands under `_cause`.
-    """
-    arena = chosen_arena(config)
-    which = identity(config)
-    about = {name: which[name] for name in ("task", "world", "planner", "seed", "config_hash")}
-    row = run_task(about, config, folder,
-                   lambda: run_planning(config.planner.settings, arena, seed=config.seed, folder=folder))
-    if row["_cause"] is None:
-        plan_picture(folder)
-    return row
+    def __init__(self, settings: Planning, context: TaskContext) -> None:
+        self.context = context
+        self.arena = chosen_arena(settings, context.world)
+
+    def run(self) -> Mapping[str, Value]:
+        """The columns of the row; map.yaml, plan.json and sketch.npy lie in the folder."""
+        return run_planning(self.context.settings("planner"), self.arena, seed=self.context.seed, folder=self.context.folder)
 
 
 def run_planning(settings: Any, arena: Arena, *, seed: int, folder: FilePath) -> dict[str, Any]:
@@ -53,19 +48,20 @@ def run_planning(settings: Any, arena: Arena, *, seed: int, folder: FilePath) ->
     path = checked(planner.plan(problem), settings)
     again = checked(planner.plan(problem), settings)
     write_plan(folder, path, problem, arena)
-    return evaluate_plan(folder) | {"plan_learn_ms": path.learn_ms, "plan_ms": path.plan_ms, "plan_again_ms": again.plan_ms}
+    details = {f"plan_{key}": float(value) for key, value in path.details.items()}
+    return details | {"plan_learn_ms": path.learn_ms, "plan_ms": path.plan_ms, "plan_again_ms": again.plan_ms}
 
 
-def chosen_arena(config: RunConfig) -> Arena:
-    """The arena that the configuration names, with its start, goal and radius where they were typed."""
-    arena = load_arena(config.world, scenario=config.planning.scenario)
+def chosen_arena(settings: Planning, world: str) -> Arena:
+    """The arena that was typed, with its start, goal and radius where they were typed."""
+    arena = load_arena(world, scenario=settings.planning.scenario)
     ends: dict[str, Any] = {}
     for key in ("start", "goal"):
-        typed, known = getattr(config, key), getattr(arena, f"{key}_m")
+        typed, known = getattr(settings, key), getattr(arena, f"{key}_m")
         if not typed and known is None:
             raise ConfigError(f"{key}: the map {arena.name} names none; give one in metres, for example {key}=[1.0,2.0]")
         ends[f"{key}_m"] = np.array(typed, float) if typed else known
-    radius = config.planning.robot_radius_m
+    radius = settings.planning.robot_radius_m
     return replace(arena, **ends, robot_radius_m=arena.robot_radius_m if radius is None else radius)
 
 
@@ -110,14 +106,3 @@ def checked(path: Any, settings: Any) -> Path:
         if what == "points_m" and path.found != (len(points) > 0):
             raise ContractError(f"planner {name}: reason {path.reason} with {len(points)} points")
     return path
-
-
-def evaluate_plan(folder: FilePath) -> dict[str, Any]:
-    """All columns that follow from the files of a run folder."""
-    path, problem, content = read_plan(folder)
-    optimum = Optimum(problem.blocked, problem.resolution_m, problem.origin_m)
-    classes = tuple((name, np.array(gate)) for name, gate in content["classes"].items())
-    values = path_values(path, problem, optimum=optimum, classes=classes)
-    octile = float("nan") if content["octile_m"] is None else content["octile_m"]
-    rows, columns = problem.blocked.shape
-    return values | {"octile_claimed_m": octile, "map_resolution_m": problem.resolution_m, "map_cells": rows * columns}

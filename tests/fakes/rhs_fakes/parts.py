@@ -218,11 +218,15 @@ class FakePlanner:
     samples: int = 100
     step_m: float = 0.5  # longest edge, metres
     mode: str = "fast"
+    """a word"""
     smooth: bool = True
+    """a switch"""
     # numbers of several kinds
     weights: list[float] = field(default_factory=lambda: [1.0, 2.0])
     limit: float | None = None
+    """a number or none"""
     norm: Literal["l1", "l2"] = "l2"
+    """one of two words"""
 
     def __post_init__(self) -> None:
         check_range("planner.fake", "samples", self.samples, low=1, high=1_000_000)

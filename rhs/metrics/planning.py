@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from rhs.api.metric import Metric, RunFiles, columns_of
 from rhs.api.records import Path, PlanningProblem
-from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
+from rhs.worlds.plan_files import read_plan
 from rhs.worlds.planning_question import class_of
+
+from .path_judge import Optimum, path_valid, polyline_length
 
 NAN = float("nan")
 Values = dict[str, float | int | str]
@@ -23,7 +26,7 @@ def path_values(path: Path, problem: PlanningProblem, *, optimum: Optimum,
     begin = 1 if path.details.get("start_moved_m", 0.0) > 0.0 else 0  # the step out of a blocked cell is not judged
     length, shortest = _length(points), optimum.length_m([points[begin] if path.found else problem.start_m, problem.goal_m])
     judged = _length(points[begin:])
-    values: Values = {
+    return {
         "plan_success": int(path.found),
         "plan_valid": _validity(points, raw, begin, problem),
         "plan_reason": str(path.reason),
@@ -40,7 +43,6 @@ def path_values(path: Path, problem: PlanningProblem, *, optimum: Optimum,
         "plan_bends": max(len(points) - 2, 0) if path.found else NAN,
         "homotopy": class_of(points, classes),
     }
-    return values | {f"plan_{key}": float(value) for key, value in path.details.items()}
 
 
 def steps_8(points_m: np.ndarray, resolution_m: float) -> float:
@@ -121,3 +123,42 @@ def _above(length: float, optimum: float) -> float:
     if optimum == 0.0:
         return 0.0 if length == 0.0 else NAN
     return 100.0 * (length / optimum - 1.0)
+
+
+def planning_values(run: RunFiles) -> Values:
+    """All columns that follow from map.yaml and plan.json."""
+    if run.json("plan") is None:
+        return {metric.name: metric.unknown for metric in PLANNING}
+    path, problem, content = read_plan(run.folder)
+    optimum = Optimum(problem.blocked, problem.resolution_m, problem.origin_m)
+    classes = tuple((name, np.array(gate)) for name, gate in content["classes"].items())
+    values = path_values(path, problem, optimum=optimum, classes=classes)
+    octile = NAN if content["octile_m"] is None else content["octile_m"]
+    rows, columns = problem.blocked.shape
+    return values | {"octile_claimed_m": octile, "map_resolution_m": problem.resolution_m, "map_cells": rows * columns}
+
+
+PLANNING: tuple[Metric, ...] = columns_of(
+    planning_values,
+    ("plan_success", "", "1: a path was found", "plan.json"),
+    ("plan_valid", "", "1: path and raw path stay free and join start and goal exactly; unknown without a path",
+     "rhs.metrics.path_judge"),
+    ("plan_reason", "", "why there is, or is no, path", "rhs.api.records.PlanReason"),
+    ("plan_steps", "", "steps between neighbouring cells (8-connected) along the path", "thesis table 3.1"),
+    ("plan_steps_raw", "", "the same before shortening", "thesis table 3.1"),
+    ("plan_length_m", "m", "length of the path", "plan.json"),
+    ("plan_length_raw_m", "m", "length before shortening", "plan.json"),
+    ("plan_optimal_m", "m", "length of the true shortest path (Euclidean, exact)", "rhs.metrics.path_judge"),
+    ("plan_above_optimum_pct", "%", "length above the optimum", "rhs.metrics.path_judge"),
+    ("plan_above_optimum_raw_pct", "%", "length before shortening above the optimum", "rhs.metrics.path_judge"),
+    ("plan_clearance_min_m", "m", "least distance from the path to a blocked cell", "rhs.metrics.planning"),
+    ("plan_clearance_raw_min_m", "m", "the same before shortening", "rhs.metrics.planning"),
+    ("plan_smoothness", "1/m^2", "sum over bends of (2 turning / (length before + after))^2",
+     "OMPL PathGeometric::smoothness"),
+    ("plan_bends", "", "corners of the path", "plan.json"),
+    ("homotopy", "", "gates of the map that the path crosses, in the order of the file", "map YAML, planning.classes"),
+    ("octile_claimed_m", "m", "shortest 8-connected length that the scenario file claims", "MovingAI .scen"),
+    ("map_resolution_m", "m", "side of a cell", "map.yaml"),
+    ("map_cells", "", "cells of the map", "map.yaml"),
+    tasks=("planning",), words=("plan_reason", "homotopy"),
+)
