@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
+import os
 import traceback
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 
 from rhs.api.files import replacing
-from rhs.base.errors import RhsError
+from rhs.base.errors import RhsError, printable
 from rhs.config import registry
 from rhs.config.compose import RunConfig
+
+log = logging.getLogger("rhs")
 
 
 def in_one_line(error: BaseException, at: str, config: RunConfig) -> str:
     """The reason of a failed run. Where the error was raised in a plugin's own package: its kind and name, where it comes
     from, file and line."""
-    text = " ".join(f"{type(error).__name__}{at}: {_said(error)}".split())
+    said = _said(error)
+    text = printable(" ".join(f"{type(error).__name__}{at}: {said}".split()))
     where = _deepest(error.__traceback__, _packages(config))
-    if where is None or (isinstance(error, RhsError) and str(error)):
+    if where is None or (isinstance(error, RhsError) and said):
         return text
     who, path, line = where
     return f"{who} failed in {Path(path).parent.name}/{Path(path).name}:{line}: {text}"
@@ -25,14 +32,37 @@ def in_one_line(error: BaseException, at: str, config: RunConfig) -> str:
 
 def write_traceback(folder: Path, error: BaseException) -> None:
     """traceback.txt: where the run ended, for whoever mends it."""
-    with replacing(folder / "traceback.txt") as file:
+    with contextlib.suppress(Exception), replacing(folder / "traceback.txt") as file:
         file.write("".join(traceback.format_exception(error)))
+
+
+@contextlib.contextmanager
+def exit_noticed(tell: Callable[[str], None]) -> Iterator[None]:
+    """Inside, a part that ends this process by os._exit(0) does not look like success: `tell(reason)` is called first and
+    the exit code is 1. Forked children, which end that way by right, are let alone."""
+    process, leave = os.getpid(), os._exit
+    told: list[int] = []
+
+    def noticed(code: int) -> None:
+        if os.getpid() == process and not told:
+            told.append(code)
+            reason = f"a part ended the process by os._exit({code})"
+            with contextlib.suppress(BaseException):
+                tell(reason)
+            log.error("rhs: failed: %s", reason)
+        leave(code or (os.getpid() == process))
+
+    os._exit = noticed  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        os._exit = leave
 
 
 def _said(error: BaseException) -> str:
     try:
         return str(error)
-    except Exception:
+    except BaseException:
         return "(its text cannot be shown)"
 
 

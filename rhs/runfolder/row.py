@@ -1,10 +1,16 @@
-"""row.json: one run as one flat row, written whole or not at all, and the part of it that must repeat (level 3)."""
+"""row.json: one run as one flat row, written whole or not at all, and the part of it that must repeat (level 3).
+
+A row stands in the folder from the first moment, with the status `running`. Where the process that wrote it is gone
+without writing another, it is read as `killed`.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
+import os
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +19,10 @@ import numpy as np
 from rhs.api.files import replacing
 from rhs.base.errors import RhsError
 
+from .folders import is_in_use
+
+RUNNING, KILLED = "running", "killed"
+LONGEST_TEXT = 4000  # characters of a text in a row
 KEYS = ("world", "source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed")
 TEXT = ("status", "reason", *KEYS[:-1], "ate_alignment")
 INTEGERS = ("seed", "places_total", "places_visited", "missions", "replans", "collisions", "survey_steps",
@@ -34,12 +44,33 @@ MACHINE = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "pl
 # The order of a table; columns it does not name follow in alphabetical order, machine-dependent ones last.
 ORDER = ("status", "reason", *KEYS, *INTEGERS[1:6], *PATROL, *KNOWING, *SURVEY, "ate_alignment", *MAP, *INTEGERS[6:])
 NOT_REPEATABLE = ("real_time_factor", "peak_memory_mb", "folder", "run", "date", "commit", "version", "versions",
-                  "platform", "python", "host")
+                  "platform", "python", "host", "pid", "started", "picture_failures")
 
 
 def machine_dependent(column: str) -> bool:
     """Whether a column may differ between two runs of one config and seed: times, memory, where and when it ran."""
     return column.endswith("_ms") or column in NOT_REPEATABLE or column.startswith("version_")
+
+
+def begin_row(folder: Path, row: Mapping[str, object]) -> Path:
+    """The row of a run that begins now in this process."""
+    started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+    return write_row(folder, {**row, "status": RUNNING, "reason": "", "pid": os.getpid(), "started": started})
+
+
+def sound(columns: Mapping[str, object]) -> dict[str, object]:
+    """The columns that a row can hold, long texts cut; what it cannot hold is named in a column of its own."""
+    good: dict[str, object] = {}
+    bad: list[str] = []
+    for name, value in columns.items():
+        if isinstance(value, str) and len(value) > LONGEST_TEXT:
+            value = f"{value[:LONGEST_TEXT]}... ({len(value)} characters)"
+        try:
+            _encode(str(name), value)
+            good[str(name)] = value
+        except Exception as error:
+            bad.append(f"{str(name)[:80]}: {type(error).__name__}: {error}"[:200])
+    return good | {"row_failures": "; ".join(bad)[:LONGEST_TEXT]} if bad else good
 
 
 def write_row(folder: Path, row: Mapping[str, object]) -> Path:
@@ -52,13 +83,18 @@ def write_row(folder: Path, row: Mapping[str, object]) -> Path:
 
 
 def read_row(path: Path) -> dict[str, object]:
-    """The row; unknown is None. Raises RhsError naming the file when it is not a row."""
+    """The row; unknown is None. Raises RhsError naming the file when it is not a row.
+
+    A row that says `running` though nobody is at work in its folder is read as `killed`."""
+    path = Path(path)
     try:
-        row = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        row = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
         raise RhsError(f"{path} cannot be read as a row: {error}"[:180]) from error
     if not isinstance(row, dict):
         raise RhsError(f"{path} holds a {type(row).__name__}, expected one row as a JSON object")
+    if row.get("status") == RUNNING and not is_in_use(path.parent):
+        row |= {"status": KILLED, "reason": f"its process ended without a word; python -m rhs recover {path.parent}"}
     return row
 
 

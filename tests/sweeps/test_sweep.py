@@ -111,7 +111,7 @@ def bad_company(tmp_path_factory) -> tuple[subprocess.CompletedProcess, Path]:
 
 @pytest.mark.parametrize(("how", "status", "reason"), [
     ("none", "ok", ""), ("leak", "ok", ""), ("raise", "failed", "ValueError at step 2: the odometry of this test"),
-    ("exit", "failed", "SystemExit at step 2: 3"), ("os_exit", "failed", "exit code 3"),
+    ("exit", "failed", "SystemExit at step 2: 3"), ("os_exit", "failed", "ended the process by os._exit(3) at step 2"),
     ("kill", "killed", "SIGKILL"), ("segfault", "killed", "SIGSEGV"), ("none_result", "failed", "expected a Motion"),
     ("nan_pose", "failed", "finite 4x4 pose"), ("spin", "timeout", "took longer than the 20 s of --timeout"),
 ])
