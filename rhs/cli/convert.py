@@ -18,7 +18,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rhs.base.errors import ConfigError, RhsError
+from rhs.base.errors import ConfigError, RhsError, check_file
 from rhs.recording.mcap_scan import Report
 
 TRAJECTORY = (".tum", ".txt")
@@ -70,6 +70,8 @@ def check_pair(source: Path, target: Path, *, force: bool) -> None:
     """Refuse a missing input, an output that is the input, and one that is there already."""
     if not source.exists():
         raise ConfigError(f"{source} does not exist; give a recording, a TUM folder or a trajectory")
+    if not source.is_dir():
+        check_file(source)
     inside = source.is_dir() and target.resolve().is_relative_to(source.resolve())
     if inside or (target.exists() and os.path.samefile(source, target)):
         raise ConfigError(f"{target} is the input itself or lies in it; give another name for the output")

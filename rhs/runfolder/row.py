@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.files import replacing
-from rhs.base.errors import RhsError
+from rhs.base.errors import RhsError, check_file
 
 from .folders import is_in_use
 
@@ -88,6 +88,7 @@ def read_row(path: Path) -> dict[str, object]:
     A row that says `running` though nobody is at work in its folder is read as `killed`."""
     path = Path(path)
     try:
+        check_file(path)
         row = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise RhsError(f"{path} cannot be read as a row: {error}"[:180]) from error

@@ -245,7 +245,8 @@ def test_a_sweep_stops_when_every_job_fails_alike(tmp_path):
     done = rhs(tmp_path, "-m", *FAULTY, "seed=range(9)", "odometry.how=raise", "output=s", "--jobs", "1", "--fail-fast", "2")
     assert done.returncode == 3
     assert "9 jobs: 2 failed, 7 skipped" in done.stdout
-    assert "stopped after 2 jobs ended alike: failed: ValueError at step 2" in done.stdout
+    assert "stopped after 2 jobs ended alike: failed: odometry=faulty" in done.stdout
+    assert "ValueError at step 2" in done.stdout
 
 
 def test_a_job_that_cannot_begin_is_refused_and_the_others_run(tmp_path):
