@@ -10,21 +10,26 @@ that fell to the server (rhs.base.processes).
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import inspect
 import multiprocessing
 import os
 import shutil
 import signal
+import textwrap
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from importlib.util import resolve_name
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
 from rhs.base.errors import RhsError
 from rhs.base.processes import children, kill_group, kill_strays, resident_bytes, total_memory_mb
+from rhs.config import registry
 from rhs.config.compose import RunConfig, identity, to_plain
 from rhs.runfolder.folders import job_folder
 from rhs.runfolder.row import KILLED, RUNNING, read_row, sound, write_row
@@ -126,6 +131,25 @@ def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable
     return pool.outcome
 
 
+def lazy_modules(configs: Iterable[RunConfig]) -> list[str]:
+    """Modules that tasks and planners of our own import when they are built: compiled loops are then loaded once for all
+    jobs. What strangers import may hang, or start threads; that stays in their jobs."""
+    found: set[str] = set()
+    for kind, name in {(kind, getattr(config, kind).name) for config in configs for kind in ("task", "planner")
+                       if kind == "task" or kind in config.parts}:
+        if registry.origins(kind, name)[0].distribution.startswith("rhs "):
+            found |= _imported_by(registry.load(kind, name))
+    return sorted(found)
+
+
+def _imported_by(settings: type) -> set[str]:
+    """The modules that the function `build` of a settings class imports."""
+    imports = [node for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(settings.build))))  # type: ignore[attr-defined]
+               if isinstance(node, ast.ImportFrom)]
+    package = settings.__module__.rpartition(".")[0]
+    return {resolve_name("." * node.level + (node.module or ""), package) for node in imports}
+
+
 class _Pool:
     """The jobs that wait and those that run."""
 
@@ -135,7 +159,7 @@ class _Pool:
         self.outcome = Outcome()
         self.tries: Counter = Counter()
         self.context = multiprocessing.get_context("forkserver")
-        self.context.set_forkserver_preload(PRELOAD)
+        self.context.set_forkserver_preload([*PRELOAD, *lazy_modules(job.config for job in waiting)])
         self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
 
     def fill(self) -> None:
