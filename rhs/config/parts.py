@@ -78,12 +78,14 @@ def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
     """Who needs what, who does not have it, and what to type instead."""
     lacking = (word in PAST | THROUGH or word not in SENSED) and word not in chosen["source"].settings.provides
     culprit = "source" if kind == "sensor" or lacking else "sensor"
-    instead = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
+    own = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
+    others: list[str] = []
     between = KINDS[2 : KINDS.index(kind)] if culprit == "sensor" and kind in KINDS else ()
     for other in (culprit, *(kind for kind in between if kind in chosen)):
-        instead += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
+        others += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
                     and word in registry.load(other, name).provides  # type: ignore[attr-defined]
-                    and _fits(other, name, chosen)]
+                   and _fits(other, name, chosen)]
+    instead = own[: 4 - min(len(others), 2)] + others
     hint = f"; type {' or '.join(instead[:4])}" if instead else "; no other registered part helps"
     return f"{kind}={chosen[kind].name} needs {word}, which {culprit}={chosen[culprit].name} does not provide{hint}"
 

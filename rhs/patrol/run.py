@@ -92,6 +92,7 @@ class RunContext:
         self.log: RunLog | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
+        self._parts: dict[str, object] = {}  # kind -> part, as built last
         self._began_s = time.perf_counter()
 
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
@@ -121,10 +122,13 @@ class RunContext:
         parts = build(chosen, seed=self.seed if seed is None else seed, folder=self.folder, features=self.features,
                       world=self.floor_plan() if world is None else world)
         self._built.append(parts)
+        self._parts = {kind: getattr(parts, kind) for kind in self.config.parts if hasattr(parts, kind)}
         return parts
 
     def build_part(self, kind: str, context: Context) -> Any:
-        return build_part(kind, self.config.parts[kind], context)
+        part = build_part(kind, self.config.parts[kind], context)
+        self._parts[kind] = part
+        return part
 
     def lead(self, parts: Parts) -> Iterator[Step]:
         online = getattr(parts.odometry, "online", None)
@@ -153,7 +157,7 @@ class RunContext:
         at = f" at step {sum(self.log.counts.values())}" if self.log is not None else ""
         if not isinstance(error, Exception | SystemExit):
             return {"status": "interrupted", "reason": f"interrupted{at}"}
-        return {"status": "failed", "reason": in_one_line(error, at, self.config)}
+        return {"status": "failed", "reason": in_one_line(error, at, self.config, self._parts)}
 
     def close(self, status: str, reason: str) -> Exception | None:
         """Close sources and files, each whatever became of the others; the first refusal."""
