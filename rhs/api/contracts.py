@@ -161,10 +161,14 @@ class Planner(Protocol):
 class Blocked(StrEnum):
     """What a robot does whose way is blocked by something that the map does not know."""
 
-    REPLAN = "replan"  # plan again from here, in the same mission
-    NEW_MISSION = "new_mission"  # break the mission off and begin another to the same place (thesis 5.6)
-    WAIT = "wait"  # stand still for this view and look again
-    GIVE_UP = "give_up"  # leave this place out
+    REPLAN = "replan"
+    """plan again from here, in the same mission"""
+    NEW_MISSION = "new_mission"
+    """break the mission off and begin another to the same place (thesis 5.6)"""
+    WAIT = "wait"
+    """stand still for this view and look again"""
+    GIVE_UP = "give_up"
+    """leave this place out"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,27 +20,39 @@ class Tracking(StrEnum):
     """How far a Motion can be trusted."""
 
     OK = "ok"
-    DEGENERATE = "degenerate"  # some direction is not observed; the covariance says which
-    LOST = "lost"  # nothing was measured; the motion is a guess
+    """measured"""
+    DEGENERATE = "degenerate"
+    """some direction is not observed; the covariance says which"""
+    LOST = "lost"
+    """nothing was measured; the motion is a guess"""
 
 
 class Knowing(StrEnum):
     """Whether a Belief is a place or a hope."""
 
     TRACKING = "tracking"
+    """a place: the robot is sure of it"""
     CONVERGING = "converging"
+    """a hope: likely, not yet confirmed"""
     LOST = "lost"
+    """anywhere"""
 
 
 class PlanReason(StrEnum):
     """Why a plan is, or is not, there."""
 
     OK = "ok"
+    """there is a path"""
     START_BLOCKED = "start_blocked"
+    """the start is in a blocked cell"""
     GOAL_BLOCKED = "goal_blocked"
+    """the goal is in a blocked cell"""
     OUTSIDE = "outside_map"
+    """start or goal lies outside the map"""
     DISCONNECTED = "disconnected"
+    """no way leads from start to goal: the search was exhaustive"""
     BUDGET_SPENT = "budget_spent"
+    """the planner gave up; a larger budget may find a way"""
 
 
 class Event(StrEnum):
