@@ -102,11 +102,11 @@ def _core_settings() -> Iterator[str]:
     yield from _settings(Core, "")
 
 
-def _settings(cls: type, owner: str, skip: Sequence[str] = ()) -> Iterator[str]:
+def _settings(cls: type, owner: str) -> Iterator[str]:
     """One entry per setting: `key=default`, meaning, type; nested settings follow."""
     hints, meanings, values = typing.get_type_hints(cls), comments(cls), settings.defaults(cls)
     for item in dataclasses.fields(cls):
-        if not item.init or item.name in skip:
+        if not item.init:
             continue
         key = settings.dotted(owner, item.name)
         if dataclasses.is_dataclass(hints[item.name]):
