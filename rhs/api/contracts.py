@@ -49,6 +49,8 @@ KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "lo
 # ... a part that takes the place of several of them ...
 SLAM = "slam"
 REPLACED_BY_SLAM = ("odometry", "loop_closer", "mapper", "localiser")
+# ... the kinds that a run chooses by kind=name ...
+CHOICES = ("task", *KINDS, SLAM)
 # ... and every kind of plugin there is, each an entry point group `rhs.<kind>`.
 PLUGIN_KINDS = ("task", *KINDS, SLAM, "metric", "engine")
 

@@ -11,8 +11,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from rhs.api import settings
 from rhs.base.errors import ConfigError
-from rhs.config import registry, settings
+from rhs.config import registry
 from rhs.config.loose import load_files
 from rhs.config.overrides import parse, plain_words
 from rhs.testing.checks import checks

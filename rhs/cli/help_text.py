@@ -12,12 +12,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from rhs.api import settings
+from rhs.api.contracts import CHOICES
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import PluginError
 from rhs.base.strict_yaml import load_yaml
-from rhs.config import registry, settings
+from rhs.config import registry
 from rhs.config.documented import comments, summary
-from rhs.config.overrides import CHOICES
 
 WIDTH = 118
 

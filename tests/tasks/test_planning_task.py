@@ -8,11 +8,11 @@ import pytest
 from rhs.api.errors import ConfigError
 from rhs.api.grid import OccupancyGrid
 from rhs.config.compose import compose_config
+from rhs.metrics.evaluate import evaluate
 from rhs.patrol.run import run_config
 from rhs.runfolder.row import canonical_hash, read_row
 from rhs.worlds.maps import save_map
 from rhs.worlds.planning_question import load_arena
-from rhs_tasks.planning.task import evaluate_plan
 
 
 def run(folder, *words):
@@ -32,7 +32,7 @@ def test_one_run_leaves_a_row_that_follows_from_its_files(tmp_path):
     names = {path.name for path in (tmp_path / "a").iterdir()}
     assert {"config.yaml", "map.yaml", "map.pgm", "plan.json", "plan.png", "row.json"} <= names
     stored = read_row(tmp_path / "a" / "row.json")
-    for name, value in evaluate_plan(tmp_path / "a").items():
+    for name, value in evaluate(tmp_path / "a", "planning").items():
         assert stored[name] == value or (stored[name] is None and np.isnan(value)), name
     again = run(tmp_path / "b", "world=map3", "planner=rrt_connect", "seed=3")
     row.pop("_cause"), again.pop("_cause")
