@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import KINDS, Context, FeatureSettings, SourceContext
+from rhs.api.contracts import KINDS, Context, FeatureSettings, SourceContext, complete
 from rhs.base.errors import ConfigError
 
 from . import registry
@@ -44,10 +44,10 @@ def check_combination(chosen: Mapping[str, Chosen]) -> None:
 
 def really_there(chosen: Chosen, source: Any) -> Chosen:
     """The source with what it turned out to provide, if it says so: not every recording holds all that a recording can."""
-    provides = getattr(source, "provides", None)
-    if provides is None:
+    if source.provides is None:
         return chosen
-    return Chosen(chosen.name, SimpleNamespace(needs=chosen.settings.needs, provides=chosen.settings.provides & provides))
+    there = chosen.settings.provides & source.provides
+    return Chosen(chosen.name, SimpleNamespace(needs=chosen.settings.needs, provides=there))
 
 
 def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
@@ -87,7 +87,8 @@ def _usable(kind: str) -> list[str]:
 
 @dataclass
 class Parts:
-    """The seven parts of a run, what the features they share are like, and what all of them provide."""
+    """The seven parts of a run, what the features they share are like, what all of them provide, and what each is called in
+    an error: kind=name (distribution)."""
 
     source: Any
     sensor: Any
@@ -98,6 +99,7 @@ class Parts:
     localiser: Any
     features: FeatureSettings
     provides: frozenset[str]
+    who: dict[str, str]
 
 
 def generator(seed: int, part: str) -> np.random.Generator:
@@ -121,12 +123,19 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: Any, folder: Path, 
         source.close()
         raise
     provides = offered("localiser", chosen) | chosen["localiser"].settings.provides
-    return Parts(**built, features=features, provides=frozenset(provides))
+    who = {kind: _called(kind, chosen[kind]) for kind in KINDS}
+    return Parts(**built, features=features, provides=frozenset(provides), who=who)
+
+
+def _called(kind: str, chosen: Chosen) -> str:
+    """A part as a person chose it, and which distribution it is of, where it is one of a distribution."""
+    origins = registry.origins(kind, chosen.name)
+    return f"{kind}={chosen.name}" + (f" ({origins[0].distribution})" if origins else "")
 
 
 def _build(kind: str, chosen: Mapping[str, Chosen], context: Any) -> Any:
     try:
-        return chosen[kind].settings.build(context)
+        return complete(kind, chosen[kind].settings.build(context))
     except ModuleNotFoundError as error:
         package = (error.name or "?").partition(".")[0].replace("_", "-")
         raise ConfigError(f"{kind}={chosen[kind].name} needs the package {package}, which is not installed; "

@@ -14,6 +14,7 @@ import numpy as np
 from rhs.api.floorplan import Box, World
 from rhs.api.records import Belief, Step
 from rhs.api.trajectory import Trajectory, write_tum
+from rhs.api.validate import reach_of
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 from rhs.base.provenance import commit, peak_memory_mb, versions
@@ -59,7 +60,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     begin = time.perf_counter()
     world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
     parts = build_parts(config, world, folder)
-    parts.odometry = gated(parts.odometry, config.odometry.settings.needs, config.gate)
+    parts.odometry = gated(parts.odometry, config.odometry.settings.needs, config.gate, parts.who["odometry"])
     row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
     row["world"] = parts.source.facts.name if world is None else row["world"]
     notebook: Notebook | None = None
@@ -77,10 +78,10 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     row.update(cost(begin, notebook))
     if "driving" not in config.source.settings.provides:
         row["world"] = parts.source.facts.name  # of the recording
-    row["renderer"] = getattr(parts.source, "renderer", "")
+    row["renderer"] = parts.source.renderer
     metric = sorted({"depth", "wheel"} & config.odometry.settings.needs)
-    row["scale_from"] = getattr(parts.odometry, "scale_from", " + ".join(metric))
-    row["lost"] = getattr(parts.source, "lost", "")  # of a damaged recording
+    row["scale_from"] = parts.odometry.scale_from or " + ".join(metric)
+    row["lost"] = parts.source.lost  # of a damaged recording
     write_row(folder, row)
     draw(config, folder)
     return row | {"_cause": cause}
@@ -138,15 +139,16 @@ def lead_round(parts: Parts, config: RunConfig, notebook: Notebook) -> Survey:
     shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
     collector = ViewCollector(config.places.every, shared, features)
     led = Led(se2(*parts.source.facts.start), parts.mapper)
-    loop = steps(parts.source, parts.sensor, parts.odometry, led)
+    loop = steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who)
     for _ in collector.watch(notebook.follow(loop, "survey", parts.source.views_expected)):
         pass
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")
     begin = time.perf_counter()
-    revised, walls = surveying.revise(collector.views, parts.odometry)
-    views, closure = surveying.close(revised, parts.loop_closer)
-    grid = surveying.draw(views, parts.mapper)
+    reach_m, who = reach_of(parts.source.facts), parts.who
+    revised, walls = surveying.revise(collector.views, parts.odometry, who=who["odometry"], reach_m=reach_m)
+    views, closure = surveying.close(revised, parts.loop_closer, who=who["loop_closer"], reach_m=reach_m)
+    grid = surveying.draw(views, parts.mapper, who=who["mapper"])
     closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
     write_tum(notebook.folder / "corrected.tum", Trajectory(stamps, closure.poses))
@@ -167,10 +169,11 @@ def patrol(parts: Parts, config: RunConfig, survey: Survey, notebook: Notebook) 
     sure = np.clip(np.diag(last.covariance), 1e-6, START_VARIANCE)
     parts.localiser.start(Belief(last.map_from_body, np.diag(sure)))
     sentinel = Sentinel(parts.localiser, parts.planner, survey.grid, free, places=facts.places,
-                        radius_m=facts.robot_radius_m, settings=turning(config.mission, parts.odometry))
+                        radius_m=facts.robot_radius_m, settings=turning(config.mission, parts.odometry), who=parts.who)
     if config.mission.kidnap:
         sentinel.kidnapper = Kidnapper(generator(config.seed, "kidnapper"), survey.views)
-    loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views))
+    loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views),
+                 after_s=last.stamp_s, who=parts.who)
     try:
         for step in notebook.follow(loop, "patrol", None):
             if "arrived" in step.event.split("+"):
