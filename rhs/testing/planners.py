@@ -16,15 +16,16 @@ from .shared_state import untouched
 
 RESOLUTION_M, ORIGIN_M = 0.1, (-1.0, 2.0)
 ROWS, COLUMNS = 30, 40
+START_M = (0.53, 0.56)  # not in the middle of a cell, nor is any goal
 UNREACHABLE = (PlanReason.DISCONNECTED, PlanReason.BUDGET_SPENT)
 
 
-def problem(blocked: np.ndarray, start: tuple[float, float] = (0.55, 0.55), goal: tuple[float, float] | None = None, *,
+def problem(blocked: np.ndarray, start: tuple[float, float] = START_M, goal: tuple[float, float] | None = None, *,
             resolution_m: float = RESOLUTION_M) -> PlanningProblem:
     """A problem on a grid whose corner is not the origin, with arrays that cannot be written to. start and goal are given
     for cells of RESOLUTION_M from that corner; the goal is in the corner across if not given."""
     rows, columns = blocked.shape
-    end = (0.1 * columns - 0.55, 0.1 * rows - 0.55) if goal is None else goal
+    end = (0.1 * columns - 0.57, 0.1 * rows - 0.54) if goal is None else goal
     scale = resolution_m / RESOLUTION_M
     points = [scale * np.array(point) + ORIGIN_M for point in (start, end)]
     return seal(PlanningProblem(blocked.copy(), resolution_m, ORIGIN_M, *points))
@@ -40,8 +41,8 @@ def gates() -> list[PlanningProblem]:
     wall[ROWS // 2, 10:] = True
     side = [problem(np.ascontiguousarray(np.rot90(wall, turns))) for turns in range(4)]
     width, height = 0.1 * COLUMNS, 0.1 * ROWS
-    near = [((width - 0.35, 0.35), (width - 0.35, height - 0.35)), ((0.35, 0.35), (height - 0.35, 0.35)),
-            ((0.35, 0.35), (0.35, height - 0.35)), ((0.35, width - 0.35), (height - 0.35, width - 0.35))]
+    near = [((width - 0.36, 0.36), (width - 0.36, height - 0.36)), ((0.36, 0.36), (height - 0.36, 0.36)),
+            ((0.36, 0.36), (0.36, height - 0.36)), ((0.36, width - 0.36), (height - 0.36, width - 0.36))]
     return [problem(task.blocked, *ends) for task, ends in zip(side, near, strict=True)] + [
         problem(wall, resolution_m=0.05)]
 
@@ -70,7 +71,7 @@ def crosses_an_empty_room(settings: Any, folder: FilePath) -> None:
 
 
 def goes_round_walls_from_start_to_goal(settings: Any, folder: FilePath) -> None:
-    paths = [_plan(settings, folder, task, seed) for seed in range(2) for task in gates()]
+    paths = [_plan(settings, folder, task, seed) for seed, task in enumerate(gates())]
     found = sum(path.found for path in paths)
     assert found >= len(paths) // 2, f"finds {found} of {len(paths)} ways through an opening of a metre"
 
@@ -107,28 +108,25 @@ def names_a_start_or_goal_outside_the_map(settings: Any, folder: FilePath) -> No
 
 
 def start_at_the_goal_is_a_plan(settings: Any, folder: FilePath) -> None:
-    path = _plan(settings, folder, problem(empty(), goal=(0.55, 0.55)))
+    path = _plan(settings, folder, problem(empty(), goal=START_M))
     assert path.found, f"start and goal are one point, reason {path.reason}"
 
 
 def same_seed_same_plan(settings: Any, folder: FilePath) -> None:
-    plans = [_plan(settings, folder, gates()[0], seed=7).points_m for _ in range(3)]
-    assert all(np.array_equal(plans[0], plan) for plan in plans), (
-        "builds with one seed planned differently; draw from context.rng only")
+    first, second = (_plan(settings, folder, gates()[0], seed=7).points_m for _ in range(2))
+    assert np.array_equal(first, second), "two builds with one seed planned differently; draw from context.rng only"
 
 
 def takes_no_problem_for_another(settings: Any, folder: FilePath) -> None:
     """One planner, many problems: open and closed ones in turn, of the same and of another size."""
     part = settings.build(context(folder))
-    opened, closed = gates(), walls()
-    path = _ask(part, problem(empty()))
-    kept = None if path.points_m is None else np.array(path.points_m)
-    for blocked in closed.values():
+    path = part.plan(problem(empty()))
+    kept = np.array(path.points_m)
+    for blocked in walls().values():
         got = _ask(part, problem(blocked)).reason
         assert got in UNREACHABLE, f"after another problem, behind a wall, the reason is {got}"
-    for task in opened:
-        _ask(part, task)
-    ends = problem(empty(), start=(3.45, 0.55), goal=(0.55, 2.45))
+    _ask(part, gates()[0])
+    ends = problem(empty(), start=(3.44, 0.57), goal=(0.52, 2.47))
     assert (got := _ask(part, ends).reason) is PlanReason.OK, f"after other problems no way across an empty room: {got}"
     assert np.array_equal(kept, path.points_m), "a path it returned changed when it planned again"
 

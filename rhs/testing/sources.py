@@ -41,14 +41,13 @@ def _driven(settings: Any) -> bool:
     return "driving" in type(settings).provides
 
 
-def _led(source: Any, count: int = LEADS) -> list[tuple[Capture, Any]]:
-    """The first views of the survey with their true poses, each checked; the source may have fewer."""
+def _led(source: Any, count: int = LEADS, after_s: float = -np.inf) -> list[tuple[Capture, Any]]:
+    """The next views of the survey with their true poses, each checked; the source may have fewer."""
     out: list[tuple[Capture, Any]] = []
     while len(out) < count and (capture := source.lead()) is not None:
-        after_s = out[-1][0].stamp_s if out else -np.inf
-        truth = source.truth()
-        out.append((check_capture(capture, who="lead()", after_s=after_s),
-                    None if truth is None else check_pose(truth, who="truth()", field="world_from_body")))
+        capture, truth = check_capture(capture, who="lead()", after_s=after_s), source.truth()
+        after_s = capture.stamp_s
+        out.append((capture, None if truth is None else check_pose(truth, who="truth()", field="world_from_body")))
     return out
 
 
@@ -58,8 +57,9 @@ def hands_out_views_of_its_camera(settings: Any, folder: Path) -> None:
         if source is None:
             return
         try:
-            views = _led(source)
+            views = _led(source, 1)
             first = None if not views or views[0][0].image is None else np.array(views[0][0].image)
+            views += _led(source, LEADS - 1, views[-1][0].stamp_s if views else -np.inf)
             camera, facts, there = source.camera, source.facts, source.provides
         finally:
             source.close()
