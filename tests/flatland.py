@@ -149,7 +149,7 @@ def parts(localiser) -> SimpleNamespace:
     """What a sentinel takes of a run's parts."""
     from rhs_replan import NewMission
 
-    return SimpleNamespace(localiser=localiser, planner=Dijkstra(), replan=NewMission(), odometry=None)
+    return SimpleNamespace(localiser=localiser, planner=Dijkstra(), replan=NewMission(), slam=None, who=None)
 
 
 def ring(size_m: float = 8.0, width_m: float = 2.0) -> np.ndarray:

@@ -136,6 +136,8 @@ def test_a_plugin_uses_only_what_any_stranger_may_use(path):
 @pytest.mark.parametrize("path", [*CORE, *PLUGINS], ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_nobody_draws_from_a_generator_that_others_share(path):
     """numpy's and Python's global generators, and OpenCV's, are shared by everything in the process."""
+    if path.stem == "shared_state":  # of rhs.testing, which looks whether others did
+        return
     allowed = {"Generator", "default_rng", "SeedSequence", "PCG64", "BitGenerator"}
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Attribute) and node.value.attr == "random":

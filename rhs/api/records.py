@@ -1,7 +1,10 @@
 """What the parts hand to one another: frozen, without behaviour.
 
-NaN means unknown in every array. Poses are 4x4 (`map_from_body`), covariances 6x6; see rhs.geometry for frames.
-"""
+NaN means unknown in every array. A pose is 4x4, float64, last row 0 0 0 1: `a_from_b` takes points of frame b to frame a and
+is the pose of b in a. Body frame: x forward, y left, z up, on the floor under the robot; yaw counter-clockwise. Map
+frame: where the survey began is `WorldFacts.start`. Camera frame: x right, y down, z forward. A covariance is 6x6 in the
+order (x, y, z, rx, ry, rz), metres and radians, of the right perturbation `a_from_b @ exp(delta)`: it is expressed in
+frame b. rhs.api.validate checks all of them. """
 
 from __future__ import annotations
 
@@ -174,10 +177,11 @@ class Observation:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of the body since the previous observation.
+    """Motion of the body since the previous observation: previous_from_body, covariance in the body frame of this one.
 
     When status is lost, previous_from_body is the part's best guess and the covariance is honest about it.
     observability (6,): square roots of the information per direction in the body frame (1/m, 1/rad), or None.
+    reason: why the status is not ok, at most 2000 characters.
     scan: a scan the odometry believes in without depth (walls seen by one camera), or None.
     details: numbers for the per-step table (inliers, matches, ...).
     replaced: this is not what the odometry said: the gate put the wheels' motion in its place (rhs.patrol.gate).
@@ -195,7 +199,9 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Where the robot thinks it is. probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
+    """Where the robot thinks it is: map_from_body, covariance in the body frame (6x6, right perturbation).
+
+    probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
 
     map_from_body: np.ndarray
     covariance: np.ndarray

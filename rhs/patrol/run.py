@@ -131,9 +131,8 @@ class RunContext:
         return part
 
     def lead(self, parts: Parts) -> Iterator[Step]:
-        online = getattr(parts.odometry, "online", None)
-        led = Led(se2(*parts.source.facts.start), parts.mapper, online)
-        return steps(parts.source, parts.sensor, parts.odometry, led)
+        led = Led(se2(*parts.source.facts.start), parts.mapper, parts.slam)
+        return steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who)
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None = None) -> Iterator[Step]:
         if self.log is None:
@@ -183,8 +182,8 @@ class RunContext:
             return columns
         if not self.config.driving:
             columns["world"] = parts.source.facts.name  # of the recording
-        columns |= {"renderer": getattr(parts.source, "renderer", ""), "lost": getattr(parts.source, "lost", "")}
+        columns |= {"renderer": parts.source.renderer, "lost": parts.source.lost}
         if "odometry" in self.config.parts:
             metric = sorted({"depth", "wheel"} & self.config.odometry.settings.needs)
-            columns["scale_from"] = getattr(parts.odometry, "scale_from", "") or " + ".join(metric)
+            columns["scale_from"] = parts.odometry.scale_from or " + ".join(metric)
         return columns
