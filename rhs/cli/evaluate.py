@@ -15,7 +15,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS, read_tum
-from rhs.base.errors import ConfigError, RhsError, check_choice, check_range
+from rhs.base.commands import Arguments, answered, check_regular
+from rhs.base.errors import ConfigError, check_choice, check_range
 from rhs.metrics.metrics import TOLERANCE_S, evaluate, trajectory_values
 from rhs.runfolder.row import machine_dependent, read_row
 
@@ -34,22 +35,19 @@ def _equal(a: object, b: object) -> bool:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m rhs.evaluate", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Arguments(prog="python -m rhs.evaluate", description=__doc__,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="a run folder, or two TUM files")
     parser.add_argument("--alignment", default="se3", help=f"{', '.join(ALIGNMENTS)} (default se3)")
     parser.add_argument("--tolerance", type=float, default=TOLERANCE_S, help="between stamps, seconds (default 0.02)")
-    chosen = parser.parse_args(arguments)
-    try:
-        check_choice("evaluate", "alignment", chosen.alignment, ALIGNMENTS)
-        check_range("evaluate", "tolerance", chosen.tolerance, low=0.0, high=10.0, unit="s")
-        return _print(chosen)
-    except RhsError as error:
-        sys.stderr.write(f"{error}\n")
-        return error.exit_code
+    return answered(lambda: _print(parser.parse_args(arguments)))
 
 
 def _print(chosen: argparse.Namespace) -> int:
+    check_choice("evaluate", "alignment", chosen.alignment, ALIGNMENTS)
+    check_range("evaluate", "tolerance", chosen.tolerance, low=0.0, high=10.0, unit="s")
+    for path in chosen.paths:
+        check_regular(path)
     if len(chosen.paths) == 2:
         estimate, truth = (read_tum(path) for path in chosen.paths)
         sys.stdout.write(_lines(trajectory_values(estimate, truth, alignment=chosen.alignment,
