@@ -1,7 +1,8 @@
 """Planning runs as OMPL's benchmark log, which Planner Arena shows: `python -m rhs.planner_arena FOLDER... --log DIR`.
 
-One log per map and problem (an experiment of OMPL's), one entry per planner and its settings, one line per run. Turn
-the logs into the database that planner-arena.org opens by `python -m ompl.ompl_benchmark_statistics DIR/*.log -d benchmark.db`.
+One log per map and problem (an experiment of OMPL's), one entry per planner and its settings, one line per run.
+Turn the logs into the database that planner-arena.org opens by
+`python -m ompl.ompl_benchmark_statistics DIR/*.log -d benchmark.db`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from rhs.base.commands import Arguments, answered
 from rhs.base.errors import ConfigError
 
 from .planning_table import Group, groups
-from .table import rows, tell_unreadable
+from .table import some_rows, tell_unreadable
 
 if TYPE_CHECKING:
     import pandas
@@ -111,7 +112,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
     def work() -> int:
         chosen, unreadable = parser.parse_args(words), []  # type: ignore[var-annotated]
-        table = rows(chosen.folders, unreadable=unreadable)
+        table = some_rows(chosen.folders, unreadable)
         written = write_logs(table, chosen.log)
         sys.stdout.write("\n".join(map(str, written)) + "\n")
         return tell_unreadable(unreadable)

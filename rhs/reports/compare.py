@@ -48,11 +48,12 @@ def compare(table: pandas.DataFrame, key: str, columns: Sequence[str] = (), *, c
     scored = judged(table)
     check_columns(scored, columns)
     found, alone = pairs(table, key)
-    label, samples = independent(table), clusters(table, cluster)
+    label = independent(table)
     rows = []
     for pair in found:
         once = _once(pair, label)
-        rows += [_row(scored, once, len(pair.a), column, samples) for column in columns]
+        sample = clusters(table.iloc[once.a], cluster)
+        rows += [_row(scored, once, len(pair.a), column, sample) for column in columns]
     out = pd.DataFrame(rows)
     out["p"], out["least_p"] = holm(out["p"].to_numpy(float)), holm(out["least_p"].to_numpy(float))
     for column in columns:  # the same pairs whatever the column: corrected for the pairs alone
@@ -130,9 +131,9 @@ def _once(pair: Pairs, label: np.ndarray) -> Pairs:
     return Pairs(pair.name, pair.a[first], pair.b[first])
 
 
-def _row(scored: pandas.DataFrame, pair: Pairs, count: int, column: str, samples: np.ndarray) -> dict[str, object]:
+def _row(scored: pandas.DataFrame, pair: Pairs, count: int, column: str, sample: np.ndarray) -> dict[str, object]:
     values, done = numbers(scored, column), scored["success"].to_numpy(float)
-    difference, sample = values[pair.a] - values[pair.b], samples[pair.a]
+    difference = values[pair.a] - values[pair.b]
     known, solved = np.isfinite(difference), (done[pair.a] == 1.0) & (done[pair.b] == 1.0)
     one_each = units(difference[known], sample[known])
     low, high = mean_interval(one_each)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import lru_cache
 
 import numpy as np
 
@@ -33,12 +34,10 @@ def units(values: np.ndarray, clusters: np.ndarray | None = None) -> np.ndarray:
 
 def mean_interval(values: np.ndarray) -> tuple[float, float]:
     """95 % interval of the mean of (N,) independent values; NaN for fewer than three, or when all are equal."""
-    from scipy.stats import t
-
     values = np.asarray(values, float)
     if len(values) < LEAST or np.ptp(values) <= 1e-12 * np.abs(values).max():
         return NONE
-    reach, mean = t.ppf(0.975, len(values) - 1), values.mean()
+    reach, mean = _reach(len(values)), values.mean()
     half = reach * values.std(ddof=1) / math.sqrt(len(values))
     low, high = mean - half, mean + half
     logs = np.log(values) if (values > 0.0).all() else None
@@ -51,7 +50,7 @@ def mean_interval(values: np.ndarray) -> tuple[float, float]:
 
 def share_interval(done: np.ndarray, clusters: np.ndarray | None = None) -> tuple[float, float]:
     """95 % interval of the share of (N,) runs that are true; NaN for fewer than three independent ones."""
-    from scipy.stats import beta, t
+    from scipy.stats import beta
 
     done = np.asarray(done, float)
     groups = units(done, clusters)
@@ -60,7 +59,7 @@ def share_interval(done: np.ndarray, clusters: np.ndarray | None = None) -> tupl
     count, share = float(len(groups)), float(done.mean())
     variance = groups.var(ddof=1) / len(groups)
     if len(groups) < len(done) and variance > 0.0:
-        freedom = (t.ppf(0.975, len(done) - 1) / t.ppf(0.975, len(groups) - 1)) ** 2
+        freedom = (_reach(len(done)) / _reach(len(groups))) ** 2
         count = min(float(len(done)), share * (1.0 - share) / variance * freedom)
     elif len(groups) == len(done):
         count = float(len(done))
@@ -68,6 +67,14 @@ def share_interval(done: np.ndarray, clusters: np.ndarray | None = None) -> tupl
     low = 0.0 if share == 0.0 else float(beta.ppf(0.025, wins, count - wins + 1.0))
     high = 1.0 if share == 1.0 else float(beta.ppf(0.975, wins + 1.0, count - wins))
     return low, high
+
+
+@lru_cache
+def _reach(count: int) -> float:
+    """Student's t: how many standard errors on either side hold the mean of `count` values with 95 %."""
+    from scipy.stats import t
+
+    return float(t.ppf(0.975, count - 1))
 
 
 def interval_rank(count: int) -> int | None:

@@ -118,8 +118,9 @@ def planning_table(table: pandas.DataFrame) -> pandas.DataFrame:
         if name in view and not view[name].astype(bool).any():
             view = view.drop(columns=name)
     rows = planning_rows(table)
+    repeated = len(view) and (view["independent"] < view["n"]).any()
     view.attrs["notes"] = [*legend(" ".join(map(str, view.to_numpy().ravel()))),
-                           "independent: a planner that gives the same row for every seed has one run",
+                           *(["independent: runs that are equal for every seed count once"] if repeated else []),
                            "SPL and PAR-2 count failures (PAR-2: twice the longest time of any run of the problem)",
                            failures_told(rows)]
     return view

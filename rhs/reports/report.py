@@ -96,21 +96,19 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
     from .observations import judged
     from .summary import listing, summarise
-    from .table import rows
+    from .table import some_rows
 
-    folder = Path(folder)
-    table = rows([folder], unreadable=unreadable)
-    if not len(table) and unreadable:
-        raise RhsError(f"none of {len(unreadable)} row.json under {folder} can be read; the first: {unreadable[0]}")
-    if not len(table):
-        raise ConfigError(f"no row.json under {folder}; give the folder of a sweep")
+    folder, left_out = Path(folder), [] if unreadable is None else unreadable
+    table = some_rows([folder], left_out)
+    if unreadable is None and left_out:
+        raise RhsError(left_out[0])
     group = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
     scored, summary = judged(table), summarise(table)
     charts = [figure for name in SHOWN if (figure := bars(scored, name, group)) is not None]
     runs = listing(table, [])
     runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
     page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summary),
-                                 charts=[embed_figure(figure) for figure in charts], unreadable=unreadable or [],
+                                 charts=[embed_figure(figure) for figure in charts], unreadable=left_out,
                                  notes=notes_of(summary))
     return _write(folder / "report.html", page)
 

@@ -16,7 +16,7 @@ from rhs.base.errors import ConfigError
 from rhs.runfolder.row import KEYS
 
 from .intervals import legend, mean_text, median_text, share_text
-from .observations import clusters, failures_told, independent, judged, numbers, succeeded
+from .observations import clusters, failures_told, independent, judged, numbers
 from .varied_settings import is_setting
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 SHOWN = ("places_visited", "collisions", "ate_rmse_m", "rpe_trans_m", "end_error_m", "tracked_share", "map_agreement",
          "path_length_m", "kidnap_recovered_share", "kidnap_wrong_sure_share",
          "plan_length_m", "plan_above_optimum_pct", "spl", "par2_ms", "odometry_ms", "real_time_factor")
+SCORES = ("success", "spl", "par2_ms", "bucket")
 
 
 def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Sequence[str] = (),
@@ -81,9 +82,8 @@ def _notes(table: pandas.DataFrame, view: pandas.DataFrame, scored: pandas.DataF
 
 def listing(table: pandas.DataFrame, columns: Sequence[str]) -> pandas.DataFrame:
     """Every run with the chosen columns, or with the ones that say most."""
-    if not columns:
-        done = succeeded(table)
-        table = table.assign(success=done) if np.isfinite(done).any() else table
+    scored = judged(table)
+    table = table.assign(**{name: scored[name] for name in SCORES if name in scored.columns})
     check_columns(table, columns)
     names = list(columns) or ["status", "success", *KEYS, *SHOWN]
     view = table[[name for name in names if name in table.columns]].reset_index()

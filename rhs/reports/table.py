@@ -65,12 +65,20 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
     return frame({folder: {**row, **varied.get(folder, {})} for folder, row in found.items()})
 
 
+def some_rows(folders: Iterable[Path | str], unreadable: list[str]) -> pandas.DataFrame:
+    """The rows that can be read; complaints about the others go into `unreadable`. Raises RhsError when there are none."""
+    table = rows(folders, unreadable=unreadable)
+    where = ", ".join(map(str, folders))
+    if not len(table) and unreadable:
+        raise RhsError(f"none of {len(unreadable)} row.json under {where} can be read; the first: {unreadable[0]}")
+    if not len(table):
+        raise ConfigError(f"no row.json under {where}; run `python -m rhs` first")
+    return table
+
+
 def _odd_ones_out(found: dict[str, dict[str, object]]) -> list[str]:
-    """Take out rows without a status, and those that have text where most have a number or the reverse; complaints."""
+    """Take out rows that have text where most have a number, or the reverse; complaints."""
     complaints = []
-    for folder in [folder for folder, row in found.items() if not row.get("status")]:
-        del found[folder]
-        complaints.append(f"{folder}/row.json has no status; it is no row of a run")
     for name in sorted({name for row in found.values() for name in row} - {*WORDS}):
         text = [folder for folder, row in found.items() if isinstance(row.get(name), str)]
         other = [folder for folder, row in found.items() if row.get(name) is not None and folder not in set(text)]
@@ -197,12 +205,7 @@ def _print_table(chosen: argparse.Namespace) -> int:
     from .summary import as_text
 
     unreadable: list[str] = []
-    table = rows(chosen.folders, unreadable=unreadable)
-    where = ", ".join(map(str, chosen.folders))
-    if not len(table) and unreadable:
-        raise RhsError(f"none of {len(unreadable)} row.json under {where} can be read; the first: {unreadable[0]}")
-    if not len(table):
-        raise ConfigError(f"no row.json under {where}; run `python -m rhs` first")
+    table = some_rows(chosen.folders, unreadable)
     view = _view(table, chosen)
     for path, canonical in ((chosen.csv, False), (chosen.canonical, True)):
         if path:

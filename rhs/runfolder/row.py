@@ -65,6 +65,8 @@ def read_row(path: Path) -> dict[str, object]:
         row = json.loads(Path(path).read_text(encoding="utf-8"))
         if not isinstance(row, dict):
             raise RhsError(f"it holds a {type(row).__name__}, expected one row as a JSON object")
+        if not row.get("status"):
+            raise RhsError("it has no status; expected the row of a run")
         return {name: checked_value(name, value) for name, value in row.items()}
     except (OSError, ValueError, RecursionError, RhsError) as error:
         said = error.strerror if isinstance(error, OSError) else str(error)
