@@ -119,7 +119,8 @@ def test_one_bad_folder_does_not_stop_the_report_of_the_next(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("content", ["planner: {samples: [", "a: &a [*a]", "[" * 5000, "- 1", "\x00",
-                                     "x: 1" + "0" * (2 << 20), "a: &a [1,1,1,1,1,1,1,1,1]\nb: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\n"
+                                     "x: 1" + "0" * (2 << 20),
+                                     "a: &a [1,1,1,1,1,1,1,1,1]\nb: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\n"
                                      "c: &c [*b,*b,*b,*b,*b,*b,*b,*b,*b]\nd: &d [*c,*c,*c,*c,*c,*c,*c,*c,*c]\n"
                                      "e: &e [*d,*d,*d,*d,*d,*d,*d,*d,*d]\nf: [*e,*e,*e,*e,*e,*e,*e,*e,*e]\n"])
 def test_a_malformed_configuration_is_an_unknown_one(tmp_path, content):
@@ -161,8 +162,9 @@ def test_unknown_in_a_row_is_none_and_whole_numbers_stay_whole(tmp_path):
 
 @pytest.mark.parametrize("words", [
     ["rhs.table"], ["rhs.table", "x", "--nothing"], ["rhs.report"], ["rhs.report", "x", "--nothing"],
-    ["rhs.planner_arena", "x"], ["rhs.evaluate"], ["rhs.evaluate", "--tolerance", "much", "x"], ["rhs.evaluate", "PIPE", "PIPE"],
-    ["rhs.convert"], ["rhs.convert", "/dev/zero", "out.mcap"], ["rhs.convert", "PIPE", "out.mcap"]])
+    ["rhs.planner_arena", "x"], ["rhs.evaluate"], ["rhs.evaluate", "--tolerance", "much", "x"],
+    ["rhs.evaluate", "PIPE", "PIPE"], ["rhs.convert"], ["rhs.convert", "/dev/zero", "out.mcap"],
+    ["rhs.convert", "PIPE", "out.mcap"]])
 def test_every_tool_answers_a_wrong_request_in_one_line(tmp_path, words):
     os.mkfifo(tmp_path / "f.mcap")
     words = [str(tmp_path / "f.mcap") if word == "PIPE" else word for word in words]
