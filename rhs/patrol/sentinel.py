@@ -6,7 +6,7 @@ import numpy as np
 
 from rhs.api.contracts import Localiser, Planner, Source
 from rhs.api.geometry import planar, wrap
-from rhs.api.grid import OccupancyGrid, inflate, nearest_open
+from rhs.api.grid import OccupancyGrid, configuration_space, inflate, nearest_open
 from rhs.api.records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, Scan, Twist
 
 from .control import Pace, ahead_on_path, closest_on_path, steer, turn
@@ -35,7 +35,7 @@ class Sentinel:
         self.grid = grid
         self.radius_m = radius_m
         least_m = radius_m + settings.margin_m
-        self.grown = [(growth, inflate(~free, growth)) for growth in
+        self.grown = [(growth, configuration_space(~free, growth)) for growth in
                       np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
         self.watch = ObstacleWatch(grid, free, tolerance_m=settings.wall_tolerance_m)
         self.book = Logbook(places)
