@@ -13,10 +13,10 @@ import numpy as np
 
 from rhs.api.jit import typed
 from rhs.api.records import Path, PlanningProblem
+from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
 from .contours import branches
 from .heap import pop, push
-from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, begin, finish
 
 _DIAGONAL = np.sqrt(2.0) - 1.0
@@ -36,7 +36,7 @@ class GridSearch:
             return task
         cells, expanded, parent = self._search(task.grid, task.ends, self._settings.expansions)
         raw = cells if len(cells) else None
-        return finish(task, raw, rounds=self._settings.shorten_rounds, extras={"expanded": float(expanded)},
+        return finish(task, raw, extras={"expanded": float(expanded)},
                       sketch=lambda: branches(parent, task.grid.shape[1]))
 
 

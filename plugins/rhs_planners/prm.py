@@ -50,7 +50,7 @@ class RoadmapPlanner:
             counts["growths"] += 1.0
             raw = self._query(task)
         counts |= {"vertices": float(len(self._roadmap.points)), "edges": float(len(self._roadmap.edges))}
-        return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=1e3 * learn_s, extras=counts,
+        return finish(task, raw, learn_ms=1e3 * learn_s, extras=counts,
                       sketch=self._roadmap.segments)
 
     def _query(self, task: Task) -> np.ndarray | None:

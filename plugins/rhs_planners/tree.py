@@ -41,7 +41,7 @@ class TreePlanner:
             return task
         there = already_there(task)
         if there is not None:
-            return finish(task, there, rounds=0, extras={"iterations": 0.0})
+            return finish(task, there, extras={"iterations": 0.0})
         setting_up = time.process_time()
         if self._version != self._ground.version:
             self._space, self._version = space_over(task.grid, self._motion), self._ground.version
@@ -54,7 +54,7 @@ class TreePlanner:
         planner.setup()
         raw, used = self._solve(planner, ends, task)
         extras = {"iterations": float(used)}
-        return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=learn_ms, extras=extras,
+        return finish(task, raw, learn_ms=learn_ms, extras=extras,
                       sketch=lambda: _edges(information, planner, motion))
 
     def _solve(self, planner, ends, task: Task) -> tuple[np.ndarray | None, int]:

@@ -69,8 +69,13 @@ class Planning:
     robot_radius_m: float | None = None
     # which problem of a MovingAI .scen file, from 0
     scenario: int = 0
+    # pull every planner's path tight before it is measured; the length it was found with stands beside
+    shorten: bool = True
+    # a start in a blocked cell may be left over blocked cells this near, metres
+    start_radius_m: float = 0.3
 
     def __post_init__(self) -> None:
+        check_range("planning", "start_radius_m", self.start_radius_m, low=0.0, high=10.0, unit="m")
         if self.robot_radius_m is not None:
             check_range("planning", "robot_radius_m", self.robot_radius_m, low=0.0, high=100.0, unit="m")
         check_range("planning", "scenario", self.scenario, low=0, high=10_000_000)

@@ -1,4 +1,4 @@
-"""Compiled inner loops of rhs.judge. Coordinates are cells of a grid with a blocked border; cell (i, j) is [i, i+1)."""
+"""Compiled inner loops of path_judge. Coordinates are cells of a grid with a blocked border; cell (i, j) is [i, i+1)."""
 
 from __future__ import annotations
 

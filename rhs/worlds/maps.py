@@ -63,18 +63,23 @@ def save_map(stem_path: str | FilePath, grid: OccupancyGrid) -> tuple[FilePath, 
     back gives exactly these three classes.
     """
     stem = FilePath(stem_path)
+    for name, content in map_files(stem.name, grid).items():
+        _write(stem.with_name(name), content)
+    return stem.with_name(stem.name + ".yaml"), stem.with_name(stem.name + ".pgm")
+
+
+def map_files(stem: str, grid: OccupancyGrid) -> dict[str, bytes]:
+    """Names and contents of the two files that `save_map` writes."""
     grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
     grey[grid.free()] = FREE_GREY
     grey[grid.occupied()] = OCCUPIED_GREY
-    image, text = stem.with_name(stem.name + ".pgm"), stem.with_name(stem.name + ".yaml")
     rows, columns = grey.shape
-    _write(image, b"P5\n%d %d\n255\n" % (columns, rows) + np.flipud(grey).tobytes())
-    _write(text, (
-        f"image: {image.name}\nmode: trinary\nresolution: {float(grid.resolution_m)!r}\n"
+    text = (
+        f"image: {stem}.pgm\nmode: trinary\nresolution: {float(grid.resolution_m)!r}\n"
         f"origin: [{float(grid.origin_m[0])!r}, {float(grid.origin_m[1])!r}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    ).encode())
-    return text, image
+    )
+    return {f"{stem}.pgm": b"P5\n%d %d\n255\n" % (columns, rows) + np.flipud(grey).tobytes(), f"{stem}.yaml": text.encode()}
 
 
 def read_header(yaml_path: str | FilePath) -> MapHeader:
@@ -202,7 +207,7 @@ def _turned(probability: np.ndarray, header: MapHeader) -> OccupancyGrid:
     return OccupancyGrid(out, step, (float(x + low[0]), float(y + low[1])))
 
 
-def _worst(padded: np.ndarray, column: np.ndarray, row: np.ndarray, turn: tuple[float, float], occupied: float) -> np.ndarray:
+def _worst(padded: np.ndarray, column: np.ndarray, row: np.ndarray, turn: tuple[float, float], occupied: float):
     """(H, W): of the pixels that a turned cell with its middle at (column, row) meets, the greatest occupancy; NaN if one
     is unknown and none above `occupied`. Separating axes of two squares; turn: cosine and sine; padded by two pixels."""
     c, s = turn

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from planning_cases import PLANNERS, WORDS, digits, planner, problem, room, settings, thesis_problem
 
-from rhs.api.records import PlanReason
 from rhs.api.errors import ConfigError, ContractError
+from rhs.api.records import PlanReason
+from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import path_valid, polyline_length
 from rhs_planners.chance import uniform
 from rhs_planners.contours import contours
@@ -18,7 +19,7 @@ from rhs_planners.contours import contours
 @pytest.mark.parametrize("name", PLANNERS)
 def test_path_is_judged_valid_and_joins_start_and_goal_exactly(name):
     task = problem(room(), (9.3, 1.7), (4.1, 9.2))
-    path = planner(name).plan(task)
+    path = shortened(planner(name).plan(task), task)
     assert path.reason is PlanReason.OK
     for points in (path.points_m, path.raw_m):
         assert np.array_equal(points[0], task.start_m) and np.array_equal(points[-1], task.goal_m)
@@ -144,7 +145,7 @@ def test_finer_cells_do_not_defeat_the_potential_field():
 
 
 def test_shortening_reaches_the_optimum_where_all_ways_round_are_equal():
-    path = planner("rrt_connect", 2).plan(thesis_problem(3))
+    path = shortened(planner("rrt_connect", 2).plan(thesis_problem(3)), thesis_problem(3))
     assert 10 * polyline_length(path.points_m) == pytest.approx(126.49268769, rel=1e-4)
 
 
@@ -203,7 +204,7 @@ def test_contours_of_a_cone_are_circles():
 @pytest.mark.parametrize("name", PLANNERS)
 def test_every_planner_shows_what_it_searched(name):
     task = thesis_problem(1)
-    lines = planner(name).plan(task).sketch
+    lines = planner(name).plan(task).sketch()
     assert len(lines) > 5 and lines.shape[1:] == (2, 2)
     low = np.array(task.origin_m)  # on the map, in metres
     assert (lines >= low - 1e-9).all() and (lines <= low + 10.0 + 1e-9).all()

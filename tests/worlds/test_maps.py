@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rhs.api.grid import OccupancyGrid
 from rhs.api.errors import ConfigError
+from rhs.api.grid import OccupancyGrid
 from rhs.worlds.maps import load_map, save_map
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rhs.api.floorplan import distance_m, truth_grid
 from rhs.api.errors import ConfigError
+from rhs.api.floorplan import distance_m, truth_grid
 from rhs.worlds.world import load_world, reversed_world, world_names
 
 ROOM = """\
