@@ -15,6 +15,7 @@ from .shared_config import PlannerSettings
 class _Roadmap(PlannerSettings):
     _word: ClassVar[str]
     _star: ClassVar[bool]
+    preload = ("rhs_planners.prm", "rhs_planners.native_roadmap")
 
     backend: str = "native"  # native: compiled, learns about eight times faster; ompl: the same method by OMPL
     milestones: int = 500  # vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed

@@ -13,6 +13,8 @@ from .shared_config import PlannerSettings
 class Rrt(PlannerSettings):
     """Rapidly-exploring random tree (LaValle 1998), by OMPL. Stops at the first path."""
 
+    preload = ("rhs_planners.tree",)
+
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
     goal_bias: float = 0.05  # share of samples that are the goal itself
     iterations: int = 20_000  # samples before the budget is spent
@@ -30,6 +32,8 @@ class Rrt(PlannerSettings):
 @dataclass
 class RrtConnect(PlannerSettings):
     """RRT-Connect (Kuffner and LaValle 2000): two trees that reach for each other. Stops at the first path."""
+
+    preload = ("rhs_planners.native_rrt_connect",)
 
     backend: str = "native"  # native: compiled whole, about five times faster; ompl: the same method by OMPL
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
@@ -53,6 +57,8 @@ class RrtConnect(PlannerSettings):
 class RrtStar(PlannerSettings):
     """RRT* (Karaman and Frazzoli 2011), by OMPL: goes on improving until its iterations are used up."""
 
+    preload = ("rhs_planners.tree",)
+
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
     goal_bias: float = 0.05  # share of samples that are the goal itself
     iterations: int = 5000  # samples, all of them used
@@ -72,6 +78,8 @@ class RrtStar(PlannerSettings):
 @dataclass
 class InformedRrtStar(PlannerSettings):
     """Informed RRT* (Gammell, Srinivasa, Barfoot 2014), by OMPL: samples only where the path can still get shorter."""
+
+    preload = ("rhs_planners.tree",)
 
     range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
     goal_bias: float = 0.05  # share of samples that are the goal itself

@@ -14,6 +14,7 @@ class PlannerSettings:
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
+    preload: ClassVar[tuple[str, ...]]
 
     start_radius_m: float = 0.3  # a start in a blocked cell is set off to a free one this near; one robot radius
 

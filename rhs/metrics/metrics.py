@@ -37,6 +37,10 @@ PATROL = ("patrol_steps", "places_total", "missions", "places_visited", "replans
 def evaluate(folder: Path) -> Values:
     """All columns that follow from the files of one run folder."""
     folder = Path(folder)
+    if (folder / "plan.json").exists():  # of the planning task
+        from .planning import evaluate_plan
+
+        return evaluate_plan(folder)
     steps = _steps(folder / "steps.csv")
     survey, patrol = survey_values(folder, steps), patrol_values(folder, steps)
     knowing = knowing_values([row for row in steps if row["phase"] == "patrol"])

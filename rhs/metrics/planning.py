@@ -142,31 +142,13 @@ def smoothness(points_m: np.ndarray) -> float:
 
 
 def clearance_min_m(points_m: np.ndarray, problem: PlanningProblem) -> float:
-    """Least distance from the polyline to a blocked cell, a square, exact; inf without any. NaN for no path.
+    """Least distance from the polyline to a blocked cell, a square, exact; inf without any. NaN for no path."""
+    from .judge_kernels import least_gap
 
-    The least distance between a segment and a square that do not cross is at an end of the one or a corner of the other.
-    """
     if len(points_m) == 0:
         return NAN
     squares = _edge_cells(problem.blocked)[:, ::-1] * problem.resolution_m + np.asarray(problem.origin_m)
-    least = np.inf
-    for a, b in zip(points_m[:-1], points_m[1:], strict=True) if len(points_m) > 1 else [(points_m[0], points_m[0])]:
-        if len(squares):
-            least = min(least, _segment_to_squares(a, b, squares, problem.resolution_m))
-    return float(least)
-
-
-def _segment_to_squares(a: np.ndarray, b: np.ndarray, low: np.ndarray, side: float) -> float:
-    best = np.inf
-    for end in (a, b):
-        gap = np.maximum(np.maximum(low - end, end - low - side), 0.0)
-        best = min(best, float(np.hypot(*gap.T).min()))
-    along, length2 = b - a, float(((b - a) ** 2).sum())
-    for corner in ((0.0, 0.0), (side, 0.0), (0.0, side), (side, side)):
-        away = low + np.array(corner) - a
-        t = np.clip(away @ along / length2, 0.0, 1.0) if length2 > 0 else np.zeros(len(low))
-        best = min(best, float(np.hypot(*(away - t[:, None] * along).T).min()))
-    return best
+    return float(least_gap(np.ascontiguousarray(points_m, float), np.ascontiguousarray(squares), problem.resolution_m))
 
 
 def _edge_cells(blocked: np.ndarray) -> np.ndarray:

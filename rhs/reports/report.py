@@ -189,5 +189,9 @@ def _make(folder: Path, *, with_video: bool) -> list[Path]:
         raise ConfigError(f"{folder} is not a folder; give a run or sweep folder")
     if not (folder / "row.json").exists():
         return [sweep(folder)]
+    if (folder / "plan.json").exists():  # of the planning task
+        from .planning_pictures import plan_picture
+
+        return [plan_picture(folder)]
     made = [overview(folder), *filter(None, [motion(folder), knowing(folder)])]
     return [*made, *([video(folder)] if with_video else []), html(folder)]
