@@ -37,7 +37,7 @@ class GridSearch:
         cells, expanded, parent = self._search(task.grid, task.ends, self._settings.expansions)
         raw = cells if len(cells) else None
         return finish(task, raw, extras={"expanded": float(expanded)},
-                      sketch=lambda: branches(parent, task.grid.shape[1]))
+                      knob=("expansions", self._settings.expansions), sketch=lambda: branches(parent, task.grid.shape[1]))
 
 
 def branches(parent: np.ndarray, columns: int) -> np.ndarray:

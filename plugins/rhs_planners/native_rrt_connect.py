@@ -35,10 +35,13 @@ class NativeRrtConnect:
             return finish(task, there, extras={"iterations": 0.0})
         step = self._settings.range_m / problem.resolution_m or 0.2 * math.hypot(*problem.blocked.shape)
         seed = self._rng.bit_generator.random_raw()
-        raw, edges, used = connect(task.grid, task.ends, seed, step, self._settings.iterations)
+        rounds = self._settings.rounds(task.ground.free_cells)
+        raw, edges, used = connect(task.grid, task.ends, seed, step, rounds[0])
+        if not len(raw) and len(rounds) > 1 and task.ground.connected(task.start, task.goal):
+            raw, edges, used = connect(task.grid, task.ends, seed, step, sum(rounds))  # the same trees, grown on
         extras = {"iterations": float(used), "vertices": len(edges) + 2.0}
         return finish(task, raw if len(raw) else None, extras=extras,
-                      sketch=lambda: edges)
+                      knob=self._settings.knob(rounds), sketch=lambda: edges)
 
 
 @compiled

@@ -18,6 +18,7 @@ from rhs.api.errors import ContractError
 from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.estimation.paths.line import polyline_free, scaled
 
+Knob = tuple[str, int]
 _EMPTY = np.empty((0, 2))
 
 
@@ -27,7 +28,7 @@ class Ground:
     def __init__(self):
         self.grid = np.ones((0, 0), np.uint8)
         self.version = 0
-        self._free = None
+        self._free, self._free_cells = None, -1
         self._last: np.ndarray | None = None  # the array the grid was taken from, if nobody can have changed it
 
     def stand_on(self, blocked: np.ndarray) -> None:
@@ -48,7 +49,14 @@ class Ground:
             self.grid = np.ones(shape, np.uint8)
         self.grid[1:-1, 1:-1] = inner
         self.version += 1
-        self._free = None
+        self._free, self._free_cells = None, -1
+
+    @property
+    def free_cells(self) -> int:
+        """How many cells are free."""
+        if self._free_cells < 0:
+            self._free_cells = self.grid.size - int(np.count_nonzero(self.grid))
+        return self._free_cells
 
     def connected(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Two points in free cells can be joined: their cells are in one 4-connected piece (exact for a point)."""
@@ -115,11 +123,11 @@ def already_there(task: Task) -> np.ndarray | None:
     return task.ends if math.dist(*task.ends.tolist()) < 1e-6 else None
 
 
-def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras: dict | None = None,
+def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras: dict | None = None, knob: Knob | None = None,
            sketch: Callable[[], np.ndarray] | None = None, keep_shape: bool = False) -> Path:
     """The Path of a path (N, 2) in cells, as it was found; or, for None, the reason why there is none.
 
-    extras: numbers for the table. sketch gives (E, 2, 2) cells, the tree or roadmap, when somebody draws. A path that leaves the free cells is never returned: that is a fault of the planner, a ContractError.
+    extras: numbers for the table. knob: the setting that bounded the search, and the number it stood for. sketch gives (E, 2, 2) cells, the tree or roadmap, when somebody draws. A path that leaves the free cells is never returned: that is a fault of the planner, a ContractError.
     """
     extras = dict(extras or {}, start_moved_m=task.moved_m)
     reason, points = PlanReason.OK, _EMPTY
@@ -127,9 +135,15 @@ def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras:
         reason = PlanReason.BUDGET_SPENT if task.ground.connected(task.start, task.goal) else PlanReason.DISCONNECTED
     else:
         points = _in_metres(task, raw)
+    spent = reason is PlanReason.BUDGET_SPENT and knob is not None
     plan_ms = 1e3 * (time.process_time() - task.began_s) - learn_ms
     drawing = None if sketch is None else lambda: task.metres(sketch())
-    return Path(reason, points, points, learn_ms, plan_ms, drawing, extras, keep_shape)
+    return Path(reason, points, points, learn_ms, plan_ms, drawing, extras, keep_shape, advice(*knob) if spent else "")
+
+
+def advice(setting: str, number: int) -> str:
+    """What to type after a budget was spent."""
+    return f"planner.{setting}={number} spent; try planner.{setting}={10 * max(number, 1)}"
 
 
 def failure(reason: PlanReason, began_s: float) -> Path:

@@ -8,6 +8,22 @@ from typing import ClassVar
 from rhs.api.errors import check_range
 
 
+def scaled_to(free_cells: int, *, each: float, least: int, most: int = 1_000_000) -> int:
+    """A budget that grows with the map: `each` for every free cell, between `least` and `most`. What a sampling planner
+    needs is set by how small a share of the free space its narrowest gate is, and that shrinks as maps grow."""
+    return min(max(least, round(each * free_cells)), most)
+
+
+def in_two(first: int, total: int) -> list[int]:
+    """Budgets of a first round and of the rest, before which somebody looks whether there is a way at all."""
+    return [first, total - first] if total > first else [total]
+
+
+def repeated(first: int, total: int) -> list[int]:
+    """Budgets of the first round and of as many more as bring their sum to `total`: each begins only if there is no path."""
+    return [first] * max(1, -(-total // first))
+
+
 @dataclass
 class PlannerSettings:
     """What all planners of this package share; see problem.begin."""
