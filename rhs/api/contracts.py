@@ -82,6 +82,7 @@ class Plugin(Protocol):
 
     needs: ClassVar[frozenset[str]]
     provides: ClassVar[frozenset[str]]
+    preload: ClassVar[tuple[str, ...]] = ()  # may be left out: heavy modules of build(), loaded once for all jobs of a sweep
 
     def build(self, context: Context) -> Any: ...
 

@@ -8,7 +8,7 @@ frame b. rhs.api.validate checks all of them. """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -323,16 +323,21 @@ class PlanningProblem:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """points_m (N, 2) from start to goal, metres, empty on failure; raw_m before simplification.
-    sketch: (E, 2, 2) segments of the tree or roadmap, for pictures only. Times in milliseconds."""
+    """points_m (N, 2) from start to goal, metres, empty on failure, as the planner found them: whoever asked pulls every
+    planner's path tight alike, and then keeps in raw_m what it was given. keep_shape: it shall not, because the shape is
+    the point (room to the walls). advice: after a failure, what to type to get further. sketch: (E, 2, 2) segments of the
+    tree or roadmap, for pictures only, or a function that gives them and is called after the clock is read. learn_ms,
+    plan_ms and details: the planner's own words, shown beside what is measured, and believed by nobody."""
 
     reason: PlanReason
     points_m: np.ndarray
-    raw_m: np.ndarray
+    raw_m: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     learn_ms: float = 0.0
     plan_ms: float = 0.0
-    sketch: np.ndarray | None = None
+    sketch: np.ndarray | Callable[[], np.ndarray] | None = None
     details: Mapping[str, float] = field(default_factory=dict)
+    keep_shape: bool = False
+    advice: str = ""
 
     @property
     def found(self) -> bool:

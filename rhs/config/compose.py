@@ -216,7 +216,7 @@ def write_config(config: RunConfig, folder: Path) -> None:
     import yaml
 
     with replacing(folder / "config.yaml") as file:
-        yaml.safe_dump(to_plain(config), file, sort_keys=False, allow_unicode=True)
+        yaml.dump(to_plain(config), file, getattr(yaml, "CSafeDumper", yaml.SafeDumper), sort_keys=False, allow_unicode=True)
 
 
 def read_config(folder: Path) -> RunConfig:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rhs.api.contracts import Blockage, Blocked, Source
 from rhs.api.frozen import seal
 from rhs.api.geometry import planar, wrap
-from rhs.api.grid import OccupancyGrid, inflate, nearest_open
+from rhs.api.grid import OccupancyGrid, configuration_space, inflate, nearest_open
 from rhs.api.records import (
     Belief,
     Capture,
@@ -70,7 +72,7 @@ class Sentinel:
         free, settings = known_free(grid, self.views, self.radius_m), self.settings
         least_m = self.radius_m + settings.margin_m
         self.grid = grid
-        self.grown = [(growth, inflate(~free, growth)) for growth in
+        self.grown = [(growth, configuration_space(~free, growth)) for growth in
                       np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
         self.watch = ObstacleWatch(grid, free, tolerance_m=settings.wall_tolerance_m)
 
@@ -179,11 +181,17 @@ class Sentinel:
 
     def _plan_with_room(self, start_m: np.ndarray, goal_m: np.ndarray) -> Path:
         """The way with the most room that is hardly longer than the one with the least."""
+        from rhs.estimation.paths.shorten import shortened  # compiled code, half a second to load
+
         def ask(growth_cells: float, mapped: np.ndarray) -> Path:
             blocked = mapped | inflate(self.watch.cells, growth_cells)
             near_m = nearest_open(self.grid, blocked, goal_m, self.settings.arrive_m - GOAL_SLACK_M)
             problem = seal(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, start_m.copy(), near_m))
-            return check_path(self.planner.plan(problem), problem, who=self.who["planner"])
+            began_s = time.process_time()
+            plan = self.planner.plan(problem)
+            plan_ms = 1e3 * (time.process_time() - began_s)
+            plan = check_path(plan, problem, who=self.who["planner"])
+            return shortened(replace(plan, plan_ms=plan_ms), problem)
 
         least = ask(*self.grown[-1])
         for growth_cells, mapped in self.grown[:-1] if least.found else ():

@@ -13,6 +13,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.randomness import generator
 from rhs.cli.main import main
 from rhs.config import registry
+from rhs.estimation.paths.shorten import shortened
 from rhs.reports import arena_log as planner_arena
 from rhs.reports.planning_table import planning_table
 from rhs.reports.table import main as table_main
@@ -79,6 +80,7 @@ def _same_alone(desk: Path) -> None:
         row = read_row(folder / "row.json")
         arena, rng = load_arena(row["world"]), generator(int(row["seed"]), "planner")
         path = registry.load("planner", row["planner"])().build(context_of(arena, folder, rng)).plan(problem)
+        path = shortened(path, problem)
         assert np.array_equal(path.points_m, stored.points_m) and np.array_equal(path.raw_m, stored.raw_m), folder.name
 
 

@@ -61,7 +61,7 @@ def test_a_failed_plan_is_a_row_with_its_reason(tmp_path):
 def test_a_scenario_carries_its_claimed_octile_optimum_and_astar_agrees(tmp_path):
     (tmp_path / "m.map").write_text("type octile\nheight 4\nwidth 5\nmap\n..@..\n..@..\n..@..\n.....\n")
     (tmp_path / "m.map.scen").write_text("version 1\n0\tm.map\t5\t4\t0\t0\t4\t0\t8.82842712\n")
-    row = run(tmp_path / "a", f"world={tmp_path / 'm.map.scen'}", "planner=astar", "planner.shorten_rounds=0")
+    row = run(tmp_path / "a", f"world={tmp_path / 'm.map.scen'}", "planner=astar", "planning.shorten=false")
     assert row["octile_claimed_m"] == 8.82842712
     assert row["plan_length_m"] == pytest.approx(row["octile_claimed_m"], abs=1e-8)
     assert row["plan_length_m"] > row["plan_optimal_m"]
