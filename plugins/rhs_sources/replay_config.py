@@ -15,7 +15,7 @@ class Replay:
     """A TUM RGB-D or 7-Scenes folder, run.mcap, a ROS 2 or ROS 1 bag, or a CARMEN laser log."""
 
     needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel", "extras"})
 
     # Folder or file to read; relative paths count from where the command is typed.
     path: str = ""

@@ -1,11 +1,14 @@
 """What the parts hand to one another: frozen, without behaviour.
 
-NaN means unknown in every array. Poses are 4x4 (`map_from_body`), covariances 6x6; see rhs.geometry for frames.
-"""
+NaN means unknown in every array. A pose is 4x4, float64, last row 0 0 0 1: `a_from_b` takes points of frame b to frame a and
+is the pose of b in a. Body frame: x forward, y left, z up, on the floor under the robot; yaw counter-clockwise. Map
+frame: where the survey began is `WorldFacts.start`. Camera frame: x right, y down, z forward. A covariance is 6x6 in the
+order (x, y, z, rx, ry, rz), metres and radians, of the right perturbation `a_from_b @ exp(delta)`: it is expressed in
+frame b. rhs.api.validate checks all of them. """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -20,27 +23,39 @@ class Tracking(StrEnum):
     """How far a Motion can be trusted."""
 
     OK = "ok"
-    DEGENERATE = "degenerate"  # some direction is not observed; the covariance says which
-    LOST = "lost"  # nothing was measured; the motion is a guess
+    """measured"""
+    DEGENERATE = "degenerate"
+    """some direction is not observed; the covariance says which"""
+    LOST = "lost"
+    """nothing was measured; the motion is a guess"""
 
 
 class Knowing(StrEnum):
     """Whether a Belief is a place or a hope."""
 
     TRACKING = "tracking"
+    """a place: the robot is sure of it"""
     CONVERGING = "converging"
+    """a hope: likely, not yet confirmed"""
     LOST = "lost"
+    """anywhere"""
 
 
 class PlanReason(StrEnum):
     """Why a plan is, or is not, there."""
 
     OK = "ok"
+    """there is a path"""
     START_BLOCKED = "start_blocked"
+    """the start is in a blocked cell"""
     GOAL_BLOCKED = "goal_blocked"
+    """the goal is in a blocked cell"""
     OUTSIDE = "outside_map"
+    """start or goal lies outside the map"""
     DISCONNECTED = "disconnected"
+    """no way leads from start to goal: the search was exhaustive"""
     BUDGET_SPENT = "budget_spent"
+    """the planner gave up; a larger budget may find a way"""
 
 
 class Event(StrEnum):
@@ -162,10 +177,11 @@ class Observation:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of the body since the previous observation.
+    """Motion of the body since the previous observation: previous_from_body, covariance in the body frame of this one.
 
     When status is lost, previous_from_body is the part's best guess and the covariance is honest about it.
     observability (6,): square roots of the information per direction in the body frame (1/m, 1/rad), or None.
+    reason: why the status is not ok, at most 2000 characters.
     scan: a scan the odometry believes in without depth (walls seen by one camera), or None.
     details: numbers for the per-step table (inliers, matches, ...).
     replaced: this is not what the odometry said: the gate put the wheels' motion in its place (rhs.patrol.gate).
@@ -183,7 +199,9 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Where the robot thinks it is. probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
+    """Where the robot thinks it is: map_from_body, covariance in the body frame (6x6, right perturbation).
+
+    probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
 
     map_from_body: np.ndarray
     covariance: np.ndarray
@@ -305,16 +323,21 @@ class PlanningProblem:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """points_m (N, 2) from start to goal, metres, empty on failure; raw_m before simplification.
-    sketch: (E, 2, 2) segments of the tree or roadmap, for pictures only. Times in milliseconds."""
+    """points_m (N, 2) from start to goal, metres, empty on failure, as the planner found them: whoever asked pulls every
+    planner's path tight alike, and then keeps in raw_m what it was given. keep_shape: it shall not, because the shape is
+    the point (room to the walls). advice: after a failure, what to type to get further. sketch: (E, 2, 2) segments of the
+    tree or roadmap, for pictures only, or a function that gives them and is called after the clock is read. learn_ms,
+    plan_ms and details: the planner's own words, shown beside what is measured, and believed by nobody."""
 
     reason: PlanReason
     points_m: np.ndarray
-    raw_m: np.ndarray
+    raw_m: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     learn_ms: float = 0.0
     plan_ms: float = 0.0
-    sketch: np.ndarray | None = None
+    sketch: np.ndarray | Callable[[], np.ndarray] | None = None
     details: Mapping[str, float] = field(default_factory=dict)
+    keep_shape: bool = False
+    advice: str = ""
 
     @property
     def found(self) -> bool:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-from .contracts import Context, Localiser, LoopCloser, Mapper, Odometry, Planner, Replan, Sensor, Source
+from .contracts import Context, Localiser, LoopCloser, Mapper, Odometry, Planner, Replan, Sensor, Slam, Source
 from .floorplan import World
 from .records import FeatureSettings, Step
 
@@ -28,7 +28,9 @@ Value = float | int | str | bool | None
 
 @dataclass
 class Parts:
-    """The parts a task asked for; those of other kinds are not there. provides: what all of them offer together."""
+    """The parts a task asked for; those of other kinds are not there. provides: what all of them offer together.
+    who: kind -> what it is called in an error: kind=name (distribution). slam: the one part behind odometry, loop closer,
+    mapper and localiser, where there is one."""
 
     source: Source
     sensor: Sensor
@@ -40,6 +42,8 @@ class Parts:
     replan: Replan
     features: FeatureSettings
     provides: frozenset[str]
+    who: dict[str, str]
+    slam: Slam | None = None
 
 
 class TaskContext(Protocol):

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.base.errors import RecordingError, check_file
+from rhs.base.commands import check_regular
+from rhs.base.errors import RecordingError
 
 from .files import replacing
 from .geometry import align, inverse, se3
@@ -77,7 +78,7 @@ def read_tum(path: Path) -> Trajectory:
 
 def _text(path: Path) -> str:
     try:
-        check_file(path)
+        check_regular(path)
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise RecordingError(f"{path} is not text (byte {error.start}); expected a TUM trajectory file") from error

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import stat
-from pathlib import Path
-
 
 class RhsError(Exception):
     """Any failure that rhs foresaw; shown as one line."""
@@ -46,16 +43,3 @@ def check_choice(owner: str, name: str, value: str, choices: tuple[str, ...]) ->
     if value not in choices:
         key = f"{owner}.{name}" if owner else name
         raise ConfigError(f"{key}={value} is not one of {', '.join(choices)}")
-
-
-def check_file(path: Path) -> None:
-    """Refuse what is there but is no ordinary file: a FIFO or a device would be read for ever. Raises ConfigError."""
-    mode = path.stat().st_mode if path.exists() else stat.S_IFREG
-    if not stat.S_ISREG(mode):
-        what = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a FIFO"}.get(stat.S_IFMT(mode), "a device or socket")
-        raise ConfigError(f"{path} is {what}; expected a file")
-
-
-def printable(text: str) -> str:
-    """The text with control characters written out (`\\x1b`): what a plugin or a file says must not steer a terminal."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)

@@ -12,7 +12,8 @@ from typing import Any
 
 import yaml
 
-from .errors import ConfigError, check_file
+from .commands import check_regular
+from .errors import ConfigError
 
 _INTEGER = re.compile(r"[-+]?(?:0|[1-9][0-9]*)\Z")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))(?:[eE][-+]?[0-9]+)?\Z|[-+]?\.inf\Z|\.nan\Z", re.I)
@@ -73,7 +74,7 @@ def load_yaml(path: Path) -> Any:
 def read_text(path: Path, most_bytes: int = _LIMIT_BYTES) -> str:
     """The text of a YAML file, with or without byte order mark. Raises ConfigError for what cannot be read or is too big."""
     try:
-        check_file(path)
+        check_regular(path)
         if path.stat().st_size > most_bytes:
             raise ConfigError(f"{path}: {path.stat().st_size} bytes is more than the {most_bytes} allowed for a YAML file")
         return path.read_bytes().decode("utf-8-sig")

@@ -18,7 +18,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rhs.base.errors import ConfigError, RhsError, check_file
+from rhs.base.commands import Arguments, answered, check_regular
+from rhs.base.errors import ConfigError
 from rhs.recording.mcap_scan import Report
 
 TRAJECTORY = (".tum", ".txt")
@@ -70,8 +71,8 @@ def check_pair(source: Path, target: Path, *, force: bool) -> None:
     """Refuse a missing input, an output that is the input, and one that is there already."""
     if not source.exists():
         raise ConfigError(f"{source} does not exist; give a recording, a TUM folder or a trajectory")
-    if not source.is_dir():
-        check_file(source)
+    for path in (source, target):
+        check_regular(path)
     inside = source.is_dir() and target.resolve().is_relative_to(source.resolve())
     if inside or (target.exists() and os.path.samefile(source, target)):
         raise ConfigError(f"{target} is the input itself or lies in it; give another name for the output")
@@ -93,19 +94,18 @@ def kind_of(path: Path) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m rhs.convert", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Arguments(prog="python -m rhs.convert", description=__doc__,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("input", type=Path)
     parser.add_argument("output", type=Path)
     parser.add_argument("settings", nargs="*", metavar="key=value", help="of source=replay, such as camera=tum_fr1")
     parser.add_argument("--topic", default="/belief", help="poses for a .tum file: /belief (default), /truth, /odom")
     parser.add_argument("--force", action="store_true", help="replace an output file that is there")
-    chosen = parser.parse_args(arguments)
-    try:
-        done = convert(chosen.input, chosen.output, topic=chosen.topic, settings=chosen.settings, force=chosen.force)
-    except RhsError as error:
-        sys.stderr.write(f"{error}\n")
-        return error.exit_code
+    return answered(lambda: _convert(parser.parse_args(arguments)))
+
+
+def _convert(chosen: argparse.Namespace) -> int:
+    done = convert(chosen.input, chosen.output, topic=chosen.topic, settings=chosen.settings, force=chosen.force)
     sys.stdout.write(f"{chosen.output}: {done.written}\n")
     if not done.lossless and done.report is not None:
         sys.stderr.write(f"{done.report.line}\n")

@@ -15,7 +15,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS
-from rhs.base.errors import ConfigError, RhsError
+from rhs.base.commands import Arguments, answered, check_regular
+from rhs.base.errors import ConfigError
 from rhs.metrics.evaluate import evaluate_folder, evaluate_pair
 from rhs.metrics.survey import TOLERANCE_S
 from rhs.runfolder.row import machine_dependent, read_row
@@ -35,20 +36,17 @@ def _equal(a: object, b: object) -> bool:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m rhs.evaluate", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Arguments(prog="python -m rhs.evaluate", description=__doc__,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="a run folder, or two TUM files")
     parser.add_argument("--alignment", default="se3", help=f"{', '.join(ALIGNMENTS)} (default se3)")
     parser.add_argument("--tolerance", type=float, default=TOLERANCE_S, help="between stamps, seconds (default 0.02)")
-    chosen = parser.parse_args(arguments)
-    try:
-        return _print(chosen)
-    except RhsError as error:
-        sys.stderr.write(f"{error}\n")
-        return error.exit_code
+    return answered(lambda: _print(parser.parse_args(arguments)))
 
 
 def _print(chosen: argparse.Namespace) -> int:
+    for path in chosen.paths:
+        check_regular(path)
     if len(chosen.paths) == 2:
         sys.stdout.write(_lines(evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)))
         return 0

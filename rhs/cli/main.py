@@ -21,6 +21,8 @@ from pathlib import Path  # noqa: E402
 
 from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
+from .commands import command, plugin_files, run_command  # noqa: E402
+
 LONGEST = 190  # characters of a complaint
 USAGE = "python -m rhs [options] key=value ..."
 
@@ -39,10 +41,17 @@ class Arguments(argparse.ArgumentParser):
 def main(words: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = sys.argv[1:] if words is None else words
+    if (ask := command(words)) is not None:
+        return run_command(ask)
     debug = "--debug" in words
     before = signal.signal(signal.SIGTERM, _terminate)
     try:
-        return _run(_arguments().parse_intermixed_args(words))
+        files, rest = plugin_files(list(words))
+        if files:
+            from rhs.config.loose import load_files
+
+            load_files(files, rest)
+        return _run(_arguments().parse_intermixed_args(rest))
     except RhsError as error:
         return _complain(error, error.exit_code, debug)
     except KeyboardInterrupt as error:

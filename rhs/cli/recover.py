@@ -19,8 +19,10 @@ import numpy as np
 
 from rhs.api.geometry import planar
 from rhs.api.trajectory import tum_line
-from rhs.base.errors import ConfigError, RecordingError, RhsError, printable
+from rhs.base.commands import Arguments, answered, complain, plain
+from rhs.base.errors import ConfigError, RecordingError, RhsError
 from rhs.metrics.evaluate import evaluate
+from rhs.metrics.success import with_success
 from rhs.recording import ros
 from rhs.recording.mcap_scan import open_scan
 from rhs.recording.reader import STEP, read
@@ -40,7 +42,7 @@ def recover(folder: Path) -> str:
         known = {name: value for name, value in row.items() if name not in ("pid", "started")}
         reason = f"the process ended without a word; recovered: {steps} steps from {where}"
         known |= {"status": KILLED, "reason": reason, "views": steps}
-        write_row(folder, sound({**known, **evaluate(folder, str(row.get("task", "patrol")))}))
+        write_row(folder, sound(with_success({**known, **evaluate(folder, str(row.get("task", "patrol")))})))
     return f"{steps} steps from {where}{recording}"
 
 
@@ -57,8 +59,8 @@ def _steps(folder: Path) -> tuple[int, str]:
     if not (folder / "run.mcap").exists():
         return 0, "nothing"
     table, count = StepTable(folder), 0
-    for plain in _recorded_steps(folder / "run.mcap"):
-        table.add_row(*_row_of(plain))
+    for step in _recorded_steps(folder / "run.mcap"):
+        table.add_row(*_row_of(step))
         count += 1
     table.close()
     return count, "run.mcap"
@@ -72,25 +74,25 @@ def _recorded_steps(path: Path) -> Iterator[dict[str, Any]]:
             yield json.loads(ros.deserialize(message.data, "std_msgs/msg/String").data)
 
 
-def _row_of(plain: dict[str, Any]) -> tuple[dict[str, object], dict[str, str]]:
+def _row_of(step: dict[str, Any]) -> tuple[dict[str, object], dict[str, str]]:
     """A row of steps.csv and the lines of the trajectories, of a recorded step (rhs.recording.writer.step_to_plain).
     Sigmas, details and times are not recorded there."""
-    pose, truth, command = np.array(plain["map_from_body"]), plain["truth"], plain["command"] or [np.nan] * 3
-    survey = plain["phase"] == "survey"
+    pose, truth, command = np.array(step["map_from_body"]), step["truth"], step["command"] or [np.nan] * 3
+    survey = step["phase"] == "survey"
     names = ("x_m", "y_m", "yaw_rad")
     row: dict[str, object] = {
-        "index": plain["step"], "phase": plain["phase"], "stamp_s": plain["stamp_s"], "mission": plain["mission"],
-        "event": plain["event"], "motion_status": plain["motion"], "motion_reason": plain["reason"],
-        "belief_status": plain["belief"], "belief_probability": plain["probability"],
-        "clearance_m": plain["clearance_m"], "collided": int(plain["collided"]),
+        "index": step["step"], "phase": step["phase"], "stamp_s": step["stamp_s"], "mission": step["mission"],
+        "event": step["event"], "motion_status": step["motion"], "motion_reason": step["reason"],
+        "belief_status": step["belief"], "belief_probability": step["probability"],
+        "clearance_m": step["clearance_m"], "collided": int(step["collided"]),
         **dict(zip(("forward_mps", "turn_radps", "duration_s"), command, strict=True)),
         **dict(zip(names, map(float, planar(pose)), strict=True)),
     }
-    lines = {"estimate" if survey else "patrol": tum_line(plain["stamp_s"], pose)}
+    lines = {"estimate" if survey else "patrol": tum_line(step["stamp_s"], pose)}
     if truth is not None:
         true = np.array(truth)
         row |= {f"true_{name}": float(value) for name, value in zip(names, planar(true), strict=True)}
-        lines["truth_survey" if survey else "truth_patrol"] = tum_line(plain["stamp_s"], true)
+        lines["truth_survey" if survey else "truth_patrol"] = tum_line(step["stamp_s"], true)
     return row, lines
 
 
@@ -109,23 +111,21 @@ def _recording(folder: Path) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m rhs recover", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Arguments(prog="python -m rhs recover", description=__doc__,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="run or sweep folders, searched through")
-    chosen = parser.parse_args(arguments)
-    found, failed = 0, 0
-    try:
-        for folder in killed_runs(chosen.folders):
-            found += 1
-            try:
-                sys.stdout.write(f"{folder}: {printable(recover(folder))}\n")
-            except (RhsError, OSError) as error:
-                failed += 1
-                sys.stderr.write(f"{folder}: cannot be recovered: {printable(str(error))}\n")
-    except RhsError as error:
-        sys.stderr.write(f"rhs: {printable(str(error))}\n")
-        return error.exit_code
-    if not found:
+    return answered(lambda: _recover_all(parser.parse_args(arguments).folders))
+
+
+def _recover_all(folders: Sequence[Path]) -> int:
+    killed, failed = killed_runs(folders), 0
+    for folder in killed:
+        try:
+            sys.stdout.write(f"{folder}: {plain(recover(folder))}\n")
+        except (RhsError, OSError) as error:
+            failed += 1
+            complain(f"{folder}: cannot be recovered: {error}", 3)
+    if not killed:
         sys.stdout.write("no killed run in these folders\n")
     return 3 if failed else 0
 

@@ -36,13 +36,17 @@ def of_sweep(folder: Path) -> str:
     from rhs.reports.summary import as_text, summarise
     from rhs.reports.table import rows, to_csv
 
-    table = rows([folder])
+    unreadable: list[str] = []
+    table = rows([folder], unreadable=unreadable)
     with replacing(folder / "table.csv") as file:
         file.write(to_csv(table))
+    left_out = [f"not counted: {message}" for message in unreadable]
+    if not len(table):
+        return "\n".join(left_out)
     if not len(planning_rows(table)):
-        return as_text(summarise(table))
+        return "\n".join([as_text(summarise(table)), *left_out])
     publish(table, folder)
-    return as_text(planning_table(table))
+    return "\n".join([as_text(planning_table(table)), *left_out])
 
 
 def of_places(folder: Path) -> str:

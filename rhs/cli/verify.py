@@ -22,7 +22,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rhs.base.errors import ConfigError, RhsError, check_range, printable
+from rhs.base.commands import Arguments, answered, plain
+from rhs.base.errors import ConfigError, check_range
 from rhs.base.strict_yaml import load_yaml
 from rhs.config.compose import RunConfig, compose_config, config_hash, read_config
 from rhs.reports.table import find_rows
@@ -50,7 +51,7 @@ class Difference:
 
     def __str__(self) -> str:
         share = f" ({self.share:.1g} of it)" if math.isfinite(self.share) else ""
-        return printable(f"{self.column}: {_shown(self.before)} -> {_shown(self.now)}{share}")
+        return plain(f"{self.column}: {_shown(self.before)} -> {_shown(self.now)}{share}")
 
 
 def differences(before: Mapping[str, object], now: Mapping[str, object]) -> list[Difference]:
@@ -76,8 +77,8 @@ def _shown(value: object) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m rhs verify", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Arguments(prog="python -m rhs verify", description=__doc__,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
     parser.add_argument("--sample", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
@@ -85,16 +86,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=0)
     parser.add_argument("--golden", type=Path)
     parser.add_argument("--update", action="store_true")
-    chosen = parser.parse_args(arguments)
-    try:
-        check_range("", "--sample", chosen.sample, low=0, high=1_000_000)
-        check_range("", "--tolerance", chosen.tolerance, low=0.0, high=1.0)
-        if bool(chosen.folders) == bool(chosen.golden):
-            raise ConfigError("give run or sweep folders, or --golden FOLDER")
-        return _golden(chosen) if chosen.golden else _verify(chosen)
-    except RhsError as error:
-        sys.stderr.write(f"rhs: {printable(str(error))}\n")
-        return error.exit_code
+    return answered(lambda: _checked(parser.parse_args(arguments)))
+
+
+def _checked(chosen: argparse.Namespace) -> int:
+    check_range("", "--sample", chosen.sample, low=0, high=1_000_000)
+    check_range("", "--tolerance", chosen.tolerance, low=0.0, high=1.0)
+    if bool(chosen.folders) == bool(chosen.golden):
+        raise ConfigError("give run or sweep folders, or --golden FOLDER")
+    return _golden(chosen) if chosen.golden else _verify(chosen)
 
 
 def _verify(chosen: argparse.Namespace) -> int:
@@ -125,7 +125,7 @@ def _golden(chosen: argparse.Namespace) -> int:
     with contextlib.chdir(folder):
         configs = {name: compose_config([str(word) for word in typed]) for name, typed in words.items()}
         now = again(configs, chosen.jobs)
-    kept = {name: {column: value for column, value in row.items() if not machine_dependent(column) and column not in LEFT_OUT}
+    kept = {name: {column: row[column] for column in row if not machine_dependent(column) and column not in LEFT_OUT}
             for name, row in now.items()}
     if chosen.update:
         for name, row in kept.items():

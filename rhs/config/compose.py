@@ -17,13 +17,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rhs.api import settings
 from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM, FeatureSettings
 from rhs.api.files import replacing
+from rhs.api.floorplan import World
+from rhs.api.task import Parts
 from rhs.base.errors import ConfigError, PluginError, check_choice, check_range
 from rhs.base.strict_yaml import load_yaml
 
-from . import registry, settings
-from .parts import Chosen, check_combination
+from . import registry
+from .parts import Chosen, build, check_combination
 
 TASK = "task"
 OUTPUTS = ("output", "overwrite", "recording", "pictures", "video", "live")  # what is kept; no number depends on these
@@ -139,7 +142,7 @@ def from_plain(values: dict[str, Any]) -> RunConfig:
     rest = {key: value for key, value in values.items() if key not in (*names, *KINDS, SLAM, TASK)}
     unknown = [key for key in rest if key not in CORE]
     if unknown:
-        raise _unknown(unknown[0], values[TASK], [*CORE, *names])
+        raise registry.no_setting(unknown[0], values[TASK], [*CORE, *names])
     core = settings.make(Core, rest, "")
     chosen = {kind: _choose(kind, values.get(kind)) for kind in _kinds(task, values)}
     config = RunConfig(**{key: getattr(core, key) for key in CORE}, parts=chosen,
@@ -147,6 +150,11 @@ def from_plain(values: dict[str, Any]) -> RunConfig:
     check_combination(chosen)
     _check_source(config)
     return config
+
+
+def build_parts(config: RunConfig, world: World | None, folder: Path) -> Parts:
+    """The parts of a configuration, each with its own generator; nothing has moved yet. world: None for a recording."""
+    return build(config.parts, seed=config.seed, world=world, folder=folder, features=config.features)
 
 
 def _task(values: dict[str, Any]) -> Any:
@@ -167,16 +175,6 @@ def _kinds(task: Any, values: dict[str, Any]) -> list[str]:
     if values.get(SLAM) and set(REPLACED_BY_SLAM) & set(task.kinds):
         return [kind for kind in task.kinds if kind not in REPLACED_BY_SLAM] + [SLAM]
     return list(task.kinds)
-
-
-def _unknown(key: str, task: str, known: list[str]) -> ConfigError:
-    """A setting that another task has, or nobody."""
-    owners = [name for name in registry.names(TASK) if name != task and registry.failure(TASK, name) is None
-              and key in {item.name for item in dataclasses.fields(registry.load(TASK, name))}]
-    if owners:
-        return ConfigError(f"{key}: task={task} has no such setting; task={' and task='.join(owners)} "
-                           f"{'have' if len(owners) > 1 else 'has'}")
-    return settings.unknown_key("", key, known)
 
 
 def _check_source(config: RunConfig) -> None:
@@ -218,7 +216,7 @@ def write_config(config: RunConfig, folder: Path) -> None:
     import yaml
 
     with replacing(folder / "config.yaml") as file:
-        yaml.safe_dump(to_plain(config), file, sort_keys=False, allow_unicode=True)
+        yaml.dump(to_plain(config), file, getattr(yaml, "CSafeDumper", yaml.SafeDumper), sort_keys=False, allow_unicode=True)
 
 
 def read_config(folder: Path) -> RunConfig:

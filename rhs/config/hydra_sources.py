@@ -18,11 +18,13 @@ from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
+from rhs.api import settings
+from rhs.api.contracts import CHOICES
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
-from . import registry, settings
-from .overrides import CHOICES, GROUPS
+from . import registry
+from .overrides import GROUPS
 
 DEFAULT_STACK = "rgbd"  # what a sensor without a stack file of its own gets
 

@@ -17,12 +17,10 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, IntervalSweep, Override, RangeSweep
 from hydra.errors import HydraException
 
-from rhs.api.contracts import KINDS, SLAM
+from rhs.api.contracts import CHOICES, KINDS
+from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
-from .settings import nearest
-
-CHOICES = ("task", *KINDS, SLAM)
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
 INSTEAD = {"hydra.run.dir": "output=FOLDER", "hydra.sweep.dir": "output=FOLDER", "hydra.launcher": "--jobs N",

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from rhs.api.contracts import KINDS, SLAM, Context, FeatureSettings, Source, SourceContext
+from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM, Context, FeatureSettings, Source, SourceContext, complete
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.task import Parts
@@ -52,10 +52,9 @@ def check_combination(chosen: Mapping[str, Chosen]) -> None:
 
 def really_there(chosen: Chosen, source: Source) -> Chosen:
     """The source with what it turned out to provide, if it says so: not every recording holds all that a recording can."""
-    provides = getattr(source, "provides", None)
-    if provides is None:
+    if source.provides is None:
         return chosen
-    possible = provides if EXTRAS in chosen.settings.provides else chosen.settings.provides & provides
+    possible = source.provides if EXTRAS in chosen.settings.provides else chosen.settings.provides & source.provides
     return Chosen(chosen.name, SimpleNamespace(needs=chosen.settings.needs, provides=possible - {EXTRAS}))
 
 
@@ -78,12 +77,14 @@ def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
     """Who needs what, who does not have it, and what to type instead."""
     lacking = (word in PAST | THROUGH or word not in SENSED) and word not in chosen["source"].settings.provides
     culprit = "source" if kind == "sensor" or lacking else "sensor"
-    instead = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
+    own = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
+    others: list[str] = []
     between = KINDS[2 : KINDS.index(kind)] if culprit == "sensor" and kind in KINDS else ()
     for other in (culprit, *(kind for kind in between if kind in chosen)):
-        instead += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
+        others += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
                     and word in registry.load(other, name).provides  # type: ignore[attr-defined]
-                    and _fits(other, name, chosen)]
+                   and _fits(other, name, chosen)]
+    instead = own[: 4 - min(len(others), 2)] + others
     hint = f"; type {' or '.join(instead[:4])}" if instead else "; no other registered part helps"
     return f"{kind}={chosen[kind].name} needs {word}, which {culprit}={chosen[culprit].name} does not provide{hint}"
 
@@ -112,20 +113,28 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
             built[kind] = build_part(kind, chosen[kind], context)
         if SLAM in built:
-            built |= in_place_of(built.pop(SLAM))
+            built |= in_place_of(built[SLAM])
     except BaseException:
         source.close()
         raise
     last = [kind for kind in ORDER if kind in chosen][-1]
     provides = offered(last, chosen) | chosen[last].settings.provides
     absent = dict.fromkeys(KINDS, cast(Any, None))
-    return Parts(**(absent | built), features=features, provides=provides)
+    who = {kind: _called(kind, chosen[SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind])
+           for kind in KINDS if kind in chosen or (SLAM in chosen and kind in REPLACED_BY_SLAM)}
+    return Parts(**(absent | built), features=features, provides=provides, who=who)
+
+
+def _called(kind: str, chosen: Chosen) -> str:
+    """A part as a person chose it, and which distribution it is of, where it is one of a distribution."""
+    origins = registry.origins(kind, chosen.name)
+    return f"{kind}={chosen.name}" + (f" ({origins[0].distribution})" if origins else "")
 
 
 def build_part(kind: str, chosen: Chosen, context: Context | SourceContext) -> Any:
     """One part. Raises ConfigError naming what to install, where a package is missing."""
     try:
-        return chosen.settings.build(context)
+        return complete(kind, chosen.settings.build(context))
     except ModuleNotFoundError as error:
         package = (error.name or "?").partition(".")[0].replace("_", "-")
         raise ConfigError(f"{kind}={chosen.name} needs the package {package}, which is not installed; "

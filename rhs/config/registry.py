@@ -25,9 +25,8 @@ from typing import Any
 
 from rhs.api.contracts import PLUGIN_KINDS
 from rhs.api.metric import Metric
-from rhs.base.errors import PluginError
-
-from .settings import RESERVED, defaults, nearest
+from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
+from rhs.base.errors import ConfigError, PluginError
 
 IMPORT_S = 10.0  # for a plugin that is only listed
 API_VERSION = 1  # a plugin may declare `api: ClassVar[int]`; a newer one than this is refused
@@ -174,6 +173,16 @@ def check_requirements(kind: str, name: str, cls: type) -> None:
         if importlib.util.find_spec(module.partition(":")[0]) is None:
             package = module.partition(":")[2] or module.replace("_", "-")
             raise PluginError(f"{kind}={name} needs a package that is not installed; type: pip install {package}")
+
+
+def no_setting(key: str, task: str, known: list[str]) -> ConfigError:
+    """A top-level setting that this task does not have: another has it, or nobody."""
+    owners = [name for name in names("task") if name != task and failure("task", name) is None
+              and key in {item.name for item in dataclasses.fields(load("task", name))}]
+    if owners:
+        return ConfigError(f"{key}: task={task} has no such setting; task={' and task='.join(owners)} "
+                           f"{'have' if len(owners) > 1 else 'has'}")
+    return unknown_key("", key, known)
 
 
 def _import(point: EntryPoint, origin: Origin) -> Any:

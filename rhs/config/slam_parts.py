@@ -19,16 +19,16 @@ def in_place_of(slam: Slam) -> dict[str, Any]:
 
 
 class SlamOdometry:
-    """Its motions; `online` hands the survey its belief instead of the sum of them."""
+    """Its motions."""
 
     keeps_moving = None
     scale_from = ""
 
     def __init__(self, slam: Slam) -> None:
-        self.online = slam
+        self._slam = slam
 
     def update(self, observation: Observation) -> Motion:
-        return self.online.update(observation)
+        return self._slam.update(observation)
 
     def revise(self) -> Revision | None:
         return None

@@ -6,28 +6,40 @@ import contextlib
 import logging
 import os
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 
 from rhs.api.files import replacing
-from rhs.base.errors import RhsError, printable
+from rhs.base.commands import plain
+from rhs.base.errors import RhsError
 from rhs.config import registry
 from rhs.config.compose import RunConfig
 
 log = logging.getLogger("rhs")
 
 
-def in_one_line(error: BaseException, at: str, config: RunConfig) -> str:
-    """The reason of a failed run. Where the error was raised in a plugin's own package: its kind and name, where it comes
-    from, file and line."""
+def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping[str, object]) -> str:
+    """The reason of a failed run. Where the error was raised inside a part: its kind and name, where it comes from, the file
+    and line of its own package. parts: kind -> the part as it was built."""
     said = _said(error)
-    text = printable(" ".join(f"{type(error).__name__}{at}: {said}".split()))
-    where = _deepest(error.__traceback__, _packages(config))
-    if where is None or (isinstance(error, RhsError) and said):
+    text = plain(f"{type(error).__name__}{at}: {said}")
+    chosen = {"task": config.task, **config.parts}
+    who = {id(part): kind for kind, part in parts.items()} | {id(one.settings): kind for kind, one in chosen.items()}
+    kind, package, where = "", "", ("", 0)
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        owner = frame.f_locals.get("self")
+        module = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if not kind and id(owner) in who and module != "rhs":
+            kind, package = who[id(owner)], module
+        if kind and module == package:
+            where = (frame.f_code.co_filename, line)
+    if not kind or (isinstance(error, RhsError) and said):
         return text
-    who, path, line = where
-    return f"{who} failed in {Path(path).parent.name}/{Path(path).name}:{line}: {text}"
+    name = chosen[kind].name
+    origins = registry.origins(kind, name)
+    path = Path(where[0])
+    return (f"{kind}={name} ({origins[0].distribution if origins else 'unregistered'}) failed in "
+            f"{path.parent.name}/{path.name}:{where[1]}: {text}")
 
 
 def write_traceback(folder: Path, error: BaseException) -> None:
@@ -64,25 +76,3 @@ def _said(error: BaseException) -> str:
         return str(error)
     except BaseException:
         return "(its text cannot be shown)"
-
-
-def _packages(config: RunConfig) -> dict[str, str]:
-    """Top-level package or module file of each chosen plugin -> `kind=name (origin)`."""
-    chosen = {"task": config.task, **config.parts}
-    found = {}
-    for kind, part in chosen.items():
-        origins = registry.origins(kind, part.name)
-        from_whom = origins[0].distribution if origins else "unregistered"
-        found[type(part.settings).__module__.partition(".")[0] + f"|{kind}"] = f"{kind}={part.name} ({from_whom})"
-    return {key: who for key, who in found.items() if not key.startswith("rhs|")}
-
-
-def _deepest(trace: TracebackType | None, packages: dict[str, str]) -> tuple[str, str, int] | None:
-    """The innermost frame that belongs to a chosen plugin's package."""
-    found = None
-    for frame, line in traceback.walk_tb(trace):
-        module = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        who = [text for key, text in packages.items() if key.partition("|")[0] == module]
-        if who:
-            found = (" or ".join(who), frame.f_code.co_filename, line)
-    return found

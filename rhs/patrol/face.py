@@ -9,10 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rhs.api import settings
 from rhs.api.contracts import PLUGIN_KINDS
 from rhs.api.records import Step
 from rhs.base.errors import ConfigError
-from rhs.config import registry, settings
+from rhs.config import registry
 from rhs.config.compose import Composer, RunConfig
 from rhs.config.overrides import GROUPS, Word, parse, plain_words
 from rhs.runfolder.folders import claim_run

@@ -14,6 +14,7 @@ from rhs.api.randomness import generator
 from rhs.api.records import Belief, Event, MissionStatus, Step
 from rhs.api.task import Parts, StepJob
 from rhs.api.trajectory import Trajectory, write_tum
+from rhs.api.validate import reach_of
 from rhs.base.errors import ConfigError, RhsError
 from rhs.estimation import survey as surveying
 from rhs.estimation.survey import Survey as Surveyed
@@ -40,7 +41,8 @@ class PatrolJob(StepJob):
         self.settings, self.context, self.world = settings, context, world
         self.parts = context.parts(world=world)
         if "odometry" in context.config.parts:
-            self.parts.odometry = gated(self.parts.odometry, context.settings("odometry").needs, settings.gate)
+            self.parts.odometry = gated(self.parts.odometry, context.settings("odometry").needs, settings.gate,
+                                        self.parts.who["odometry"])
 
     def steps(self) -> Iterator[Step]:
         """Both phases; the row's columns follow from the files they leave."""
@@ -71,9 +73,10 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")
     begin = time.perf_counter()
-    revised, walls = surveying.revise(collector.views, parts.odometry)
-    views, closure = surveying.close(revised, parts.loop_closer)
-    grid = surveying.draw(views, parts.mapper)
+    reach_m, who = reach_of(parts.source.facts), parts.who
+    revised, walls = surveying.revise(collector.views, parts.odometry, who=who["odometry"], reach_m=reach_m)
+    views, closure = surveying.close(revised, parts.loop_closer, who=who["loop_closer"], reach_m=reach_m)
+    grid = surveying.draw(views, parts.mapper, who=who["mapper"])
     closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
     write_tum(log.folder / "corrected.tum", Trajectory(stamps, closure.poses))
@@ -96,7 +99,8 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
                         settings=turning(settings.mission, parts.odometry))
     if settings.mission.kidnap:
         sentinel.kidnapper = Kidnapper(generator(seed, "kidnapper"), survey.views)
-    loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views))
+    loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views),
+                 after_s=last.stamp_s, who=parts.who)
     try:
         for step in log.follow(loop, "patrol", None):
             if Event.ARRIVED in step.events:

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
+from rhs.api.contracts import Odometry
 from rhs.api.records import MissionStatus
 from rhs.base.errors import check_choice, check_range
 
@@ -61,10 +62,10 @@ class MissionSettings:
         check_range("mission", "speed_mps", self.speed_mps, low=0.02, high=3.0, unit="m/s")
 
 
-def turning(settings: MissionSettings, odometry: object) -> MissionSettings:
+def turning(settings: MissionSettings, odometry: Odometry) -> MissionSettings:
     """The settings with `turn` decided: on arcs and in steps as short as the odometry wants them, where it is left to one
     that `keeps_moving` (rhs.contracts)."""
-    wanted = getattr(odometry, "keeps_moving", None)
+    wanted = odometry.keeps_moving
     if settings.turn != "auto" or wanted is None:
         return replace(settings, turn="pivot" if settings.turn == "auto" else settings.turn)
     step_m, turn_step_deg = wanted

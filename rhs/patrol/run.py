@@ -19,6 +19,7 @@ from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.parts import Chosen, build, build_part
 from rhs.metrics.evaluate import evaluate
+from rhs.metrics.success import with_success
 from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
@@ -69,7 +70,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched) -> Gene
         row = finished(run, row, run.outcome_of(cause))
     if cause is not None:
         write_traceback(folder, cause)
-    draw(config, folder, row)
+    draw(run, row)
     return row | {"_cause": cause}
 
 
@@ -84,10 +85,11 @@ def finished(run: RunContext, row: Mapping[str, Any], outcome: Mapping[str, str]
         try:
             row |= sound(compute())
         except BaseException as error:
-            failures.append(in_one_line(error, "", run.config))
+            failures.append(run.said_of(error))
             interrupted = error if isinstance(error, KeyboardInterrupt) else interrupted
     if failures:
         row["metric_failures"] = "; ".join([*failures, *filter(None, [row.get("metric_failures")])])
+    row = with_success(row)
     write_row(run.folder, row)
     if interrupted is not None:
         raise interrupted
@@ -101,8 +103,9 @@ def run_ended(run: RunContext, row: Mapping[str, Any], reason: str) -> None:
     finished(run, row, outcome)
 
 
-def draw(config: RunConfig, folder: Path, row: dict[str, Any]) -> None:
+def draw(run: RunContext, row: dict[str, Any]) -> None:
     """The pictures that the files of the folder allow. One that fails is named in the row."""
+    config, folder = run.config, run.folder
     if config.pictures == "off" and not config.video:
         return
     try:
@@ -113,7 +116,7 @@ def draw(config: RunConfig, folder: Path, row: dict[str, Any]) -> None:
         if config.video:
             report.video(folder)
     except BaseException as error:
-        row["picture_failures"] = in_one_line(error, "", config)
+        row["picture_failures"] = run.said_of(error)
         write_row(folder, row)
         if isinstance(error, KeyboardInterrupt):
             raise
@@ -128,6 +131,7 @@ class RunContext:
         self.log: RunLog | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
+        self._parts: dict[str, object] = {}  # kind -> part, as built last
         self._began_s = time.perf_counter()
 
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
@@ -157,15 +161,17 @@ class RunContext:
         parts = build(chosen, seed=self.seed if seed is None else seed, folder=self.folder, features=self.features,
                       world=self.floor_plan() if world is None else world)
         self._built.append(parts)
+        self._parts = {kind: getattr(parts, kind) for kind in self.config.parts if hasattr(parts, kind)}
         return parts
 
     def build_part(self, kind: str, context: Context) -> Any:
-        return build_part(kind, self.config.parts[kind], context)
+        part = build_part(kind, self.config.parts[kind], context)
+        self._parts[kind] = part
+        return part
 
     def lead(self, parts: Parts) -> Iterator[Step]:
-        online = getattr(parts.odometry, "online", None)
-        led = Led(se2(*parts.source.facts.start), parts.mapper, online)
-        return steps(parts.source, parts.sensor, parts.odometry, led)
+        led = Led(se2(*parts.source.facts.start), parts.mapper, parts.slam)
+        return steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who)
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None = None) -> Iterator[Step]:
         if self.log is None:
@@ -188,7 +194,11 @@ class RunContext:
             return {"status": "ok", "reason": ""}
         if isinstance(error, KeyboardInterrupt | GeneratorExit):
             return {"status": "interrupted", "reason": f"interrupted{self.at}"}
-        return {"status": "failed", "reason": in_one_line(error, self.at, self.config)}
+        return {"status": "failed", "reason": self.said_of(error, self.at)}
+
+    def said_of(self, error: BaseException, at: str = "") -> str:
+        """An error in one line, and whose it is."""
+        return in_one_line(error, at, self.config, self._parts)
 
     @property
     def at(self) -> str:
@@ -219,8 +229,8 @@ class RunContext:
             return columns
         if not self.config.driving:
             columns["world"] = parts.source.facts.name  # of the recording
-        columns |= {"renderer": getattr(parts.source, "renderer", ""), "lost": getattr(parts.source, "lost", "")}
+        columns |= {"renderer": parts.source.renderer, "lost": parts.source.lost}
         if "odometry" in self.config.parts:
             metric = sorted({"depth", "wheel"} & self.config.odometry.settings.needs)
-            columns["scale_from"] = getattr(parts.odometry, "scale_from", "") or " + ".join(metric)
+            columns["scale_from"] = parts.odometry.scale_from or " + ".join(metric)
         return columns

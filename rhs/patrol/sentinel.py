@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rhs.api.contracts import Blockage, Blocked, Source
+from rhs.api.frozen import seal
 from rhs.api.geometry import planar, wrap
-from rhs.api.grid import OccupancyGrid, inflate, nearest_open
+from rhs.api.grid import OccupancyGrid, configuration_space, inflate, nearest_open
 from rhs.api.records import (
     Belief,
     Capture,
@@ -24,11 +27,12 @@ from rhs.api.records import (
     View,
 )
 from rhs.api.task import Parts
+from rhs.api.validate import check_capture, check_path
 from rhs.estimation.survey import known_free
 
 from .control import Pace, ahead_on_path, closest_on_path, steer, turn
 from .kidnap import Kidnapper
-from .loop import Decision
+from .loop import Decision, names
 from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch
 from .relocate import Search, clear_ahead_m
@@ -46,12 +50,13 @@ LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 class Sentinel:
     """Pilot of the patrol. One call of `decide` per view; the book of missions is in `book`."""
 
-    phase = "patrol"
+    phase, believer = "patrol", "localiser"
 
     def __init__(self, parts: Parts, grid: OccupancyGrid, views: Sequence[View], *,
                  places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings) -> None:
         self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
-        self.slam = getattr(parts.odometry, "online", None)  # draws a new map all the time
+        self.slam = parts.slam  # draws a new map all the time
+        self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan)
         self.radius_m, self.views = radius_m, tuple(views)
         self._take_map(grid)
         self.book = Logbook(places)
@@ -67,7 +72,7 @@ class Sentinel:
         free, settings = known_free(grid, self.views, self.radius_m), self.settings
         least_m = self.radius_m + settings.margin_m
         self.grid = grid
-        self.grown = [(growth, inflate(~free, growth)) for growth in
+        self.grown = [(growth, configuration_space(~free, growth)) for growth in
                       np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
         self.watch = ObstacleWatch(grid, free, tolerance_m=settings.wall_tolerance_m)
 
@@ -88,7 +93,7 @@ class Sentinel:
 
     def first(self, source: Source) -> Capture | None:
         source.begin_patrol()
-        return source.drive(Twist(0.0, 0.0, 0.05)) if self.book.places else None
+        return self._driven(source, Twist(0.0, 0.0, 0.05)) if self.book.places else None
 
     def locate(self, observation: Observation, motion: Motion) -> Belief:
         return self.localiser.update(observation, motion)
@@ -100,7 +105,11 @@ class Sentinel:
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
             self.kidnapper.maybe(source, self.book)
-        return None if command is None else source.drive(command)
+        return None if command is None else self._driven(source, command)
+
+    def _driven(self, source: Source, command: Twist) -> Capture:
+        """What the source shows after a command; nothing at all would end the patrol as if it were over."""
+        return check_capture(source.drive(command), who=self.who["source"])
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
         """Arrived? Lost? Blocked? Otherwise follow the path."""
@@ -172,11 +181,17 @@ class Sentinel:
 
     def _plan_with_room(self, start_m: np.ndarray, goal_m: np.ndarray) -> Path:
         """The way with the most room that is hardly longer than the one with the least."""
+        from rhs.estimation.paths.shorten import shortened  # compiled code, half a second to load
+
         def ask(growth_cells: float, mapped: np.ndarray) -> Path:
             blocked = mapped | inflate(self.watch.cells, growth_cells)
             near_m = nearest_open(self.grid, blocked, goal_m, self.settings.arrive_m - GOAL_SLACK_M)
-            return self.planner.plan(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m,
-                                                     start_m.copy(), near_m))
+            problem = seal(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, start_m.copy(), near_m))
+            began_s = time.process_time()
+            plan = self.planner.plan(problem)
+            plan_ms = 1e3 * (time.process_time() - began_s)
+            plan = check_path(plan, problem, who=self.who["planner"])
+            return shortened(replace(plan, plan_ms=plan_ms), problem)
 
         least = ask(*self.grown[-1])
         for growth_cells, mapped in self.grown[:-1] if least.found else ():

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from rhs.base.errors import RecordingError, check_file
+from rhs.base.commands import check_regular
+from rhs.base.errors import RecordingError
 
 from .mcap_records import (
     ATTACHMENT,
@@ -101,7 +102,7 @@ def open_scan(path: Path) -> tuple[BinaryIO, Report]:
     if path.is_dir():
         raise RecordingError(f"{path} is a folder, not an MCAP file; give the .mcap file itself")
     try:
-        check_file(path)
+        check_regular(path)
         size = path.stat().st_size
         file = path.open("rb")
     except OSError as error:

@@ -89,8 +89,8 @@ def stage_times(steps: pandas.DataFrame) -> Figure | None:
 
 
 def bars(table: pandas.DataFrame, column: str, group: Sequence[str]) -> Figure | None:
-    """Mean of a column per group with its 95 % bootstrap interval, every run as a dot, and the share that ended well."""
-    from .summary import bootstrap
+    """Mean of a column per group with its 95 % interval, every run as a dot, and the share that ended well."""
+    from .intervals import mean_interval
 
     if column not in table.columns or not table[column].notna().any():
         return None
@@ -105,7 +105,7 @@ def bars(table: pandas.DataFrame, column: str, group: Sequence[str]) -> Figure |
             continue
         axes.barh(place, values.mean(), color=COLOURS["corrected"], alpha=0.55, height=0.6)
         axes.plot(values, np.full(len(values), place), ".", color="#222222", markersize=4, alpha=0.6, zorder=3)
-        low, high = bootstrap(values)
+        low, high = mean_interval(values)
         if np.isfinite(low):
             axes.plot([low, high], [place, place], color=COLOURS["place"], linewidth=2)
     axes.set_yticks(range(len(labels)), labels, fontsize=8)

@@ -1,73 +1,186 @@
-"""Which of two is better, on the same worlds and seeds: paired differences, not two averages.
+"""Which of two is better, all else equal: paired differences, not two averages.
 
-Per pair of values (two planners, two odometries, ...) and column: mean difference with its 95 % bootstrap interval,
-Wilcoxon's signed-rank test; and, since a mean over successes alone flatters, how often only one of the two completed its
-run (McNemar's exact test). p values are corrected for the number of comparisons (Holm 1979).
+Two runs are a pair when everything agrees but what is compared: task, world, seed, every other part and every setting
+(config.yaml of their folders), start, goal, scenario. Per pair of values and column: mean difference with its 95 %
+interval, Wilcoxon's signed-rank test; the same difference over the pairs that both solved; and how often only one of the
+two succeeded (McNemar's exact test). Pairs of one world (or one problem) are one unit of the interval and the tests where
+there are several worlds (problems). p values are corrected for the number of comparisons (Holm 1979).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rhs.base.errors import ConfigError
 from rhs.runfolder.row import KEYS
 
-from .summary import bootstrap, check_columns, complete
+from .intervals import LEAST, holm, least_p, legend, mean_interval, mean_text, signed_rank_p, units
+from .observations import clusters, independent, judged, numbers
+from .summary import check_columns, short
+from .varied_settings import is_setting, settings_of
 
 if TYPE_CHECKING:
     import pandas
 
+PARTS = KEYS[1:-1]
+SIGNIFICANT = 0.05
+Chosen = dict[str, object]
 
-def compare(table: pandas.DataFrame, key: str, columns: Sequence[str]) -> pandas.DataFrame:
-    """One row per pair of values of `key` and column. Raises ConfigError when there is nothing to pair."""
+
+class Pairs(NamedTuple):
+    """Row numbers of runs of the value a and of the value b that belong together, as (P,) arrays."""
+
+    name: str
+    a: np.ndarray
+    b: np.ndarray
+
+
+def compare(table: pandas.DataFrame, key: str, columns: Sequence[str] = (), *, cluster: str = "") -> pandas.DataFrame:
+    """One row per pair of values of `key` (a part or a setting) and column; what must be said with it in attrs["notes"].
+
+    Raises ConfigError when there is nothing to pair, or when a run has more than one partner."""
     import pandas as pd
 
-    check_columns(table, [key, *columns])
-    others = [name for name in KEYS if name != key]
-    marked = table.assign(complete_=complete(table))
-    values = sorted(marked[key].dropna().unique())
+    scored = judged(table)
+    check_columns(scored, columns)
+    found, alone = pairs(table, key)
+    label = independent(table)
     rows = []
-    for a, b in combinations(values, 2):
-        both = marked[marked[key] == a].merge(marked[marked[key] == b], on=others, suffixes=(" a", " b"))
-        rows += [_row(both, column, f"{a} - {b}") for column in columns] if len(both) else []
-    if not rows:
-        raise ConfigError(f"no two runs differ in {key} alone; sweep {key} over the same worlds and seeds")
+    for pair in found:
+        once = _once(pair, label)
+        sample = clusters(table.iloc[once.a], cluster)
+        rows += [_row(scored, once, len(pair.a), column, sample) for column in columns]
     out = pd.DataFrame(rows)
-    out["p"] = holm(out["p"].to_numpy(float))
+    out["p"], out["least_p"] = holm(out["p"].to_numpy(float)), holm(out["least_p"].to_numpy(float))
     for column in columns:  # the same pairs whatever the column: corrected for the pairs alone
         own = (out["column"] == column).to_numpy()
         out.loc[own, "p_complete"] = holm(out.loc[own, "p_complete"].to_numpy(float))
+    out.attrs["notes"] = _notes(out, key, alone, cluster)
     return out
 
 
-def _row(both: pandas.DataFrame, column: str, name: str) -> dict[str, object]:
-    from scipy.stats import binomtest, wilcoxon
+def pairs(table: pandas.DataFrame, key: str) -> tuple[list[Pairs], int]:
+    """The pairs for each two values of `key`, and how many runs have no partner at all."""
+    choices = [_choices(table, index) for index in range(len(table))]
+    if not any(key in one for one in choices):
+        check_columns(table, [key])
+    groups: dict[frozenset, dict[object, int]] = {}
+    rest = [{name: value for name, value in one.items() if not _compared(name, key)} for one in choices]
+    for index, one in enumerate(choices):
+        if one.get(key) is None:
+            continue
+        members = groups.setdefault(frozenset(rest[index].items()), {})
+        if one[key] in members:
+            raise ConfigError(_not_unique(table, key, choices, members[one[key]], index))
+        members[one[key]] = index
+    values = sorted({value for members in groups.values() for value in members}, key=lambda v: (str(type(v)), v))
+    out = []
+    for a, b in combinations(values, 2):
+        both = [(members[a], members[b]) for members in groups.values() if a in members and b in members]
+        if both:
+            out.append(Pairs(f"{a} - {b}", *np.array(both).T))
+    if not out:
+        raise ConfigError(_nothing_to_pair(key, choices, rest))
+    return out, sum(len(members) == 1 for members in groups.values())
 
-    done = both["complete_ a"].to_numpy(bool), both["complete_ b"].to_numpy(bool)
-    only_a, only_b = int((done[0] & ~done[1]).sum()), int((~done[0] & done[1]).sum())
-    difference = (both[f"{column} a"].astype("float64") - both[f"{column} b"].astype("float64")).dropna().to_numpy()
-    low, high = bootstrap(difference)
-    moved = difference[difference != 0.0]
+
+def _choices(table: pandas.DataFrame, index: int) -> Chosen:
+    """All that was chosen for a run: its configuration, and what the row says of it."""
+    import pandas as pd
+
+    row = table.iloc[index]
+    named = [name for name in table.columns if name in ("task", *KEYS) or is_setting(name)]
+    known = {name: getattr(row[name], "item", lambda value=row[name]: value)() for name in named if not pd.isna(row[name])}
+    settings = {name.removesuffix(".name"): value for name, value in settings_of(str(table.index[index])).items()}
+    return settings | known
+
+
+def _compared(name: str, key: str) -> bool:
+    """Whether a choice is the one that is compared: the key itself or, of a part, its own settings."""
+    return name == key or (key in PARTS and name.startswith(f"{key}."))
+
+
+def _not_unique(table: pandas.DataFrame, key: str, choices: list[Chosen], first: int, second: int) -> str:
+    one, other = choices[first], choices[second]
+    names = sorted(name for name in {**one, **other} if one.get(name) != other.get(name))
+    if not names:
+        return (f"two runs of {key}={one[key]} are the same run twice: {table.index[first]} and {table.index[second]}; give "
+                f"the folder of one sweep")
+    return (f"not a unique pair: runs of {key}={one[key]} differ in {', '.join(names[:3])} ({one.get(names[0])}, "
+            f"{other.get(names[0])}); compare {names[0]}, or give a folder with one value of it")
+
+
+def _nothing_to_pair(key: str, choices: list[Chosen], rest: list[Chosen]) -> str:
+    """The complaint, with the choices in which the two likest runs of different values differ."""
+    some = [index for index, one in enumerate(choices) if one.get(key) is not None][:100]
+    differing = [sorted(name for name in {**rest[i], **rest[j]} if rest[i].get(name) != rest[j].get(name))
+                 for i, j in combinations(some, 2) if choices[i][key] != choices[j][key]]
+    likest = min(differing, key=len, default=[])
+    also = f" (they differ in {', '.join(likest[:3])} too)" if likest else ""
+    return f"no two runs differ in {key} alone{also}; sweep {key} over the same worlds and seeds"
+
+
+def _once(pair: Pairs, label: np.ndarray) -> Pairs:
+    """The pairs without repetition: two results that are the same for every seed are one pair."""
+    _, first = np.unique(np.stack([label[pair.a], label[pair.b]]), axis=1, return_index=True)
+    first.sort()
+    return Pairs(pair.name, pair.a[first], pair.b[first])
+
+
+def _row(scored: pandas.DataFrame, pair: Pairs, count: int, column: str, sample: np.ndarray) -> dict[str, object]:
+    values, done = numbers(scored, column), scored["success"].to_numpy(float)
+    difference = values[pair.a] - values[pair.b]
+    known, solved = np.isfinite(difference), (done[pair.a] == 1.0) & (done[pair.b] == 1.0)
+    one_each = units(difference[known], sample[known])
+    low, high = mean_interval(one_each)
+    won = _won(done[pair.a] - done[pair.b], sample)
+    decided = int((won != 0.0).sum())
     return {
-        "column": column, "difference": name, "pairs": len(both), "with_both": len(difference),
-        "mean": float(difference.mean()) if len(difference) else np.nan, "low": low, "high": high,
-        "p": float(wilcoxon(moved).pvalue) if len(moved) > 1 else 1.0 if len(difference) else np.nan,
-        "only_first_complete": only_a, "only_second_complete": only_b,
-        "p_complete": float(binomtest(only_a, only_a + only_b).pvalue) if only_a + only_b else 1.0,
+        "column": column, "difference": pair.name, "pairs": count, "with_both": int(known.sum()), "units": len(one_each),
+        "mean": float(difference[known].mean()) if known.any() else np.nan, "low": low, "high": high,
+        "p": signed_rank_p(one_each), "least_p": least_p(len(one_each)), "both_solved": int(solved.sum()),
+        "mean_both_solved": mean_text(difference[solved], sample[solved]),
+        "only_first_complete": int((done[pair.a] > done[pair.b]).sum()),
+        "only_second_complete": int((done[pair.a] < done[pair.b]).sum()),
+        "p_complete": _sign_p(int((won > 0.0).sum()), decided),
     }
 
 
-def holm(p: np.ndarray) -> np.ndarray:
-    """p values corrected for their number by Holm's step-down rule; NaN stays out of the count."""
-    out = np.full(len(p), np.nan)
-    known = np.flatnonzero(np.isfinite(p))
-    order = known[np.argsort(p[known], kind="stable")]
-    highest = 0.0
-    for rank, index in enumerate(order):
-        highest = max(highest, min(1.0, (len(order) - rank) * p[index]))
-        out[index] = highest
-    return out
+def _won(difference: np.ndarray, sample: np.ndarray) -> np.ndarray:
+    """Per unit, which of the two succeeded more often: the sign of the sum of (P,) differences in success."""
+    known = np.isfinite(difference)
+    if not known.any():
+        return np.empty(0)
+    _, label = np.unique(sample[known], return_inverse=True)
+    return np.sign(np.bincount(label, difference[known]))
+
+
+def _sign_p(wins: int, count: int) -> float:
+    """McNemar's exact test: the sign test of what only one of two achieved."""
+    from scipy.stats import binomtest
+
+    return float(binomtest(wins, count).pvalue) if count else 1.0
+
+
+def _notes(view: pandas.DataFrame, key: str, alone: int, cluster: str) -> list[str]:
+    tests, differences = int(view["p"].notna().sum()), view["difference"].nunique()
+    notes = [f"p: Wilcoxon's, corrected for {tests} comparisons (Holm); p_complete: McNemar's, corrected for {differences}"]
+    weak = view[view["least_p"] > SIGNIFICANT]
+    if len(weak):
+        first = weak.iloc[0]
+        notes.append(f"too few to reach p < {SIGNIFICANT}: {len(weak)} of {len(view)} comparisons, for instance "
+                     f"{first['difference']} on {first['column']}: n = {first['units']}, least possible corrected p "
+                     f"{short(float(first['least_p']))}" + ("; fewer --columns help" if tests > differences else ""))
+    if (view["units"] < view["with_both"]).any():
+        what = cluster or "worlds or problems"
+        notes.append(f"units: {what} with several pairs count once, by their mean; --cluster run counts every pair, and "
+                     f"then speaks of these {what} alone")
+    if (view["with_both"] > 0).any() and (view["units"] < LEAST).any():
+        notes.append(f"no interval from fewer than {LEAST} units")
+    if alone:
+        notes.append(f"{alone} runs have no partner that differs in {key} alone; they are left out")
+    return [*notes, *legend(" ".join(view["mean_both_solved"]), "units")]

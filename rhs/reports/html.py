@@ -41,8 +41,9 @@ TABLE = """{% macro table(view) %}<div class="wide"><table>
 """
 
 SWEEP = HEAD + TABLE + """
-<p>{{ good }} of {{ count }} runs ended well and visited every place they had.</p>
+{% for message in unreadable %}<p>Not counted: {{ message }}</p>{% endfor %}
 <h2>Per group</h2>{{ table(summary) }}
+{% for note in notes %}<p>{{ note }}</p>{% endfor %}
 <h2>Charts</h2>{% for chart in charts %}<img src="{{ chart }}" alt="chart">{% endfor %}
 <h2>Runs</h2>{{ table(runs) }}
 </body></html>

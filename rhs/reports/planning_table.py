@@ -1,23 +1,27 @@
-"""The table of planning runs: per map and planner, success, validity, lengths, time, with n, failures and intervals.
+"""The table of planning runs: per map, problem and planner, success, lengths, time, with n, failures and intervals.
 
-Shares of runs have Wilson's 95 % interval; means have a bootstrapped one (rhs.summary), medians (of times) that of their
-order statistics; both are over the runs that found a path, whose number stands beside them. A problem that one planner
-fails stays in every other planner's row. The thesis's table 3.1 stands beside ours where it has a figure: it counts cells
-of 0.1 m, evidently steps for the potential field.
+A problem is a start, a goal or a scenario, where a map has several; those of a MovingAI file stand by bucket (of four cells
+of octile optimum). Success is a path that was found and is valid; figures are over those. What the planners' failures do to
+a mean over successes is told by three scores: SPL and PAR-2 (rhs.reports.observations) and, where a line holds several
+problems, the length above the optimum on those that every planner solved. Runs that are equal for every seed count once.
+The thesis's table 3.1 stands beside ours where it has a figure: it counts cells of 0.1 m, evidently steps for the potential
+field.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rhs.api.files import replacing
-
-from .summary import bootstrap, mean_text, wilson
+from .export import as_markdown as as_markdown
+from .export import write_text
+from .intervals import interval_rank as interval_rank
+from .intervals import legend, mean_interval, mean_text, median_text, share_text, units
+from .observations import QUESTION, clusters, failures_told, independent, judged, numbers, planned, problems, reasons
+from .varied_settings import is_setting
 
 if TYPE_CHECKING:
     import pandas
@@ -29,14 +33,14 @@ THESIS = {
     "map3": {"potential_field": (121.0, 0.23, 100), "rrt": (161.74, 0.36, 100), "prm": (135.5, 38.36, 100)},
     "map4": {"potential_field": (108.0, 0.34, 100), "rrt": (161.63, 4.9, 100), "prm": (137.0, 15.1, 10)},
 }
+TIMES = ("plan_learn_ms", "plan_ms", "plan_again_ms")
+MOST_BARS = 12  # maps or problems in one picture
 FIRST = ("potential_field", "rrt", "prm", "rrt_connect")  # the thesis's planners first, then the others by name
 
 
 def planning_rows(table: pandas.DataFrame) -> pandas.DataFrame:
     """The rows of the planning task."""
-    if "plan_success" not in table.columns:
-        return table.iloc[:0]
-    return table[table["plan_success"].notna() | (table.get("task", "") == "planning")]
+    return table[planned(table)]
 
 
 def order(names: Sequence[str]) -> list[str]:
@@ -45,52 +49,132 @@ def order(names: Sequence[str]) -> list[str]:
     return [name for name in FIRST if name in found] + sorted(found - set(FIRST))
 
 
+class Group(NamedTuple):
+    """The runs of one line: rows judged, with the columns independent_, reason_, problem_ and, of failures too, plan_ms_."""
+
+    place: str
+    problem: str
+    planner: str
+    settings: str
+    rows: pandas.DataFrame
+
+    @property
+    def where(self) -> str:
+        return f"{self.place} {self.problem}".strip()
+
+    @property
+    def who(self) -> str:
+        return f"{self.planner} {self.settings}".strip()
+
+
+def groups(table: pandas.DataFrame) -> Iterator[Group]:
+    """The lines of the table, from rows of rhs.table: by map, problem or bucket, planner, and settings that were varied."""
+    rows = planning_rows(table)
+    took = {f"{name}_": numbers(rows, name) for name in TIMES}  # of failures too
+    rows = judged(rows).assign(independent_=independent(rows), reason_=reasons(rows), problem_=problems(rows), **took)
+    rows = rows.assign(line_=problem_lines(rows), settings_=_varied(rows))
+    for world in sorted(rows["world"].dropna().unique()):
+        here = rows[rows["world"] == world]
+        for problem in sorted(here["line_"].unique(), key=_natural):
+            one = here[here["line_"] == problem]
+            for planner in order(one["planner"].dropna().unique()):
+                mine = one[one["planner"] == planner]
+                for settings in sorted(mine["settings_"].unique(), key=_natural):
+                    yield Group(world, problem, planner, settings, mine[mine["settings_"] == settings])
+
+
+def problem_lines(rows: pandas.DataFrame) -> np.ndarray:
+    """(N,) words for the problem as it stands in a line: the bucket of a MovingAI problem where there are several."""
+    asked = problems(rows)
+    bucket = numbers(rows, "bucket")
+    return np.array([f"bucket {k:.0f}" if words and np.isfinite(k) else words
+                     for words, k in zip(asked, bucket, strict=True)], dtype=object)
+
+
+def _varied(rows: pandas.DataFrame) -> np.ndarray:
+    """(N,) words for the settings in which runs of the same planner differ, the question apart."""
+    names = [name for name in rows.columns if is_setting(name) and name not in QUESTION]
+    names = [name for name in names if (rows.groupby("planner")[name].nunique(dropna=False) > 1).any()]
+    return np.array([", ".join(f"{name.removeprefix('planner.').removeprefix('planning.')}={value}" for name, value in
+                               zip(names, values, strict=True) if str(value) not in ("<NA>", "nan", "None"))
+                     for values in rows[names].itertuples(index=False, name=None)], dtype=object)
+
+
+def _natural(text: str) -> list:
+    """Sort key in which bucket 10 follows bucket 9."""
+    return [(1, float(word), "") if word.replace(".", "", 1).isdigit() else (0, 0.0, word)
+            for word in text.replace("=", " ").split()]
+
+
 def planning_table(table: pandas.DataFrame) -> pandas.DataFrame:
-    """One row per world and planner, from rows of rhs.table."""
+    """One row per world, problem or bucket, and planner, from rows of rhs.table; what brackets mean in attrs["notes"]."""
     import pandas as pd
 
+    found = list(groups(table))
+    by_all = _solved_by_all(found)
+    several = any(group.rows["problem_"].nunique() > 1 for group in found)
+    view = pd.DataFrame([_line(group, by_all if several else None) for group in found])
+    for name in ("problem", "settings"):
+        if name in view and not view[name].astype(bool).any():
+            view = view.drop(columns=name)
     rows = planning_rows(table)
-    out = []
-    for world in sorted(rows["world"].dropna().unique()):
-        for planner in order(rows.loc[rows["world"] == world, "planner"].dropna().unique()):
-            out.append(_line(world, planner, rows[(rows["world"] == world) & (rows["planner"] == planner)]))
-    return pd.DataFrame(out)
+    repeated = len(view) and (view["independent"] < view["n"]).any()
+    view.attrs["notes"] = [*legend(" ".join(map(str, view.to_numpy().ravel()))),
+                           *(["independent: runs that are equal for every seed count once"] if repeated else []),
+                           "SPL and PAR-2 count failures (PAR-2: twice the longest time of any run of the problem)",
+                           failures_told(rows)]
+    return view
 
 
-def _line(world: str, planner: str, part: pandas.DataFrame) -> dict[str, object]:
-    number = _column(part, "plan_success")
-    found = np.nan_to_num(number) == 1.0
-    valid = _column(part, "plan_valid")[found] == 1.0
-    low, high = wilson(int(found.sum()), len(part))
-    cells = 1.0 / _column(part, "map_resolution_m")
+def _solved_by_all(found: Sequence[Group]) -> set[tuple[str, str]]:
+    """(world, problem) that every planner that was asked solved in at least one run."""
+    solved: dict[tuple[str, str], set[str]] = {}
+    asked: dict[tuple[str, str], set[str]] = {}
+    for group in found:
+        for problem, done in zip(group.rows["problem_"], group.rows["success"], strict=True):
+            asked.setdefault((group.place, problem), set()).add(group.who)
+            if done == 1.0:
+                solved.setdefault((group.place, problem), set()).add(group.who)
+    return {key for key, who in asked.items() if solved.get(key) == who}
+
+
+def _line(group: Group, by_all: set[tuple[str, str]] | None) -> dict[str, object]:
+    part = group.rows
+    once = part[~part["independent_"].duplicated()]
+    sample = clusters(once)
+    cells = 1.0 / numbers(once, "map_resolution_m")
     walk = "plan_walk_steps" if "plan_walk_steps" in part and part["plan_walk_steps"].notna().any() else "plan_steps_raw"
+    found = once["success"].to_numpy(float) == 1.0
+    above = np.round(numbers(once, "plan_above_optimum_pct"), 3)
     line: dict[str, object] = {
-        "map": world, "planner": planner, "n": len(part), "failed": int(len(part) - found.sum()),
-        "success %": f"{100 * found.mean():.0f} [{100 * low:.0f}, {100 * high:.0f}]",
-        "valid %": f"{100 * valid.mean():.0f}" if len(valid) else "-",
-        "steps": mean_text(_column(part, walk)[found]),
-        "raw, cells": mean_text((_column(part, "plan_length_raw_m") * cells)[found]),
-        "length, cells": mean_text((_column(part, "plan_length_m") * cells)[found]),
-        "optimum, cells": _least(_column(part, "plan_optimal_m") * cells),
-        "above optimum %": mean_text(np.round(_column(part, "plan_above_optimum_pct")[found], 3)),
-        "clearance, cells": _mean(np.round(_column(part, "plan_clearance_min_m") * cells, 3)[found]),
-        "smoothness, 1/m2": _mean(_column(part, "plan_smoothness")[found]),
-        "learn ms": _median(_column(part, "plan_learn_ms")[found]),
-        "plan ms": _median(_column(part, "plan_ms")[found]),
-        "again ms": _median(_column(part, "plan_again_ms")[found]),
-        "classes": _shares(part["homotopy"].fillna("") if "homotopy" in part else []),
-        "reasons": _shares(part.loc[~found, "plan_reason"].fillna(part.loc[~found, "status"])),
+        "map": group.place, "problem": group.problem, "planner": group.planner, "settings": group.settings, "n": len(part),
+        "failed": int((part["success"] == 0.0).sum()), "independent": len(once),
+        "success %": share_text(once["success"].to_numpy(float), sample, factor=100),
+        "invalid": int((part["reason_"] == "invalid path").sum()),
+        "steps": mean_text(numbers(once, walk), sample),
+        "raw, cells": mean_text(numbers(once, "plan_length_raw_m") * cells, sample),
+        "length, cells": mean_text(numbers(once, "plan_length_m") * cells, sample),
+        "optimum, cells": _span(numbers(once, "plan_optimal_m") * cells),
+        "above optimum %": mean_text(above, sample),
     }
-    distance, seconds, success = THESIS.get(world, {}).get(planner, (np.nan,) * 3)
+    if by_all is not None:
+        common = np.array([(group.place, problem) in by_all for problem in once["problem_"]], bool)
+        line["solved by all"] = len(set(once["problem_"][common]))
+        line["above optimum %, those"] = mean_text(above[common], sample[common])
+    line |= {
+        "SPL": mean_text(numbers(once, "spl"), sample),
+        "clearance, cells": mean_text(np.round(numbers(once, "plan_clearance_min_m") * cells, 3), sample),
+        "smoothness, 1/m2": mean_text(numbers(once, "plan_smoothness"), sample),
+        "learn ms": median_text(numbers(part, "plan_learn_ms")),
+        "plan ms": median_text(numbers(part, "plan_ms")),
+        "again ms": median_text(numbers(part, "plan_again_ms")),
+        "PAR-2 ms": mean_text(numbers(part, "par2_ms"), clusters(part)),
+        "classes": _shares(once["homotopy"].fillna("")[found] if "homotopy" in once else []),
+        "reasons": _shares(part["reason_"]),
+    }
+    distance, seconds, success = THESIS.get(group.place, {}).get(group.planner, (np.nan,) * 3)
     told = {"thesis cells": f"{distance:g}", "thesis s": f"{seconds:g}", "thesis success %": f"{success:g}"}
     return line | {key: "" if value == "nan" else value for key, value in told.items()}
-
-
-def as_markdown(table: pandas.DataFrame) -> str:
-    """A table for a README."""
-    rows = [list(map(str, table.columns)), ["---"] * len(table.columns)]
-    rows += [[str(value).replace("|", "/") for value in row] for row in table.itertuples(index=False, name=None)]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
 
 
 def publish(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
@@ -100,31 +184,32 @@ def publish(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
     rows = planning_rows(table)
     summary = planning_table(rows)
     for name, text in (("planning_table.csv", summary.to_csv(index=False)), ("planning_table.md", as_markdown(summary))):
-        with replacing(folder / name) as file:
-            file.write(text)
+        write_text(folder / name, text)
     worlds, planners = sorted(rows["world"].unique()), order(rows["planner"].unique())
     runs: dict[tuple[str, str], FilePath] = {}
     for run, world, planner in sorted(zip(rows.index, rows["world"], rows["planner"], strict=True)):
         if (FilePath(run) / "plan.json").is_file():
             runs.setdefault((world, planner), FilePath(run))
     written = [folder / "planning_table.csv", folder / "planning_table.md"]
-    if len(worlds) <= 12:
+    if len(worlds) <= MOST_BARS:
         written.append(panel(runs, worlds, planners, folder / "panel.png"))
         written += draw_bars(rows, folder)
     return written
 
 
 def draw_bars(rows: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
-    """bars_COLUMN.png of lengths and times into an existing folder, from planning rows."""
+    """bars_COLUMN.png of lengths and times into an existing folder, from planning rows; none for too many problems."""
     from .planning_pictures import bars
 
-    worlds, planners, title = sorted(rows["world"].unique()), order(rows["planner"].unique()), _told(planning_table(rows))
-    written = []
+    found = list(groups(rows))
+    if len({group.where for group in found}) > MOST_BARS:
+        return []
+    title, written = _told(planning_table(rows)), []
     for column, label, log in (("plan_length_raw_m", "raw length [m]", False), ("plan_length_m", "length [m]", False),
                                ("plan_above_optimum_pct", "above the optimum [%]", False),
                                ("plan_ms", "planning time [CPU ms]", True)):
-        groups = [_bar(rows, world, planner, column) for world in worlds for planner in planners]
-        written.append(bars(groups, label, folder / f"bars_{column}.png", title=title, log=log))
+        drawn = [_bar(group, column) for group in found]
+        written.append(bars(drawn, label, folder / f"bars_{column}.png", title=title, log=log))
     return written
 
 
@@ -137,51 +222,23 @@ def _told(summary: pandas.DataFrame) -> str:
             + (", ".join(failed[:6]) + (", ..." if len(failed) > 6 else "") if failed else "none"))
 
 
-def _bar(rows: pandas.DataFrame, world: str, planner: str, column: str) -> tuple[str, str, float, float, float]:
-    part = rows[(rows["world"] == world) & (rows["planner"] == planner) & (rows["plan_success"] == 1)]
-    values = _column(part, column)
-    values = values[np.isfinite(values)]
-    low, high = bootstrap(values)
-    return world, planner, float(values.mean()) if len(values) else float("nan"), low, high
+def _bar(group: Group, column: str) -> tuple[str, str, float, float, float]:
+    part = group.rows[~group.rows["independent_"].duplicated()]
+    values = numbers(part, column)
+    known = np.isfinite(values)
+    low, high = mean_interval(units(values[known], clusters(part)[known]))
+    return group.where, group.who, float(values[known].mean()) if known.any() else float("nan"), low, high
 
 
-def _column(part: pandas.DataFrame, name: str) -> np.ndarray:
-    if name not in part.columns:
-        return np.full(len(part), np.nan)
-    return part[name].astype("float64").to_numpy()
-
-
-def _mean(values: np.ndarray) -> str:
-    return mean_text(values[~np.isnan(values)])
-
-
-def _median(values: np.ndarray) -> str:
-    """`median [low, high]`: from six runs on, the order statistics that hold it with 95 % (sign test)."""
-    values = np.sort(values[np.isfinite(values)])
-    if not len(values):
-        return "-"
-    rank = interval_rank(len(values))
-    text = f"{np.median(values):.3g}"
-    return text if rank is None else f"{text} [{values[rank]:.3g}, {values[-1 - rank]:.3g}]"
-
-
-def interval_rank(count: int) -> int | None:
-    """How many values may be cut off at either end so that the median of what `count` draws came from still lies between
-    with at least 95 %; None when there are too few."""
-    tail, rank = 0.0, 0
-    while (tail := tail + math.comb(count, rank) / 2.0**count) <= 0.025:
-        rank += 1
-    return rank - 1 if rank else None
-
-
-def _least(values: np.ndarray) -> str:
-    values = values[np.isfinite(values)]
-    return f"{values.min():.2f}" if len(values) else "-"
+def _span(values: np.ndarray) -> str:
+    """The one value, or from where to where they go."""
+    words = sorted({f"{value:.2f}" for value in values[np.isfinite(values)]}, key=float)
+    return f"{words[0]} to {words[-1]}" if len(words) > 1 else words[0] if words else "-"
 
 
 def _shares(words: Sequence[str]) -> str:
     """`left 3, right 7`, most frequent first."""
     from collections import Counter
 
-    counts = Counter(str(word) for word in words if str(word))
+    counts = Counter(str(word)[:40] for word in words if str(word))
     return ", ".join(f"{word} {count}" for word, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])))

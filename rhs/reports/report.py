@@ -6,22 +6,23 @@ shows bars per group and the table instead.
 
 from __future__ import annotations
 
-import argparse
 import base64
 import io
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rhs.api.files import replacing, write_whole
+from rhs.base.commands import INTERRUPTED, Arguments, answered
 from rhs.base.errors import ConfigError, RhsError
 from rhs.plots import new_figure, save
 from rhs.runfolder.row import KEYS, read_row
 
 from .charts import bars, errors_over_time, stage_times
 from .drawing import draw_run, json_of, title
-from .summary import SHOWN
+from .summary import SHOWN, notes_of
 from .video import video
 
 if TYPE_CHECKING:
@@ -107,22 +108,26 @@ def html(folder: Path) -> Path:
     return _write(folder / "report.html", page)
 
 
-def sweep(folder: Path) -> Path:
-    """report.html of a folder of runs: bars per group, the summary, and every run with a link to its folder."""
-    from .summary import complete, listing, summarise
-    from .table import rows
+def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
+    """report.html of a folder of runs: bars per group, the summary, and every run with a link to its folder.
 
-    folder = Path(folder)
-    table = rows([folder])
-    if not len(table):
-        raise ConfigError(f"no row.json under {folder}; give the folder of a sweep")
+    A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
+    from .observations import judged
+    from .summary import listing, summarise
+    from .table import some_rows
+
+    folder, left_out = Path(folder), [] if unreadable is None else unreadable
+    table = some_rows([folder], left_out)
+    if unreadable is None and left_out:
+        raise RhsError(left_out[0])
     group = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
-    charts = [figure for name in SHOWN if (figure := bars(table, name, group)) is not None]
+    scored, summary = judged(table), summarise(table)
+    charts = [figure for name in SHOWN if (figure := bars(scored, name, group)) is not None]
     runs = listing(table, [])
     runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
-    page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summarise(table)),
-                                 charts=[embed_figure(figure) for figure in charts], count=len(table),
-                                 good=int(complete(table).sum()))
+    page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summary),
+                                 charts=[embed_figure(figure) for figure in charts], unreadable=left_out,
+                                 notes=notes_of(summary))
     return _write(folder / "report.html", page)
 
 
@@ -187,25 +192,43 @@ def _write(path: Path, page: str) -> Path:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make the pictures and pages of run or sweep folders. Exit code 0; 1 not possible; 2 refused."""
-    parser = argparse.ArgumentParser(prog="python -m rhs.report", description="Pictures and pages of run folders.")
+    """Make the pictures and pages of run or sweep folders; one that fails does not stop the others.
+
+    Exit code 0; 1 not possible; 2 refused; 3 made, but not of all."""
+    parser = Arguments(prog="python -m rhs.report", description="Pictures and pages of run folders.")
     parser.add_argument("folders", nargs="+", type=Path, help="run folders (with row.json) or sweep folders")
     parser.add_argument("--video", action="store_true", help="also make video.webm (needs recording=full)")
-    chosen = parser.parse_args(arguments)
-    try:
+
+    def work() -> int:
+        from .table import tell_unreadable
+
+        chosen, codes = parser.parse_args(arguments), []  # type: ignore[var-annotated]
         for folder in chosen.folders:
-            for path in _make(folder, with_video=chosen.video):
-                sys.stdout.write(f"{path}\n")
-    except RhsError as error:
-        sys.stderr.write(f"{error}\n")
-        return error.exit_code
+            unreadable: list[str] = []
+            code = answered(partial(_write_all, folder, chosen.video, unreadable))
+            if code == INTERRUPTED:
+                return code
+            codes.append(code or tell_unreadable(unreadable))
+        return codes[0] if len(set(codes)) == 1 else 3
+
+    return answered(work)
+
+
+def _write_all(folder: Path, with_video: bool, unreadable: list[str]) -> int:
+    for path in _make(folder, with_video=with_video, unreadable=unreadable):
+        sys.stdout.write(f"{path}\n")
     return 0
 
 
-def _make(folder: Path, *, with_video: bool) -> list[Path]:
+def _make(folder: Path, *, with_video: bool, unreadable: list[str]) -> Iterator[Path]:
+    """The files of a folder, each as it is made; without its row a run has no page."""
     if not folder.is_dir():
         raise ConfigError(f"{folder} is not a folder; give a run or sweep folder")
     if not (folder / "row.json").exists():
-        return [sweep(folder)]
-    made = pictures(folder)
-    return [*made, *([video(folder)] if with_video else []), html(folder)]
+        yield sweep(folder, unreadable)
+        return
+    read_row(folder / "row.json")
+    yield from pictures(folder)
+    if with_video:
+        yield video(folder)
+    yield html(folder)

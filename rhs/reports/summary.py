@@ -1,7 +1,7 @@
-"""What a table says: per group, how many runs, how many failed, means with 95 % intervals (level 5).
+"""What a table says: per group, how many runs, how many independent, how many failed, means with 95 % intervals (level 5).
 
-Intervals of means are percentile bootstraps (2,000 draws, fixed generator); of shares of runs, Wilson's. Means are over
-the runs that have the number; `failed` stands beside them, since a mean over successes alone flatters.
+Means (medians of times) are over the independent runs that have the number; `failed` stands beside them, and scores that
+count failures (`spl`, `par2_ms`), since a mean over successes alone flatters. Intervals: rhs.reports.intervals.
 """
 
 from __future__ import annotations
@@ -11,96 +11,84 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rhs.base.commands import plain
 from rhs.base.errors import ConfigError
 from rhs.runfolder.row import KEYS
+
+from .intervals import legend, mean_text, median_text, share_text
+from .observations import clusters, failures_told, independent, judged, numbers
+from .varied_settings import is_setting
 
 if TYPE_CHECKING:
     import pandas
 
 SHOWN = ("places_visited", "collisions", "ate_rmse_m", "rpe_trans_m", "end_error_m", "tracked_share", "map_agreement",
          "path_length_m", "kidnap_recovered_share", "kidnap_wrong_sure_share",
-         "plan_length_m", "plan_above_optimum_pct", "odometry_ms", "real_time_factor")
-DRAWS = 2000
+         "plan_length_m", "plan_above_optimum_pct", "spl", "par2_ms", "odometry_ms", "real_time_factor")
+SCORES = ("success", "spl", "par2_ms", "bucket")
 
 
-def wilson(successes: int, count: int, z: float = 1.959964) -> tuple[float, float]:
-    """95 % interval of a proportion (Wilson 1927): right also at 0 of n and n of n."""
-    if count == 0:
-        return 0.0, 1.0
-    p = successes / count
-    centre = (p + z * z / (2 * count)) / (1 + z * z / count)
-    half = z * np.sqrt(p * (1 - p) / count + z * z / (4 * count**2)) / (1 + z * z / count)
-    return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Sequence[str] = (),
+              cluster: str = "") -> pandas.DataFrame:
+    """One row per group: runs, failed, share complete with interval, then each column's mean and interval.
 
-
-def bootstrap(values: np.ndarray, draws: int = DRAWS) -> tuple[float, float]:
-    """95 % percentile interval of the mean of (N,) values; NaN for fewer than two."""
-    values = np.asarray(values, float)
-    if len(values) < 2:
-        return float("nan"), float("nan")
-    picks = np.random.default_rng(0).integers(0, len(values), (draws, len(values)))
-    low, high = np.percentile(values[picks].mean(axis=1), [2.5, 97.5])
-    return float(low), float(high)
-
-
-def complete(table: pandas.DataFrame) -> np.ndarray:
-    """(N,) bool: the run ended well, visited every place it was sent to, and found the path it was asked for."""
-    visited = table["places_visited"].astype("float64").fillna(0).to_numpy()
-    wanted = table["places_total"].astype("float64").fillna(0).to_numpy()
-    if "task" in table:  # a survey is sent to no place
-        wanted = np.where(table["task"].fillna("").to_numpy() == "survey", 0, wanted)
-    planned = table["plan_success"].astype("float64").fillna(1).to_numpy() if "plan_success" in table else 1.0
-    return (table["status"].fillna("").to_numpy() == "ok") & (visited >= wanted) & (planned == 1.0)
-
-
-def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Sequence[str] = ()) -> pandas.DataFrame:
-    """One row per group: runs, failed, share complete with interval, then each column's mean and interval."""
+    cluster: the column whose values the runs are samples of; see observations.clusters. The text below the table stands in
+    `attrs["notes"]`."""
     import pandas as pd
 
-    check_columns(table, [*group, *columns])
-    by = list(group) or _swept(table)
-    wanted = list(columns) or [name for name in SHOWN if name in table.columns and table[name].notna().any()]
-    wanted = [name for name in wanted if pd.api.types.is_numeric_dtype(table[name])]
-    parts = [((), table)] if not by else list(table.groupby(by, dropna=False, sort=True))
-    out = []
-    for key, part in parts:
-        out.append(dict(zip(by, key, strict=False)) | _group_row(part, wanted))
-    return pd.DataFrame(out)
+    scored = judged(table)
+    check_columns(scored, [*group, *columns])
+    by = list(group) or _swept(scored)
+    wanted = list(columns) or [name for name in SHOWN if name in scored.columns and scored[name].notna().any()]
+    wanted = [name for name in wanted if pd.api.types.is_numeric_dtype(scored[name])]
+    scored = scored.assign(independent_=independent(table))
+    parts = [((), scored)] if not by else list(scored.groupby(by, dropna=False, sort=True))
+    view = pd.DataFrame([dict(zip(by, key, strict=False)) | _group_row(part, wanted, cluster) for key, part in parts])
+    view.attrs["notes"] = _notes(table, view, scored)
+    return view
 
 
 def _swept(table: pandas.DataFrame) -> list[str]:
     """The columns in which the runs were made to differ: parts first, then settings that differ with the same parts too
-    (two parts may have a setting of one name, with other defaults)."""
+    (two parts may have a setting of one name, with other defaults). Problems of a MovingAI file go by bucket."""
     parts = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
     same_parts = table.groupby(parts, dropna=False) if parts else table.groupby(np.zeros(len(table)))
-    settings = [name for name in table.columns if "." in name and (same_parts[name].nunique(dropna=False) > 1).any()]
+    settings = [name for name in table.columns if is_setting(name) and (same_parts[name].nunique(dropna=False) > 1).any()]
+    if "planning.scenario" in settings and "bucket" in table.columns:
+        settings[settings.index("planning.scenario")] = "bucket"
     return parts + settings
 
 
-def _group_row(part: pandas.DataFrame, wanted: Sequence[str]) -> dict[str, object]:
-    good = int(complete(part).sum())
-    low, high = wilson(good, len(part))
-    row: dict[str, object] = {"runs": len(part), "failed": int((part["status"].fillna("") != "ok").sum()),
-                              "complete": f"{good / len(part):.2f} [{low:.2f}, {high:.2f}]"}
+def _group_row(part: pandas.DataFrame, wanted: Sequence[str], cluster: str) -> dict[str, object]:
+    once = part[~part["independent_"].duplicated()]
+    samples = clusters(once, cluster)
+    row: dict[str, object] = {"runs": len(part), "independent": len(once), "failed": int((part["success"] == 0.0).sum()),
+                              "complete": share_text(once["success"].to_numpy(float), samples)}
     for name in wanted:
-        values = part[name].astype("float64").dropna().to_numpy()
-        row[name] = mean_text(values)
+        values = numbers(once, name)
+        row[name] = median_text(values) if name.endswith("_ms") and name != "par2_ms" else mean_text(values, samples)
     return row
 
 
-def mean_text(values: np.ndarray) -> str:
-    """`mean [low, high]`, or `-` of nothing."""
-    if not len(values):
-        return "-"
-    low, high = bootstrap(values)
-    return f"{np.mean(values):.4g}" + ("" if np.isnan(low) else f" [{low:.4g}, {high:.4g}]")
+def _notes(table: pandas.DataFrame, view: pandas.DataFrame, scored: pandas.DataFrame) -> list[str]:
+    text = " ".join(map(str, view.to_numpy().ravel()))
+    notes = legend(text)
+    if (view["independent"] < view["runs"]).any():
+        notes.append("independent: runs that give the same row for every seed count once and have no interval")
+    if "par2_ms" in view.columns:
+        notes.append("par2_ms: a failure counts twice the longest time that any run of its problem took")
+    return [*notes, failures_told(table)]
 
 
 def listing(table: pandas.DataFrame, columns: Sequence[str]) -> pandas.DataFrame:
     """Every run with the chosen columns, or with the ones that say most."""
+    scored = judged(table)
+    table = table.assign(**{name: scored[name] for name in SCORES if name in scored.columns})
     check_columns(table, columns)
-    names = list(columns) or ["status", *KEYS, *(n for n in SHOWN if n in table.columns)]
-    return table[names].reset_index()
+    names = list(columns) or ["status", "success", *KEYS, *SHOWN]
+    view = table[[name for name in names if name in table.columns]].reset_index()
+    view.attrs["notes"] = [failures_told(table)]
+    return view
 
 
 def check_columns(table: pandas.DataFrame, names: Sequence[str]) -> None:
@@ -115,18 +103,22 @@ def check_columns(table: pandas.DataFrame, names: Sequence[str]) -> None:
 
 
 def as_text(view: pandas.DataFrame) -> str:
-    """Columns of words for a terminal."""
+    """Columns of words for a terminal, and the notes below them."""
     cells = [[short(value) for value in row] for row in view.itertuples(index=False, name=None)]
     names = [str(name) for name in view.columns]
     widths = [max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(names)]
     lines = ["  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip()
              for row in [names, *cells]]
-    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:], *notes_of(view)])
 
 
-def short(value: object) -> str:
-    """A value as a table shows it: four digits, `-` for unknown, one line."""
+def notes_of(view: pandas.DataFrame) -> list[str]:
+    """What stands below a table, a line each."""
+    return [plain(note) for note in view.attrs.get("notes", ())]
+
+
+def short(value: object, longest: int = 60) -> str:
+    """A value as a table shows it: four digits, `-` for unknown, one line without control characters."""
     if value is None or str(value) in ("<NA>", "nan"):
         return "-"
-    text = f"{value:.4g}" if isinstance(value, float) else str(value)
-    return text.replace("\n", " ")[:60]
+    return plain(f"{value:.4g}" if isinstance(value, float) else str(value))[:longest]

@@ -16,9 +16,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rhs.api.files import is_unfinished, replacing
+from rhs.base.commands import Arguments, answered, plain
 from rhs.base.errors import ConfigError, RhsError
-from rhs.runfolder.row import FLOATS, INTEGERS, KEYS, MACHINE, TEXT, column_rank, machine_dependent, read_row
+from rhs.runfolder.row import FLOATS, INTEGERS, KEYS, MACHINE, TEXT, WORDS, column_rank, machine_dependent, read_row
 from rhs.runfolder.row import canonical_hash as canonical_hash
 from rhs.runfolder.row import write_row as write_row
 
@@ -39,7 +39,7 @@ def find_rows(folders: Iterable[Path | str]) -> Iterator[Path]:
             raise ConfigError(f"{folder} is not a folder; give run or sweep folders, for instance results/runs")
         for root, names, files in os.walk(folder):
             names[:] = sorted(n for n in names if ".tmp-" not in n)
-            if "row.json" in files and not is_unfinished(Path("row.json")):
+            if "row.json" in (*files, *names):  # also a folder of that name: it is reported and not passed over
                 yield Path(root) / "row.json"
 
 
@@ -50,15 +50,42 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
     A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
     """
     found: dict[str, dict[str, object]] = {}
-    for path in find_rows(folders):
+    complaints: list[str] = []
+    for path in {path.resolve(): path for path in find_rows(folders)}.values():  # a folder named twice counts once
         try:
             found[str(path.parent)] = read_row(path)
         except RhsError as error:
-            if unreadable is None:
-                raise
-            unreadable.append(str(error))
+            complaints.append(str(error))
+    complaints += _odd_ones_out(found)
+    if unreadable is None and complaints:
+        raise RhsError(complaints[0])
+    unreadable = complaints if unreadable is None else unreadable
+    unreadable += complaints
     varied = varied_settings(list(found)) if len(found) > 1 else {}
     return frame({folder: {**row, **varied.get(folder, {})} for folder, row in found.items()})
+
+
+def some_rows(folders: Iterable[Path | str], unreadable: list[str]) -> pandas.DataFrame:
+    """The rows that can be read; complaints about the others go into `unreadable`. Raises RhsError when there are none."""
+    table = rows(folders, unreadable=unreadable)
+    where = ", ".join(map(str, folders))
+    if not len(table) and unreadable:
+        raise RhsError(f"none of {len(unreadable)} row.json under {where} can be read; the first: {unreadable[0]}")
+    if not len(table):
+        raise ConfigError(f"no row.json under {where}; run `python -m rhs` first")
+    return table
+
+
+def _odd_ones_out(found: dict[str, dict[str, object]]) -> list[str]:
+    """Take out rows that have text where most have a number, or the reverse; complaints."""
+    complaints = []
+    for name in sorted({name for row in found.values() for name in row} - {*WORDS}):
+        text = [folder for folder, row in found.items() if isinstance(row.get(name), str)]
+        other = [folder for folder, row in found.items() if row.get(name) is not None and folder not in set(text)]
+        for folder in (text if len(text) <= len(other) else other) if text and other else ():
+            complaints.append(f"{folder}/row.json: {name} is {found.pop(folder)[name]!r}, in other rows it is "
+                              f"{'a number' if len(text) <= len(other) else 'text'}"[:180])
+    return complaints
 
 
 def frame(found: dict[str, dict[str, object]]) -> pandas.DataFrame:
@@ -98,8 +125,8 @@ def _typed(name: str, values: Sequence[object]):
 
 
 def to_csv(table: pandas.DataFrame, *, canonical: bool = False) -> str:
-    """The table as text that reads back equal: full precision, empty for unknown, LF; words that a reader could take
-    for a number or a spreadsheet for a formula begin with an apostrophe.
+    """The table as text that reads back equal: full precision, empty for unknown and for empty text, LF; words that a
+    reader could take for a number or a spreadsheet for a formula begin with an apostrophe.
 
     canonical: without the columns that depend on the machine, so that equal runs give equal bytes.
     """
@@ -124,12 +151,12 @@ def _cell(value: object) -> str:
 
 
 def _doubtful(word: str) -> bool:
-    taken = not word or word in ("true", "false") or NUMBER.fullmatch(word) is not None
+    taken = word in ("true", "false") or NUMBER.fullmatch(word) is not None
     return taken or word.startswith((*FORMULA, "'"))
 
 
 def from_csv(text: str) -> pandas.DataFrame:
-    """The table `to_csv` wrote, with equal values and types (its index is not kept)."""
+    """The table `to_csv` wrote, with equal values and types (its index is not kept, and empty text is unknown)."""
     reader = csv.reader(io.StringIO(text, newline=""))
     names = [str(_value(cell)) for cell in next(reader)]
     found = {str(number): {name: _value(cell) for name, cell in zip(names, row, strict=True)}
@@ -153,47 +180,66 @@ def _value(cell: str) -> object:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print a summary of run folders. Exit code 0; 2 for a wrong request; 3 when a row could not be read."""
-    parser = argparse.ArgumentParser(prog="python -m rhs.table", description="The table of run folders.")
+    """Print a summary of run folders. Exit code 0; 1 not possible; 2 for a wrong request; 3 when a row could not be read."""
+    parser = Arguments(prog="python -m rhs.table", description="The table of run folders.")
     parser.add_argument("folders", nargs="+", type=Path, help="run or sweep folders, searched through")
-    parser.add_argument("--csv", type=Path, help="write every row and column here")
-    parser.add_argument("--canonical", type=Path, help="the same without times and memory: equal runs give equal bytes")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write every row and column here")
+    parser.add_argument("--canonical", type=Path, metavar="FILE",
+                        help="the same without times and memory: equal runs give equal bytes")
+    parser.add_argument("--parquet", type=Path, metavar="FILE", help="the same as --csv, with types (needs pyarrow)")
+    parser.add_argument("--latex", type=Path, metavar="FILE", help="write what is printed as a LaTeX table (booktabs)")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write what is printed as a Markdown table")
     parser.add_argument("--group", default="", help="columns to group by, comma-separated; default: those that vary")
     parser.add_argument("--columns", default="", help="columns to summarise, comma-separated")
-    parser.add_argument("--compare", default="", metavar="COLUMN",
-                        help="paired differences between the values of this column (planner, odometry, ...)")
+    parser.add_argument("--compare", default="", metavar="PART_OR_SETTING",
+                        help="paired differences between its values (planner, source.image_width, ...), all else equal")
+    parser.add_argument("--cluster", default="", metavar="COLUMN",
+                        help="what intervals and tests take the runs for samples of: world, ..., or run; default: worlds "
+                             "where a line holds several, else problems, else runs")
     parser.add_argument("--rows", action="store_true", help="print every run instead of a summary")
-    chosen = parser.parse_args(arguments)
-    try:
-        return _print_table(chosen)
-    except RhsError as error:
-        sys.stderr.write(f"{error}\n")
-        return error.exit_code
+    return answered(lambda: _print_table(parser.parse_args(arguments)))
 
 
 def _print_table(chosen: argparse.Namespace) -> int:
-    from .summary import SHOWN, as_text, listing, summarise
+    from .export import as_latex, as_markdown, write_parquet, write_text
+    from .summary import as_text
 
     unreadable: list[str] = []
-    table = rows(chosen.folders, unreadable=unreadable)
-    if not len(table) and not unreadable:
-        raise ConfigError(f"no row.json under {', '.join(map(str, chosen.folders))}; run `python -m rhs` first")
+    table = some_rows(chosen.folders, unreadable)
+    view = _view(table, chosen)
     for path, canonical in ((chosen.csv, False), (chosen.canonical, True)):
         if path:
-            with replacing(path) as file:
-                file.write(to_csv(table, canonical=canonical))
+            write_text(path, to_csv(table, canonical=canonical))
+    if chosen.parquet:
+        write_parquet(table, chosen.parquet)
+    for path, text in ((chosen.latex, as_latex), (chosen.markdown, as_markdown)):
+        if path:
+            write_text(path, text(view))
+    sys.stdout.write(as_text(view) + "\n")
+    return tell_unreadable(unreadable)
+
+
+def _view(table: pandas.DataFrame, chosen: argparse.Namespace) -> pandas.DataFrame:
+    """What was asked for: pairs, every run, or a summary."""
+    from .compare import compare
+    from .observations import judged
+    from .summary import SHOWN, listing, summarise
+
     group, columns = _words(chosen.group), _words(chosen.columns)
     if chosen.compare:
-        from .compare import compare
+        scored = judged(table)
+        known = [name for name in SHOWN if name in scored and scored[name].notna().any()]
+        return compare(table, chosen.compare, columns or known, cluster=chosen.cluster)
+    return listing(table, columns) if chosen.rows else summarise(table, group=group, columns=columns, cluster=chosen.cluster)
 
-        known = [name for name in SHOWN if name in table and table[name].notna().any()]
-        view = compare(table, chosen.compare, columns or known)
-    else:
-        view = listing(table, columns) if chosen.rows else summarise(table, group=group, columns=columns)
-    sys.stdout.write(as_text(view) + "\n")
-    for message in unreadable:
-        sys.stderr.write(f"not counted: {message}\n")
-    return 3 if unreadable else 0
+
+def tell_unreadable(messages: Sequence[str], most: int = 20) -> int:
+    """Name the rows that were left out, a line each; exit code 3 when there are any."""
+    for number, message in enumerate(messages[:most], 1):
+        sys.stderr.write(plain(f"not counted ({number} of {len(messages)}): {message}") + "\n")
+    if len(messages) > most:
+        sys.stderr.write(f"not counted: {len(messages) - most} more\n")
+    return 3 if messages else 0
 
 
 def _words(text: str) -> list[str]:

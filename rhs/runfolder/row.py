@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.files import replacing
-from rhs.base.errors import RhsError, check_file
+from rhs.base.commands import check_regular
+from rhs.base.errors import RhsError
 
 from .folders import is_in_use
 
@@ -39,10 +40,14 @@ MAP = ("map_agreement", "map_observed_share")
 KNOWING = ("kidnap_recovered_share", "kidnap_recovery_m", "kidnap_recovery_p90_m", "kidnap_recovery_s",
            "kidnap_recovery_p90_s", "kidnap_wrong_sure_share", "belief_wrong_sure_share", "belief_ece")
 FLOATS = (*PATROL, *KNOWING, *SURVEY, *MAP)
+WORDS = (*TEXT, "task", "failure", "plan_reason", "homotopy", "config_hash", "commit", "versions", "renderer", "scale_from",
+         "lost")
 MACHINE = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms", "wall_ms", "real_time_factor",
            "peak_memory_mb")
 # The order of a table; columns it does not name follow in alphabetical order, machine-dependent ones last.
 ORDER = ("status", "reason", *KEYS, *INTEGERS[1:6], *PATROL, *KNOWING, *SURVEY, "ate_alignment", *MAP, *INTEGERS[6:])
+LARGEST_BYTES = 4 << 20
+LARGEST_WHOLE = 2**63 - 1
 NOT_REPEATABLE = ("real_time_factor", "peak_memory_mb", "folder", "run", "date", "commit", "version", "versions",
                   "platform", "python", "host", "pid", "started", "picture_failures")
 
@@ -83,20 +88,49 @@ def write_row(folder: Path, row: Mapping[str, object]) -> Path:
 
 
 def read_row(path: Path) -> dict[str, object]:
-    """The row; unknown is None. Raises RhsError naming the file when it is not a row.
+    """The row; unknown is None. Raises RhsError naming the file, and what is wrong with it, when it is not a row.
 
     A row that says `running` though nobody is at work in its folder is read as `killed`."""
     path = Path(path)
     try:
-        check_file(path)
+        check_regular(path)
+        if path.stat().st_size > LARGEST_BYTES:
+            raise RhsError(f"it is larger than {LARGEST_BYTES >> 20} MB")
         row = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise RhsError(f"{path} cannot be read as a row: {error}"[:180]) from error
-    if not isinstance(row, dict):
-        raise RhsError(f"{path} holds a {type(row).__name__}, expected one row as a JSON object")
-    if row.get("status") == RUNNING and not is_in_use(path.parent):
+        if not isinstance(row, dict):
+            raise RhsError(f"it holds a {type(row).__name__}, expected one row as a JSON object")
+        if not row.get("status"):
+            raise RhsError("it has no status; expected the row of a run")
+        row = {name: checked_value(name, value) for name, value in row.items()}
+    except (OSError, ValueError, RecursionError, RhsError) as error:
+        said = error.strerror if isinstance(error, OSError) else str(error)
+        raise RhsError(f"{path} cannot be read as a row: {said}"[:180]) from error
+    if row["status"] == RUNNING and not is_in_use(path.parent):
         row |= {"status": KILLED, "reason": f"its process ended without a word; python -m rhs recover {path.parent}"}
     return row
+
+
+def checked_value(name: str, value: object) -> object:
+    """A value that a row may hold under this name, NaN as None. Raises RhsError."""
+    if value is not None and not isinstance(value, bool | int | float | str):
+        raise RhsError(f"{name} holds a {type(value).__name__}; a row takes numbers, words, true, false or nothing")
+    if isinstance(value, str):
+        (name + value).encode("utf-8")  # a lone surrogate is no text: a UnicodeEncodeError, which is a ValueError
+    if value is None or value != value:
+        return None
+    if name in WORDS and not isinstance(value, str):
+        raise RhsError(f"{name} is {value!r}, expected text")
+    if name in (*INTEGERS, *FLOATS, *MACHINE) and not _is_number(value):
+        raise RhsError(f"{name} is {value!r}, expected a number")
+    if _is_number(value) and isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+        raise RhsError(f"{name} is a whole number of more than 63 bits")
+    if name in INTEGERS and not float(value).is_integer():  # type: ignore[arg-type]
+        raise RhsError(f"{name} is {value!r}, expected a whole number")
+    return value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def canonical_hash(row: Mapping[str, object]) -> str:

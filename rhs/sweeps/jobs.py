@@ -10,27 +10,25 @@ that fell to the server (rhs.base.processes).
 
 from __future__ import annotations
 
-import ast
 import contextlib
-import inspect
 import multiprocessing
 import os
 import shutil
 import signal
-import textwrap
+import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from importlib.util import resolve_name
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from rhs.base.errors import RhsError
 from rhs.base.processes import children, kill_group, kill_strays, resident_bytes, total_memory_mb
-from rhs.config import registry
 from rhs.config.compose import RunConfig, identity, to_plain
+from rhs.metrics.success import with_success
 from rhs.runfolder.folders import job_folder
 from rhs.runfolder.row import KILLED, RUNNING, read_row, sound, write_row
 
@@ -42,7 +40,8 @@ MEMORY_MB = 4096.0  # of one job, where the machine has as much for each
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
 PRELOAD = ["rhs.patrol.run", "rhs.patrol.job", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
            "scipy.spatial.transform", "rosbags.typesys", "mcap.writer", "matplotlib.backends.backend_agg",
-           "matplotlib.figure", "rhs.metrics.judge_kernels", "rhs.sweeps.server"]
+           "matplotlib.figure", "rhs.metrics.judge_kernels", "rhs.metrics.planning", "rhs.estimation.paths.shorten",
+           "rhs.sweeps.server"]
 
 
 @dataclass(frozen=True)
@@ -131,23 +130,10 @@ def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable
     return pool.outcome
 
 
-def lazy_modules(configs: Iterable[RunConfig]) -> list[str]:
-    """Modules that tasks and planners of our own import when they are built: compiled loops are then loaded once for all
-    jobs. What strangers import may hang, or start threads; that stays in their jobs."""
-    found: set[str] = set()
-    for kind, name in {(kind, getattr(config, kind).name) for config in configs for kind in ("task", "planner")
-                       if kind == "task" or kind in config.parts}:
-        if registry.origins(kind, name)[0].distribution.startswith("rhs "):
-            found |= _imported_by(registry.load(kind, name))
-    return sorted(found)
-
-
-def _imported_by(settings: type) -> set[str]:
-    """The modules that the function `build` of a settings class imports."""
-    imports = [node for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(settings.build))))  # type: ignore[attr-defined]
-               if isinstance(node, ast.ImportFrom)]
-    package = settings.__module__.rpartition(".")[0]
-    return {resolve_name("." * node.level + (node.module or ""), package) for node in imports}
+def asked_for(jobs: Sequence[Job]) -> list[str]:
+    """The modules that the jobs' plugins ask to be loaded once for all of them (rhs.contracts.Plugin.preload)."""
+    chosen = {type(part.settings) for job in jobs for part in [job.config.task, *job.config.parts.values()]}
+    return sorted({name for settings in chosen for name in getattr(settings, "preload", ())})
 
 
 class _Pool:
@@ -159,7 +145,7 @@ class _Pool:
         self.outcome = Outcome()
         self.tries: Counter = Counter()
         self.context = multiprocessing.get_context("forkserver")
-        self.context.set_forkserver_preload([*PRELOAD, *lazy_modules(job.config for job in waiting)])
+        self.context.set_forkserver_preload([*PRELOAD, *asked_for(waiting)])
         self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
 
     def fill(self) -> None:
@@ -180,7 +166,8 @@ class _Pool:
         ours, theirs = self.context.Pipe(duplex=False)
         arguments = (to_plain(job.config), str(folder), self.lifeline, theirs)
         process = self.context.Process(target=work, args=arguments, daemon=False)
-        process.start()
+        with _main_if_a_file():
+            process.start()
         theirs.close()
         return _Running(job, folder, process, ours, time.monotonic())
 
@@ -225,6 +212,18 @@ class _Pool:
         self.outcome.count(job.name, status, reason)
         with contextlib.suppress(Exception):
             self.tell(job, status)
+
+
+@contextlib.contextmanager
+def _main_if_a_file() -> Iterator[None]:
+    """multiprocessing runs the file of the main module again in each process; what was typed into a pipe has none."""
+    main = sys.modules["__main__"]
+    if not os.path.exists(getattr(main, "__file__", None) or ""):
+        sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 TOO_MUCH = "took more memory than"
@@ -282,7 +281,8 @@ def _row_of(one: _Running) -> tuple[str, str]:
         return status, str(row.get("lost" if status == "ok" else "reason") or "")
     one.folder.mkdir(parents=True, exist_ok=True)
     columns = {name: value for name, value in row.items() if name not in ("pid", "started")}
-    write_row(one.folder, sound({**identity(one.job.config), **columns, "status": status, "reason": reason}))
+    row = with_success({**identity(one.job.config), **columns, "status": status, "reason": reason})
+    write_row(one.folder, sound(row))
     return status, reason
 
 

@@ -12,9 +12,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from rhs.base.commands import plain
 from rhs.base.errors import ConfigError, RhsError
 from rhs.base.processes import adopt_orphans, descendants, die_with_parent, kill
 from rhs.config.compose import from_plain, identity
+from rhs.metrics.success import with_success
 from rhs.runfolder.folders import lock
 from rhs.runfolder.row import sound, write_row
 
@@ -49,9 +51,9 @@ def _run(values: dict[str, Any], folder: Path) -> BaseException | None:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        reason = " ".join(str(error).split()) if isinstance(error, RhsError) else f"{type(error).__name__}: {error}"
+        reason = str(error) if isinstance(error, RhsError) else f"{type(error).__name__}: {error}"
         status = "refused" if isinstance(error, ConfigError) else "failed"
-        write_row(folder, sound({**identity(config), "status": status, "reason": reason}))
+        write_row(folder, sound(with_success({**identity(config), "status": status, "reason": plain(reason)})))
         return error
 
 

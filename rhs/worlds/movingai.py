@@ -14,7 +14,8 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
-from rhs.base.errors import ConfigError, check_file
+from rhs.base.commands import check_regular
+from rhs.base.errors import ConfigError
 
 PASSABLE = b".GS"
 _MOST_CELLS = 25_000_000
@@ -88,7 +89,7 @@ def centre_m(cell: tuple[int, int]) -> tuple[float, float]:
 
 def _read(path: FilePath) -> str:
     try:
-        check_file(path)
+        check_regular(path)
         if path.stat().st_size > _MOST_BYTES:
             raise ConfigError(f"{path}: {path.stat().st_size} bytes; at most {_MOST_BYTES} are read")
         return path.read_text(encoding="latin-1")

@@ -13,7 +13,11 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.randomness import generator
 from rhs.cli.main import main
 from rhs.config import registry
+from rhs.estimation.paths.shorten import shortened
 from rhs.reports import arena_log as planner_arena
+from rhs.reports.planning_table import planning_table
+from rhs.reports.table import main as table_main
+from rhs.reports.table import rows
 from rhs.runfolder.row import read_row
 from rhs.worlds.maps import save_map
 from rhs.worlds.plan_files import read_plan
@@ -76,4 +80,23 @@ def _same_alone(desk: Path) -> None:
         row = read_row(folder / "row.json")
         arena, rng = load_arena(row["world"]), generator(int(row["seed"]), "planner")
         path = registry.load("planner", row["planner"])().build(context_of(arena, folder, rng)).plan(problem)
+        path = shortened(path, problem)
         assert np.array_equal(path.points_m, stored.points_m) and np.array_equal(path.raw_m, stored.raw_m), folder.name
+
+
+@pytest.mark.slow
+def test_a_sweep_over_a_scenario_file_is_as_many_pairs_as_problems(tmp_path, capsys):
+    """Real runs: three problems, two planners that both solve them; three pairs, a line per bucket, no significance."""
+    (tmp_path / "hall.map").write_text("type octile\nheight 3\nwidth 40\nmap\n" + 3 * (40 * "." + "\n"))
+    (tmp_path / "hall.map.scen").write_text("version 1\n" + "".join(
+        f"{length // 4}\thall.map\t40\t3\t0\t1\t{length}\t1\t{length}\n" for length in (2, 9, 30)))
+    for planner in ("astar", "rrt_connect"):
+        for number in range(3):
+            assert main(["task=planning", f"world={tmp_path / 'hall.map.scen'}", f"planner={planner}",
+                         f"planning.scenario={number}", f"output={tmp_path / 'runs' / f'{planner}{number}'}"]) == 0
+    capsys.readouterr()
+    assert table_main([str(tmp_path / "runs"), "--compare", "planner", "--columns", "plan_ms"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"^plan_ms +astar - rrt_connect +3 +3 +3 ", said, re.M) and "too few to reach" in said
+    view = planning_table(rows([tmp_path / "runs"]))
+    assert list(view["problem"]) == ["bucket 0", "bucket 0", "bucket 2", "bucket 2", "bucket 7", "bucket 7"]

@@ -21,7 +21,8 @@ def main() -> None:
         ranges = distance(x, y, bearings) + RANGE_NOISE_M * rng.standard_normal(BEAMS)
         drift = 0.002 * k
         pose = f"{x + drift:.4f} {y - drift:.4f} {yaw + 0.3 * drift:.5f}"
-        lines.append(f"FLASER {BEAMS} {' '.join(f'{r:.3f}' for r in ranges)} {pose} {pose} {0.5 * k:.3f} robot {0.5 * k:.3f}\n")
+        beams = " ".join(f"{metres:.3f}" for metres in ranges)
+        lines.append(f"FLASER {BEAMS} {beams} {pose} {pose} {0.5 * k:.3f} robot {0.5 * k:.3f}\n")
     Path(__file__).with_name("laser.clf").write_text("".join(lines))
 
 

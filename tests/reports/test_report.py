@@ -100,7 +100,7 @@ def test_a_sweep_is_bars_and_a_table(run, tmp_path):
                                "seed": seed, "places_total": 1, "places_visited": 1, "ate_rmse_m": 0.1 + 0.01 * seed})
     page = sweep(tmp_path).read_text()
     assert SCRIPT not in page and page.count("data:image/png") >= 2
-    assert "4 of 6 runs ended well" in page and "prm" in page
+    assert "2 of 6 failed" in page and "prm" in page
 
 
 def test_the_command(run, tmp_path, capsys):

@@ -79,7 +79,7 @@ def test_pairs_add_up():
 
 
 def test_a_bend_cannot_be_told_and_found():
-    with pytest.raises(ConfigError, match=r"unroll.bend=told"):
+    with pytest.raises(ConfigError, match=r"unroll.bend=given"):
         Unroll(bend="found", pieces=[1.0, 30.0])
     with pytest.raises(ConfigError, match="bend"):
         Unroll(bend="guessed")

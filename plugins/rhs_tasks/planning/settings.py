@@ -18,8 +18,13 @@ class Problem:
     """the map is grown by this radius, metres; null: what the map or world says"""
     scenario: int = 0
     """which problem of a MovingAI .scen file, from 0"""
+    shorten: bool = True
+    """pull every planner's path tight before it is measured; the length it was found with stands beside"""
+    start_radius_m: float = 0.3
+    """a start in a blocked cell may be left over blocked cells this near, metres"""
 
     def __post_init__(self) -> None:
+        check_range("planning", "start_radius_m", self.start_radius_m, low=0.0, high=10.0, unit="m")
         if self.robot_radius_m is not None:
             check_range("planning", "robot_radius_m", self.robot_radius_m, low=0.0, high=100.0, unit="m")
         check_range("planning", "scenario", self.scenario, low=0, high=10_000_000)

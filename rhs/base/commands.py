@@ -1,0 +1,61 @@
+"""What every command line tool shares: complaints are one line, whatever went wrong; special files are refused unopened."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import stat
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from .errors import ConfigError, RhsError
+
+INTERRUPTED = 130
+LONGEST = 190  # characters of a complaint
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]+")
+
+
+class Arguments(argparse.ArgumentParser):
+    """argparse whose complaints are one line and exit code 2."""
+
+    def error(self, message: str):
+        raise ConfigError(f"{message}; see {self.prog} --help")
+
+
+def answered(work: Callable[[], int]) -> int:
+    """The exit code of a command; what it raises becomes one line on stderr and an exit code."""
+    try:
+        return work()
+    except RhsError as error:
+        return complain(str(error), error.exit_code)
+    except KeyboardInterrupt:
+        return complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as error:
+        return complain(f"{type(error).__name__}: {error}", 1)
+
+
+def complain(text: str, code: int) -> int:
+    """Write one line of text to stderr; returns the code."""
+    text = plain(text)
+    sys.stderr.write(f"{text if len(text) <= LONGEST else text[:LONGEST - 3] + '...'}\n")
+    return code
+
+
+def plain(text: str) -> str:
+    """Text on one line without control characters, which a terminal would obey."""
+    return " ".join(_CONTROL.sub(" ", text).split())
+
+
+def check_regular(path: Path | str) -> None:
+    """Refuse a FIFO, device or socket, whose reading may never end. What is missing is left to who opens it."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise ConfigError(f"{path} is a device, pipe or socket; expected a file or a folder")

@@ -1,0 +1,65 @@
+"""Did a run do what it was asked to do? Apart from `status`, which only says that the program ended well.
+
+Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: the
+odometry tracked at least half of the views; unrolling: at least half of the strips were registered. A run that was asked
+for nothing (single places queried, a figure only) neither succeeded nor failed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+NAN = float("nan")
+# A majority: a trajectory that is unknown in most of its views is no trajectory, however good the rest is.
+HALF = 0.5
+
+
+def success_of(row: Mapping[str, object]) -> tuple[float, str]:
+    """(1.0, ""), (0.0, why not) or (NaN, "") of one row."""
+    if row.get("status") != "ok":
+        return 0.0, _text(row.get("reason")) or _text(row.get("status")) or "no status"
+    if row.get("task") == "planning" or _known(row, "plan_success"):
+        return _planned(row)
+    if _number(row, "places_total") > 0 and row.get("task") != "survey":
+        return _visited(row)
+    for name, what in (("tracked_share", "tracked in {:.0%} of the views"),
+                       ("strips_registered_share", "{:.0%} of the strips registered")):
+        if _known(row, name):
+            share = _number(row, name)
+            return (1.0, "") if share >= HALF else (0.0, what.format(share))
+    return NAN, ""
+
+
+def with_success(row: Mapping[str, object]) -> dict[str, object]:
+    """The row with its columns `success` and `failure`."""
+    success, failure = success_of(row)
+    return {**row, "success": success, "failure": failure}
+
+
+def _planned(row: Mapping[str, object]) -> tuple[float, str]:
+    if _number(row, "plan_success") != 1.0:
+        return 0.0, _text(row.get("plan_reason")) or "no path"
+    return (1.0, "") if _number(row, "plan_valid") == 1.0 else (0.0, "invalid path")
+
+
+def _visited(row: Mapping[str, object]) -> tuple[float, str]:
+    total, visited = _number(row, "places_total"), _number(row, "places_visited")
+    if visited >= total:
+        return 1.0, ""
+    return 0.0, f"{0 if math.isnan(visited) else visited:.0f} of {total:.0f} places"
+
+
+def _number(row: Mapping[str, object], name: str) -> float:
+    try:
+        return float(row.get(name))  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return NAN
+
+
+def _known(row: Mapping[str, object], name: str) -> bool:
+    return not math.isnan(_number(row, name))
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else ""

@@ -1,0 +1,164 @@
+"""What counts in a table: which runs succeeded, which are independent of one another, which answer the same problem.
+
+A failed plan has no figures, whatever its row says: an invalid path is no path. Scores that hold for failures too stand
+beside the figures: `spl`, success weighted by path length (Anderson et al. 2018: S * optimum / max(length, optimum)), and
+`par2_ms`, the time to the first answer with failures at twice the limit, here the longest that any run of the problem took
+(PAR-2 of the SAT competitions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rhs.base.errors import ConfigError
+from rhs.metrics.success import success_of
+from rhs.runfolder.row import KEYS, machine_dependent
+
+from .varied_settings import is_setting
+
+if TYPE_CHECKING:
+    import pandas
+
+BUCKET_CELLS = 4.0  # MovingAI: bucket k holds the problems whose optimum lies in [4 k, 4 k + 4) cells
+QUESTION = ("start", "goal", "planning.scenario")
+ASKED = ("status", "reason", "task", "plan_success", "plan_valid", "plan_reason", "places_total", "places_visited",
+         "tracked_share", "strips_registered_share")
+KEPT_OF_FAILURES = ("plan_success", "plan_valid", "plan_optimal_m")
+
+
+def numbers(table: pandas.DataFrame, name: str) -> np.ndarray:
+    """(N,) floats of a column; NaN where it is unknown, no number, or not there at all."""
+    import pandas as pd
+
+    if name not in table.columns:
+        return np.full(len(table), np.nan)
+    return pd.to_numeric(table[name], errors="coerce").astype("float64").to_numpy(dtype=float, na_value=np.nan)
+
+
+def succeeded(table: pandas.DataFrame) -> np.ndarray:
+    """(N,) 1.0, 0.0, or NaN where nothing was asked: the column `success`, computed for rows that have none."""
+    found = numbers(table, "success")
+    if np.isfinite(found).all():
+        return found
+    told = np.array([success for success, _ in _outcomes(table)])
+    return np.where(np.isfinite(found), found, told)
+
+
+def reasons(table: pandas.DataFrame) -> list[str]:
+    """Why each run failed; empty for those that did not."""
+    written = table["failure"].fillna("").tolist() if "failure" in table.columns else [""] * len(table)
+    failed = succeeded(table) == 0.0
+    return [(word or why) if bad else "" for word, (_, why), bad in zip(written, _outcomes(table), failed, strict=True)]
+
+
+def _outcomes(table: pandas.DataFrame) -> list[tuple[float, str]]:
+    return [success_of(row) for row in table[[name for name in ASKED if name in table.columns]].to_dict("records")]
+
+
+def judged(table: pandas.DataFrame) -> pandas.DataFrame:
+    """The table with scores, and without the figures of paths that were not found, are invalid, or end half-way."""
+    done = succeeded(table)
+    out = table.assign(success=done, spl=_spl(table, done), bucket=_bucket(table))
+    if planned(table).any():
+        out = out.assign(par2_ms=_par2_ms(table, done))
+    empty = [name for name in ("spl", "bucket") if not out[name].notna().any()]
+    failed = done == 0.0
+    for name in out.columns if failed.any() else ():
+        if name == "path_length_m" or (name.startswith("plan_") and name not in KEPT_OF_FAILURES):
+            if out[name].dtype.kind in "fiu":
+                out[name] = out[name].astype("Float64").mask(failed).astype("float64")
+    if "plan_success" in out.columns and planned(table).any():
+        out["plan_success"] = out["plan_success"].mask(failed & planned(table), 0)
+    return out.drop(columns=empty)
+
+
+def planned(table: pandas.DataFrame) -> np.ndarray:
+    """(N,) bool: rows of the planning task."""
+    asked = np.isfinite(numbers(table, "plan_success"))
+    return asked | (table["task"].fillna("").to_numpy() == "planning") if "task" in table.columns else asked
+
+
+def _spl(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
+    plan = planned(table)
+    length = np.where(plan, numbers(table, "plan_length_m"), numbers(table, "path_length_m"))
+    optimum = np.where(plan, numbers(table, "plan_optimal_m"), numbers(table, "path_optimal_m"))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.where(length == optimum, 1.0, optimum / np.maximum(length, optimum))
+    asked = plan | np.isfinite(numbers(table, "path_length_m"))
+    return np.where(done == 0.0, np.where(asked, 0.0, np.nan), np.where(done == 1.0, share, np.nan))
+
+
+def _par2_ms(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
+    import pandas as pd
+
+    took = numbers(table, "plan_ms") + np.nan_to_num(numbers(table, "plan_learn_ms"))
+    limit = pd.Series(took).groupby([table["world"].fillna("").to_numpy(), problems(table)]).transform("max").to_numpy()
+    return np.where(planned(table), np.where(done == 1.0, took, 2.0 * limit), np.nan)
+
+
+def _bucket(table: pandas.DataFrame) -> np.ndarray:
+    return np.floor(numbers(table, "octile_claimed_m") / BUCKET_CELLS)
+
+
+def problems(table: pandas.DataFrame) -> np.ndarray:
+    """(N,) words for the question that a run was asked, where more than one was: scenario, start, goal."""
+    return _words(table, [name for name in QUESTION if name in table.columns])
+
+
+def configurations(table: pandas.DataFrame) -> np.ndarray:
+    """(N,) words for all that was chosen but the seed."""
+    names = [name for name in ("task", *KEYS[:-1]) if name in table.columns]
+    return _words(table, [*names, *(name for name in table.columns if is_setting(name))])
+
+
+def _words(table: pandas.DataFrame, names: Sequence[str]) -> np.ndarray:
+    """(N,) text `name=value, ...` of the columns that are known in a row."""
+    columns = [[f"{name.rpartition('.')[2]}={value}" if known else "" for value, known in
+                zip(table[name], table[name].notna(), strict=True)] for name in names]
+    joined = [", ".join(filter(None, row)) for row in zip(*columns, strict=True)] if columns else [""] * len(table)
+    return np.array(joined, dtype=object)
+
+
+def independent(table: pandas.DataFrame) -> np.ndarray:
+    """(N,) labels; runs that share one are one result: a configuration that gave the same row for every seed drew no
+    random number that mattered."""
+    apart = {"seed", "config_hash", *(name for name in table.columns if machine_dependent(name))}
+    results = _words(table, [name for name in table.columns if name not in apart])
+    chosen, label = configurations(table), np.arange(len(table))
+    of: dict[object, list[int]] = {}
+    for index, words in enumerate(chosen):
+        of.setdefault(words, []).append(index)
+    for indices in of.values():
+        if len({results[index] for index in indices}) == 1:
+            label[indices] = indices[0]
+    return label
+
+
+def clusters(table: pandas.DataFrame, by: str = "") -> np.ndarray:
+    """(N,) labels of what the runs are samples of: the column `by`; or else their worlds where there are several, their
+    problems where there are several, themselves otherwise (also for by="run")."""
+    if by == "run":
+        return np.arange(len(table))
+    if by:
+        if by not in table.columns:
+            raise ConfigError(f"--cluster {by}: no such column; give world, run, or another column of the table")
+        return table[by].astype("string").fillna("").to_numpy(dtype=object)
+    for label in (table["world"].astype("string").fillna("").to_numpy(dtype=object), problems(table)):
+        if 1 < len(set(label)):
+            return label
+    return np.arange(len(table))
+
+
+def failures_told(table: pandas.DataFrame) -> str:
+    """`3 of 6 failed: budget_spent 2, 1 of 4 places 1`."""
+    from collections import Counter
+
+    asked, failed = int(np.isfinite(succeeded(table)).sum()), int((succeeded(table) == 0.0).sum())
+    if not failed:
+        return f"0 of {asked} failed" if asked else f"{len(table)} runs, none of them asked for anything that can fail"
+    counts = sorted(Counter(word[:70] for word in reasons(table) if word).items(), key=lambda item: (-item[1], item[0]))
+    told = ", ".join(f"{word} {count}" for word, count in counts[:5])
+    return f"{failed} of {asked} failed: {told}" + (f", and {len(counts) - 5} other reasons" if len(counts) > 5 else "")

@@ -1,0 +1,33 @@
+"""Mission success apart from status: what each task asks for, and the words for why not."""
+
+import math
+
+import pandas as pd
+import pytest
+
+from rhs.metrics.success import success_of
+
+
+@pytest.mark.parametrize(("row", "expected"), [
+    ({"status": "ok", "task": "planning", "plan_success": 1, "plan_valid": 1.0, "plan_reason": "ok"}, (1.0, "")),
+    ({"status": "ok", "task": "planning", "plan_success": 0, "plan_reason": "budget_spent"}, (0.0, "budget_spent")),
+    ({"status": "ok", "task": "planning", "plan_success": 1, "plan_valid": 0.0, "plan_reason": "ok"}, (0.0, "invalid path")),
+    ({"status": "ok", "plan_success": 1, "plan_valid": None}, (0.0, "invalid path")),  # not judged: not believed
+    ({"status": "ok", "task": "patrol", "places_total": 4, "places_visited": 4}, (1.0, "")),
+    ({"status": "ok", "task": "patrol", "places_total": 4, "places_visited": 1}, (0.0, "1 of 4 places")),
+    ({"status": "ok", "places_total": 4, "places_visited": None}, (0.0, "0 of 4 places")),
+    ({"status": "ok", "task": "survey", "places_total": 4, "places_visited": 0, "tracked_share": 0.9}, (1.0, "")),
+    ({"status": "ok", "task": "survey", "tracked_share": 0.31}, (0.0, "tracked in 31% of the views")),
+    ({"status": "ok", "task": "patrol", "places_total": None, "tracked_share": 0.5}, (1.0, "")),  # a recording
+    ({"status": "ok", "task": "unroll", "strips_registered_share": 0.2}, (0.0, "20% of the strips registered")),
+    ({"status": "failed", "reason": "E: boom", "plan_success": 1, "plan_valid": 1.0}, (0.0, "E: boom")),
+    ({"status": "running"}, (0.0, "running")),
+    ({}, (0.0, "no status")),
+])
+def test_success(row, expected):
+    assert success_of(row) == expected
+
+
+def test_a_run_that_was_asked_for_nothing_neither_succeeds_nor_fails():
+    success, why = success_of({"status": "ok", "task": "places", "queries": 30, "tracked_share": pd.NA})
+    assert math.isnan(success) and why == ""
