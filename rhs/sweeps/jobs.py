@@ -144,13 +144,17 @@ class _Pool:
         self.running: list[_Running] = []
         self.outcome = Outcome()
         self.tries: Counter = Counter()
+        self.suspects: set[str] = set()  # ran when the server was killed: they are tried again, last and alone
         self.context = multiprocessing.get_context("forkserver")
         self.context.set_forkserver_preload([*PRELOAD, *asked_for(waiting)])
+        os.environ["RHS_SWEEP_PATH"] = os.pathsep.join(sys.path)  # for rhs.sweeps.server
         self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
 
     def fill(self) -> None:
         """Start as many as may run."""
         while self.waiting and len(self.running) < self.limits.jobs and not self.outcome.stopped:
+            if self.running and self.suspects & {self.waiting[-1].name, *(one.job.name for one in self.running)}:
+                return
             job = self.waiting.pop()
             self.tries[job.name] += 1
             try:
@@ -205,7 +209,11 @@ class _Pool:
         self._conclude(one.job, status, reason)
 
     def _conclude(self, job: Job, status: str, reason: str) -> None:
-        again = status == "killed" and not reason.startswith(TOO_MUCH) and not self.outcome.stopped
+        again = status == "killed" and not reason.startswith(TOO_MUCH) and not self.outcome.stopped and self.limits.retries
+        if again and reason == LOST and job.name not in self.suspects:
+            self.suspects.add(job.name)
+            self.waiting.insert(0, job)
+            return
         if again and self.tries[job.name] <= self.limits.retries:
             self.waiting.append(job)
             return
@@ -226,6 +234,7 @@ def _main_if_a_file() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
+LOST = "the process was lost: it, or the one that starts the jobs, was killed"
 TOO_MUCH = "took more memory than"
 
 
@@ -288,7 +297,7 @@ def _row_of(one: _Running) -> tuple[str, str]:
 
 def _fate(code: int | None) -> tuple[str, str]:
     if code is None or code == 255:  # what multiprocessing says when it lost sight of the process
-        return "killed", "the process was lost: it, or the one that starts the jobs, was killed"
+        return "killed", LOST
     if code < 0:
         with contextlib.suppress(ValueError):
             return "killed", f"the process was killed by {signal.Signals(-code).name}"
