@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 import sys
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
-           "OPENCV_FOR_THREADS_NUM")
+from rhs.base.processes import THREADS
+
 for _name in THREADS:  # before numpy is imported: sums must not depend on how many threads share them
     os.environ[_name] = "1"
 

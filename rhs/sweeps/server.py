@@ -7,11 +7,11 @@ import sys
 import warnings
 
 from rhs.api.contracts import PLUGIN_KINDS
-from rhs.base.processes import adopt_orphans
+from rhs.base.processes import SWEEP_PATH, adopt_orphans
 from rhs.base.provenance import commit, versions
 from rhs.config import registry
 
-sys.path[:] = os.environ["RHS_SWEEP_PATH"].split(os.pathsep)  # where the process that sweeps looks for modules
+sys.path[:] = os.environ[SWEEP_PATH].split(os.pathsep)  # where the process that sweeps looks for modules
 # What jobs left behind becomes this process's, for the sweep to find.
 adopt_orphans()
 warnings.filterwarnings("ignore", message="forkserver: waitpid returned unexpected pid")
