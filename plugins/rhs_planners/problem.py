@@ -123,11 +123,13 @@ def already_there(task: Task) -> np.ndarray | None:
     return task.ends if math.dist(*task.ends.tolist()) < 1e-6 else None
 
 
-def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras: dict | None = None, knob: Knob | None = None,
-           sketch: Callable[[], np.ndarray] | None = None, keep_shape: bool = False) -> Path:
+def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras: dict | None = None,
+           knob: Knob | None = None, sketch: Callable[[], np.ndarray] | None = None, keep_shape: bool = False) -> Path:
     """The Path of a path (N, 2) in cells, as it was found; or, for None, the reason why there is none.
 
-    extras: numbers for the table. knob: the setting that bounded the search, and the number it stood for. sketch gives (E, 2, 2) cells, the tree or roadmap, when somebody draws. A path that leaves the free cells is never returned: that is a fault of the planner, a ContractError.
+    extras: numbers for the table. knob: the setting that bounded the search, and the number it stood for. sketch gives
+    (E, 2, 2) cells, the tree or roadmap, when somebody draws. A path that leaves the free cells is never returned: that is
+    a fault of the planner, a ContractError.
     """
     extras = dict(extras or {}, start_moved_m=task.moved_m)
     reason, points = PlanReason.OK, _EMPTY

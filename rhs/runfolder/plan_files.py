@@ -53,7 +53,8 @@ def question_of(arena: Arena, *, start_radius_m: float = 0.3) -> Question:
     }
     rows, columns = grid.shape
     origin = (float(grid.origin_m[0]), float(grid.origin_m[1]))
-    return Question(grid.blocked(arena.robot_radius_m).tobytes(), (rows, columns), grid.resolution_m, origin, json.dumps(about))
+    blocked = grid.blocked(arena.robot_radius_m).tobytes()
+    return Question(blocked, (rows, columns), grid.resolution_m, origin, json.dumps(about))
 
 
 def write_plan(folder: FilePath, question: Question, path: Path, sketch: np.ndarray | None = None) -> None:

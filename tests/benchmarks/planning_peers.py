@@ -70,8 +70,8 @@ def one_map(name: str, seeds: int) -> list[dict]:
     """One row per planner on one map."""
     problem = problem_of(load_arena(name))
     optimum = Optimum(problem.blocked, problem.resolution_m, problem.origin_m).length_m([problem.start_m, problem.goal_m])
-    planners = {**{word: ours(problem, *what, pulled=" raw" not in word) for word, what in OURS.items()}, **motion_planning(problem),
-                **robotics_toolbox(problem), **scikit_image(problem)}
+    planners = {**{word: ours(problem, *what, pulled=" raw" not in word) for word, what in OURS.items()},
+                **motion_planning(problem), **robotics_toolbox(problem), **scikit_image(problem)}
     return [measure(name, word, plan, problem, (optimum, min(seeds, SLOW.get(word, seeds))))
             for word, plan in planners.items()]
 

@@ -8,11 +8,11 @@ import pytest
 from rhs.api.errors import ConfigError
 from rhs.api.grid import OccupancyGrid
 from rhs.config.compose import compose_config
+from rhs.metrics.planning import evaluate_plan
 from rhs.patrol.run import run_config
 from rhs.runfolder.row import canonical_hash, read_row
 from rhs.worlds.maps import save_map
 from rhs.worlds.planning_question import load_arena
-from rhs.metrics.planning import evaluate_plan
 
 
 def run(folder, *words):
