@@ -31,11 +31,11 @@ class Simulator:
     pitch_roll_deg: float = 0.0  # degrees rms of camera pitch and of roll while moving; 0: the floor is flat
     command_bias_percent: float = 1.0  # per cent, one sigma: lasting error of distance and of turn against the command
     command_noise_percent: float = 3.0  # per cent, one sigma: fresh error of distance and of turn at each command
-    paintings_unique: Optional[int] = None  # how many different paintings exist; null: as the world says  # noqa: UP045
-    paintings_density: Optional[float] = None  # 0..1, share of hanging places used; null: as the world says  # noqa: UP045
-    wall_roughness: Optional[float] = None  # grey levels of the walls' own pattern; null: as the world says  # noqa: UP045
+    paintings_unique: Optional[int] = None  # how many different paintings exist; null: as the world says
+    paintings_density: Optional[float] = None  # 0..1, share of hanging places used; null: as the world says
+    wall_roughness: Optional[float] = None  # grey levels of the walls' own pattern; null: as the world says
     obstacles: list[float] = field(default_factory=list)  # more boxes put in after the survey: x, y, length, width, m
-    texture_seed: Optional[int] = None  # seed of all paintings and surfaces; null: as the world says  # noqa: UP045
+    texture_seed: Optional[int] = None  # seed of all paintings and surfaces; null: as the world says
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "driving", "teleport"})

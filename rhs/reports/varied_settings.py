@@ -38,7 +38,7 @@ def _config(path: Path) -> dict[str, Any]:
     import yaml
 
     try:
-        content = yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506
+        content = yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
     except (OSError, yaml.YAMLError):
         return {}
     return content if isinstance(content, dict) else {}
