@@ -75,7 +75,7 @@ class RrtStar(PlannerSettings):
     goal_bias: float = 0.05  # share of samples that are the goal itself
     iterations: int = 5000  # samples, all of them used
     # as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there were
-    # as many samples as free cells, at least 4 times
+    # three for every free cell, at least 4 times
     extensions: int | None = None
 
     def __post_init__(self):
@@ -104,7 +104,7 @@ class InformedRrtStar(PlannerSettings):
     goal_bias: float = 0.05  # share of samples that are the goal itself
     iterations: int = 5000  # samples, all of them used
     # as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there were
-    # as many samples as free cells, at least 4 times
+    # three for every free cell, at least 4 times
     extensions: int | None = None
 
     def __post_init__(self):
@@ -147,4 +147,4 @@ def extended(iterations: int, extensions: int | None, free_cells: int) -> list[i
     """The samples of each round: one that is used up, and more for as long as there is no path."""
     if extensions is not None:
         return [iterations] * (extensions + 1)
-    return repeated(iterations, scaled_to(free_cells, each=1.0, least=5 * iterations))
+    return repeated(iterations, scaled_to(free_cells, each=3.0, least=5 * iterations))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Optional
+from typing import Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
 
@@ -31,11 +31,11 @@ class Simulator:
     pitch_roll_deg: float = 0.0  # degrees rms of camera pitch and of roll while moving; 0: the floor is flat
     command_bias_percent: float = 1.0  # per cent, one sigma: lasting error of distance and of turn against the command
     command_noise_percent: float = 3.0  # per cent, one sigma: fresh error of distance and of turn at each command
-    paintings_unique: Optional[int] = None  # how many different paintings exist; null: as the world says  # noqa: UP045
-    paintings_density: Optional[float] = None  # 0..1, share of hanging places used; null: as the world says  # noqa: UP045
-    wall_roughness: Optional[float] = None  # grey levels of the walls' own pattern; null: as the world says  # noqa: UP045
+    paintings_unique: int | None = None  # how many different paintings exist; null: as the world says
+    paintings_density: float | None = None  # 0..1, share of hanging places used; null: as the world says
+    wall_roughness: float | None = None  # grey levels of the walls' own pattern; null: as the world says
     obstacles: list[float] = field(default_factory=list)  # more boxes put in after the survey: x, y, length, width, m
-    texture_seed: Optional[int] = None  # seed of all paintings and surfaces; null: as the world says  # noqa: UP045
+    texture_seed: int | None = None  # seed of all paintings and surfaces; null: as the world says
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "driving", "teleport"})

@@ -1,1 +1,0 @@
-import a_module_nobody_has  # noqa: F401

@@ -163,7 +163,7 @@ class Trouble:
 
         import numpy as np
 
-        np.random.seed(0)  # noqa: NPY002
+        np.random.seed(0)
         random.seed(0)
         return motion
 
