@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rhs.api.files import replacing, write_whole
-from rhs.base.commands import INTERRUPTED, Arguments, answered
+from rhs.base.commands import INTERRUPTED, Arguments, answered, check_regular
 from rhs.base.errors import ConfigError, RhsError
 from rhs.runfolder.row import KEYS, read_row
 
@@ -209,6 +209,8 @@ def _make(folder: Path, *, with_video: bool, unreadable: list[str]) -> Iterator[
     if not (folder / "row.json").exists():
         yield sweep(folder, unreadable)
         return
+    for path in (*folder.iterdir(), *folder.glob("places/*")):
+        check_regular(path)
     read_row(folder / "row.json")
     for draw in (overview, motion, knowing, *([video] if with_video else []), html):
         made = draw(folder)
