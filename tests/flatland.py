@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from rhs.api.contracts import WorldFacts
@@ -143,6 +145,13 @@ class Dijkstra:
         return Path(PlanReason.OK, points, points)
 
 
+def parts(localiser) -> SimpleNamespace:
+    """What a sentinel takes of a run's parts."""
+    from rhs_replan import NewMission
+
+    return SimpleNamespace(localiser=localiser, planner=Dijkstra(), replan=NewMission(), slam=None, who=None)
+
+
 def ring(size_m: float = 8.0, width_m: float = 2.0) -> np.ndarray:
     """Occupied cells of a closed square corridor."""
     n, wall = int(size_m * 10), 1
@@ -153,4 +162,4 @@ def ring(size_m: float = 8.0, width_m: float = 2.0) -> np.ndarray:
     return occupied
 
 
-__all__ = ["Flatland", "Through", "Oracle", "Dijkstra", "ring", "inflate"]
+__all__ = ["Flatland", "Through", "Oracle", "Dijkstra", "parts", "ring", "inflate"]

@@ -36,14 +36,18 @@ class ParticleFilter:
     # Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
     # place (a logarithm, per view): something new may stand there. Places tell it when it was carried away.
     surprise: float = 1.0
+    """Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
+    place (a logarithm, per view): something new may stand there. Recognised places show when it was carried away."""
     # Chance per view that somebody carries the robot elsewhere.
     kidnap_rate: float = 0.0001
     # Odometry noise assumed besides its own covariance, share of the motion.
     motion_share: float = 0.05
     # Above this share of the weight in one heap the robot calls itself tracking ...
     tracking_above: float = 0.9
+    """Above this share of the weight in one cluster the robot calls itself tracking."""
     # ... and below this one lost.
     lost_below: float = 0.5
+    """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter", self)
@@ -86,8 +90,10 @@ class ParticleFilterScan:
     motion_share: float = 0.05
     # Above this share of the weight in one heap the robot calls itself tracking ...
     tracking_above: float = 0.9
+    """Above this share of the weight in one cluster the robot calls itself tracking."""
     # ... and below this one lost.
     lost_below: float = 0.5
+    """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter_scan", self)

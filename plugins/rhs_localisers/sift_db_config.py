@@ -32,12 +32,16 @@ class SiftDb:
     match_every: int = 3
     # Drift assumed beside the odometry's own covariance, metres per metre (visual odometry: 0.002 to 0.02) ...
     drift_m_per_m: float = 0.02
+    """Drift assumed beside the odometry's own covariance, metres per metre (visual odometry: 0.002 to 0.02)."""
     # ... and radians per metre.
     drift_rad_per_m: float = 0.003
+    """Turn assumed to drift beside the odometry's own covariance, radians per metre."""
     # Above this chance of being right the robot calls itself tracking ...
     tracking_above: float = 0.9
+    """Above this chance of being right the robot calls itself tracking."""
     # ... and below this one lost.
     lost_below: float = 0.5
+    """Below this chance of being right the robot calls itself lost."""
 
     def __post_init__(self) -> None:
         owner = "localiser.sift_db"

@@ -22,7 +22,10 @@ class ErrorDistribution:
     trust: str = "sighting"
     # trust=both: what the covariance of a sighting lacks, because points lifted on walls are themselves estimates (1 sigma).
     sighting_sigma_m: float = 0.05
+    """trust=both: what the covariance of a sighting lacks in position, because points lifted on walls are themselves
+    estimates, metres (1 sigma)."""
     sighting_sigma_deg: float = 1.0
+    """trust=both: what the covariance of a sighting lacks in each angle, degrees (1 sigma)."""
     # The last and the first so many stored views are compared.
     reach_views: int = 6
     # So many of their pairs, those with most matches, are checked by geometry.

@@ -19,6 +19,8 @@ class PoseGraph:
     min_way_m: float = 5.0
     # ... nor are views between which the camera looked away by more than this and back, degrees: a hand hardly moves on.
     min_turn_deg: float = 90.0
+    """Two views between which the camera looked away by less than this are neighbours, not a loop, degrees: a hand
+    hardly moves on."""
     # So many pairs of views, the likeliest ones, are checked by geometry: about 8 ms each at 320x240.
     checks: int = 60
     # Key-points that must agree on one motion between the views.
@@ -42,8 +44,11 @@ class PoseGraph:
     scale_sigma: float = 0.03
     # Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a step) ...
     drift_m_per_m: float = 0.03
+    """Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a
+    step)."""
     # ... and radians per metre.
     drift_rad_per_m: float = 0.01
+    """Odometry noise of the heading the graph assumes at least: radians per metre."""
     # Scale of the robust (Cauchy) kernel on loop edges, sigmas.
     kernel_sigma: float = 3.0
 

@@ -1,4 +1,4 @@
-"""What a grid planner searched, as lines for a picture: the tree of predecessors, or the contours of a field."""
+"""The contours of a field, as lines for a picture."""
 
 from __future__ import annotations
 
@@ -9,16 +9,7 @@ from rhs.api.jit import compiled, typed
 
 _LEVELS = 30  # contours from the least to the largest value
 _SIDE = 200  # cells of a field looked at along its longer side: a picture shows no more
-_BRANCHES = 4000
 _LINES = nb.types.Array(nb.float64, 3, "C")
-
-
-def branches(parent: np.ndarray, columns: int) -> np.ndarray:
-    """(E, 2, 2) cells: from a cell's centre to its predecessor's. parent: cell numbers, -1 where nobody came."""
-    reached = np.flatnonzero(parent >= 0)
-    reached = reached[:: max(1, len(reached) // _BRANCHES)]
-    ends = np.stack([reached, parent[reached]], axis=1)
-    return np.stack([ends % columns + 0.5, ends // columns + 0.5], axis=-1)
 
 
 def contours(field: np.ndarray) -> np.ndarray:

@@ -16,10 +16,10 @@ from scipy.ndimage import distance_transform_edt
 
 from rhs.api.jit import typed
 from rhs.api.records import Path, PlanningProblem
+from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
 from .contours import contours
 from .heap import pop, push
-from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, Task, begin, finish
 
 _FIELD = nb.types.Array(nb.float64, 2, "C")
@@ -52,9 +52,8 @@ class FastMarchingPlanner:
         raw = None
         if np.isfinite(self._times[j, i]):
             raw = descend(task.grid, self._times, task.ends)
-        rounds = 0 if self._settings.comfort_m > 0.0 else self._settings.shorten_rounds  # pulling would undo the comfort
-        return finish(task, raw, rounds=rounds, learn_ms=learn_ms, extras={"field_reused": float(reused)},
-                      sketch=lambda: contours(self._times))
+        return finish(task, raw, learn_ms=learn_ms, extras={"field_reused": float(reused)},
+                      sketch=lambda: contours(self._times), keep_shape=self._settings.comfort_m > 0.0)  # pulling undoes it
 
     def _speeds(self, task: Task) -> np.ndarray:
         """(H, W) speed of the wave in cells per unit time, 1 away from walls."""

@@ -13,12 +13,12 @@ import numpy as np
 
 from rhs.api.jit import typed
 from rhs.api.records import Path, PlanningProblem
+from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
-from .contours import branches
 from .heap import pop, push
-from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, begin, finish
 
+_BRANCHES = 4000  # of the tree of predecessors that a picture shows
 _DIAGONAL = np.sqrt(2.0) - 1.0
 _RESULT = nb.types.Tuple((NEW_POINTS, nb.int64, nb.types.Array(nb.int64, 1, "C")))
 
@@ -36,8 +36,16 @@ class GridSearch:
             return task
         cells, expanded, parent = self._search(task.grid, task.ends, self._settings.expansions)
         raw = cells if len(cells) else None
-        return finish(task, raw, rounds=self._settings.shorten_rounds, extras={"expanded": float(expanded)},
-                      sketch=lambda: branches(parent, task.grid.shape[1]))
+        return finish(task, raw, extras={"expanded": float(expanded)},
+                      knob=("expansions", self._settings.expansions), sketch=lambda: branches(parent, task.grid.shape[1]))
+
+
+def branches(parent: np.ndarray, columns: int) -> np.ndarray:
+    """(E, 2, 2) cells: from a cell's centre to its predecessor's. parent: cell numbers, -1 where nobody came."""
+    reached = np.flatnonzero(parent >= 0)
+    reached = reached[:: max(1, len(reached) // _BRANCHES)]
+    ends = np.stack([reached, parent[reached]], axis=1)
+    return np.stack([ends % columns + 0.5, ends // columns + 0.5], axis=-1)
 
 
 @typed(nb.float64(nb.int64, nb.int64, nb.int64, nb.int64))

@@ -13,6 +13,8 @@ from .shared_config import PlannerSettings
 class AStar(PlannerSettings):
     """A* over eight neighbours without cutting corners (Hart, Nilsson, Raphael 1968): complete, shortest on the grid."""
 
+    preload = ("rhs_planners.grid_search",)
+
     expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
 
     def __post_init__(self):
@@ -28,6 +30,8 @@ class AStar(PlannerSettings):
 @dataclass
 class ThetaStar(PlannerSettings):
     """Theta* (Nash, Daniel, Koenig, Felner 2007): A* whose paths may leave the grid's directions. Complete."""
+
+    preload = ("rhs_planners.grid_search",)
 
     expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
 

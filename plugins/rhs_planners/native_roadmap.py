@@ -9,9 +9,9 @@ import numba as nb
 import numpy as np
 
 from rhs.api.jit import typed
+from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
 from .chance import uniform
-from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Task
 from .roadmap import Roadmap
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from rhs.api.jit import compiled, typed
 from rhs.api.records import Path, PlanningProblem
+from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
 from .chance import uniform
-from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, already_there, begin, finish
 
 _FIRST_ROOM = 256  # vertices a tree has room for at first
@@ -32,13 +32,16 @@ class NativeRrtConnect:
             return task
         there = already_there(task)
         if there is not None:
-            return finish(task, there, rounds=0, extras={"iterations": 0.0})
+            return finish(task, there, extras={"iterations": 0.0})
         step = self._settings.range_m / problem.resolution_m or 0.2 * math.hypot(*problem.blocked.shape)
         seed = self._rng.bit_generator.random_raw()
-        raw, edges, used = connect(task.grid, task.ends, seed, step, self._settings.iterations)
+        rounds = self._settings.rounds(task.ground.free_cells)
+        raw, edges, used = connect(task.grid, task.ends, seed, step, rounds[0])
+        if not len(raw) and len(rounds) > 1 and task.ground.connected(task.start, task.goal):
+            raw, edges, used = connect(task.grid, task.ends, seed, step, sum(rounds))  # the same trees, grown on
         extras = {"iterations": float(used), "vertices": len(edges) + 2.0}
-        return finish(task, raw if len(raw) else None, rounds=self._settings.shorten_rounds, extras=extras,
-                      sketch=lambda: edges)
+        return finish(task, raw if len(raw) else None, extras=extras,
+                      knob=self._settings.knob(rounds), sketch=lambda: edges)
 
 
 @compiled

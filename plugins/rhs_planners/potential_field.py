@@ -16,8 +16,8 @@ from scipy.ndimage import distance_transform_edt
 
 from rhs.api.jit import compiled, typed
 from rhs.api.records import Path, PlanningProblem
+from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
-from .line import GRID, NEW_POINTS, POINTS, segment_free
 from .problem import Ground, Task, begin, finish
 
 _FIELD = nb.types.Array(nb.float64, 2, "C")
@@ -46,7 +46,7 @@ class PotentialFieldPlanner:
                                 round(self._settings.trail_radius_m / step_m, 9), self._settings.steps * every)
         extras = {"walk_steps": float(len(walk) - 1)}
         raw = _join(task, without_loops(walk)) if arrived else None
-        return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=learn_ms, extras=extras,
+        return finish(task, raw, learn_ms=learn_ms, extras=extras, knob=("steps", self._settings.steps),
                       sketch=lambda: np.stack([walk[:-1], walk[1:]], axis=1))
 
     def _repel(self, task: Task) -> np.ndarray:

@@ -14,6 +14,8 @@ class PotentialField(PlannerSettings):
     """Potential field with a repulsive trail on visited cells, as in the thesis (section 3.2.5). The potential is in
     metres: its slope towards the goal is 1."""
 
+    preload = ("rhs_planners.potential_field",)
+
     repulsion_m3: float = 0.01  # gain: 0.5 * gain * (1/d - 1/reach)^2 at d metres from a blocked cell
     reach_m: float = 0.2  # blocked cells farther than this do not repel; two cells of 0.1 m
     trail_step_m: float = 0.1  # way between two cones of the trail; one cell where cells are larger

@@ -43,14 +43,15 @@ class RoadmapPlanner:
         learn_s = time.process_time() - learning
         raw = already_there(task)
         raw = self._query(task) if raw is None else raw
-        while raw is None and counts["growths"] < self._settings.growth_rounds and self._worth_growing(task):
+        rounds = self._settings.rounds(self._ground.free_cells)
+        while raw is None and counts["growths"] < rounds and self._worth_growing(task):
             learning = time.process_time()
             self._grow(task, self._settings.growth)
             learn_s += time.process_time() - learning
             counts["growths"] += 1.0
             raw = self._query(task)
         counts |= {"vertices": float(len(self._roadmap.points)), "edges": float(len(self._roadmap.edges))}
-        return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=1e3 * learn_s, extras=counts,
+        return finish(task, raw, learn_ms=1e3 * learn_s, extras=counts, knob=("growth_rounds", rounds),
                       sketch=self._roadmap.segments)
 
     def _query(self, task: Task) -> np.ndarray | None:

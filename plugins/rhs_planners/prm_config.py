@@ -8,18 +8,21 @@ from typing import ClassVar
 
 from rhs.api.errors import check_choice, check_range
 
-from .shared_config import PlannerSettings
+from .shared_config import PlannerSettings, scaled_to
 
 
 @dataclass
 class _Roadmap(PlannerSettings):
     _word: ClassVar[str]
     _star: ClassVar[bool]
+    preload = ("rhs_planners.prm", "rhs_planners.native_roadmap")
 
     backend: str = "native"  # native: compiled, learns about eight times faster; ompl: the same method by OMPL
     milestones: int = 500  # vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed
     growth: int = 250  # vertices added when start and goal are not joined yet
-    growth_rounds: int = 20  # how often a query may add them before its budget is spent
+    # how often a query may add them before its budget is spent; null: until there is a vertex for every 20 free cells, at
+    # least 20 times
+    growth_rounds: int | None = None
     links: int = 12  # vertices in sight that start and goal are joined to
 
     def __post_init__(self):
@@ -28,8 +31,14 @@ class _Roadmap(PlannerSettings):
         check_choice(owner, "backend", self.backend, ("native", "ompl"))
         check_range(owner, "milestones", self.milestones, low=1, high=200_000)
         check_range(owner, "growth", self.growth, low=1, high=200_000)
-        check_range(owner, "growth_rounds", self.growth_rounds, low=0, high=1000)
+        if self.growth_rounds is not None:
+            check_range(owner, "growth_rounds", self.growth_rounds, low=0, high=10_000)
         check_range(owner, "links", self.links, low=1, high=1000)
+
+    def rounds(self, free_cells: int) -> int:
+        if self.growth_rounds is not None:
+            return self.growth_rounds
+        return max(20, scaled_to(free_cells, each=0.05, least=0, most=50_000) // self.growth)
 
     def build(self, context):
         from .prm import RoadmapPlanner

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import label
 
-from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.api.errors import ContractError
+from rhs.api.records import Path, PlanningProblem, PlanReason
+from rhs.estimation.paths.line import polyline_free, scaled
 
-from .shorten import scaled, settled
-
+Knob = tuple[str, int]
 _EMPTY = np.empty((0, 2))
 
 
@@ -28,7 +28,7 @@ class Ground:
     def __init__(self):
         self.grid = np.ones((0, 0), np.uint8)
         self.version = 0
-        self._free = None
+        self._free, self._free_cells = None, -1
         self._last: np.ndarray | None = None  # the array the grid was taken from, if nobody can have changed it
 
     def stand_on(self, blocked: np.ndarray) -> None:
@@ -49,7 +49,14 @@ class Ground:
             self.grid = np.ones(shape, np.uint8)
         self.grid[1:-1, 1:-1] = inner
         self.version += 1
-        self._free = None
+        self._free, self._free_cells = None, -1
+
+    @property
+    def free_cells(self) -> int:
+        """How many cells are free."""
+        if self._free_cells < 0:
+            self._free_cells = self.grid.size - int(np.count_nonzero(self.grid))
+        return self._free_cells
 
     def connected(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Two points in free cells can be joined: their cells are in one 4-connected piece (exact for a point)."""
@@ -116,22 +123,30 @@ def already_there(task: Task) -> np.ndarray | None:
     return task.ends if math.dist(*task.ends.tolist()) < 1e-6 else None
 
 
-def finish(task: Task, raw: np.ndarray | None, *, rounds: int, learn_ms: float = 0.0, extras: dict | None = None,
-           sketch: Callable[[], np.ndarray] | None = None) -> Path:
-    """The Path of a raw path (N, 2) in cells, shortened; or, for None, the reason why there is none.
+def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras: dict | None = None,
+           knob: Knob | None = None, sketch: Callable[[], np.ndarray] | None = None,
+           keep_shape: bool = False) -> Path:
+    """The Path of a path (N, 2) in cells, as it was found; or, for None, the reason why there is none.
 
-    extras: numbers for the table. sketch gives (E, 2, 2) cells, the tree or roadmap; it is asked for after the clock
-    is read. A path that leaves the free cells is never returned: that is a fault of the planner, a ContractError.
+    extras: numbers for the table. knob: the setting that bounded the search, and the number it stood for. sketch gives
+    (E, 2, 2) cells, the tree or roadmap, when somebody draws. A path that leaves the free cells is never returned: that is
+    a fault of the planner, a ContractError.
     """
     extras = dict(extras or {}, start_moved_m=task.moved_m)
-    reason, points, lines = PlanReason.OK, _EMPTY, _EMPTY
+    reason, points = PlanReason.OK, _EMPTY
     if raw is None:
         reason = PlanReason.BUDGET_SPENT if task.ground.connected(task.start, task.goal) else PlanReason.DISCONNECTED
     else:
-        points, lines = _in_metres(task, raw, rounds)
+        points = _in_metres(task, raw)
+    spent = reason is PlanReason.BUDGET_SPENT and knob is not None
     plan_ms = 1e3 * (time.process_time() - task.began_s) - learn_ms
-    drawing = None if sketch is None else task.metres(sketch())
-    return Path(reason, points, lines, learn_ms, plan_ms, drawing, extras)
+    drawing = None if sketch is None else lambda: task.metres(sketch())
+    return Path(reason, points, points, learn_ms, plan_ms, drawing, extras, keep_shape, advice(*knob) if spent else "")
+
+
+def advice(setting: str, number: int) -> str:
+    """What to type after a budget was spent."""
+    return f"planner.{setting}={number} spent; try planner.{setting}={10 * max(number, 1)}"
 
 
 def failure(reason: PlanReason, began_s: float) -> Path:
@@ -139,19 +154,16 @@ def failure(reason: PlanReason, began_s: float) -> Path:
     return Path(reason, _EMPTY, _EMPTY, 0.0, 1e3 * (time.process_time() - began_s))
 
 
-def _in_metres(task: Task, raw: np.ndarray, rounds: int) -> tuple[np.ndarray, np.ndarray]:
-    """The path shortened and the raw path in metres, with the ends exactly as the problem gave them; a start that was set
-    off stays as a second point."""
-    (x, y), step = task.problem.origin_m, task.problem.resolution_m
-    short, raw, free = settled(task.grid, raw, rounds, (step, x - step, y - step))
-    if not free:
+def _in_metres(task: Task, cells: np.ndarray) -> np.ndarray:
+    """The path in metres, with the ends exactly as the problem gave them; a start that was set off stays as a second
+    point."""
+    if not polyline_free(task.grid, cells):
         raise ContractError("planner returned a path through blocked cells; expected every segment to be free")
-    start, goal = task.problem.start_m, task.problem.goal_m
+    points = task.metres(cells)
     if task.moved_m > 0.0:
-        short, raw = np.vstack([np.asarray(start, float), short]), np.vstack([np.asarray(start, float), raw])
-    for points in (short, raw):
-        points[0], points[-1] = start, goal
-    return short, raw
+        points = np.vstack([np.asarray(task.problem.start_m, float), points])
+    points[0], points[-1] = task.problem.start_m, task.problem.goal_m
+    return points
 
 
 def _cells(problem: PlanningProblem, point_m) -> tuple[float, float]:

@@ -6,9 +6,9 @@ import numba as nb
 import numpy as np
 
 from rhs.api.jit import compiled, typed
+from rhs.estimation.paths.line import GRID, POINTS, segment_free
 
 from .heap import pop, push
-from .line import GRID, POINTS, segment_free
 
 _INTS = nb.types.Array(nb.int64, 1, "C", readonly=True)
 _PAIRS = nb.types.Array(nb.int64, 2, "C", readonly=True)

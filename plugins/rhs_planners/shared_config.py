@@ -8,17 +8,32 @@ from typing import ClassVar
 from rhs.api.errors import check_range
 
 
+def scaled_to(free_cells: int, *, each: float, least: int, most: int = 1_000_000) -> int:
+    """A budget that grows with the map: `each` for every free cell, between `least` and `most`. What a sampling planner
+    needs is set by how small a share of the free space its narrowest gate is, and that shrinks as maps grow."""
+    return min(max(least, round(each * free_cells)), most)
+
+
+def in_two(first: int, total: int) -> list[int]:
+    """Budgets of a first round and of the rest, before which somebody looks whether there is a way at all."""
+    return [first, total - first] if total > first else [total]
+
+
+def repeated(first: int, total: int) -> list[int]:
+    """Budgets of the first round and of as many more as bring their sum to `total`: each begins only if there is no path."""
+    return [first] * max(1, -(-total // first))
+
+
 @dataclass
 class PlannerSettings:
-    """What all planners of this package share; see problem.begin and shorten.shorten."""
+    """What all planners of this package share; see problem.begin."""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
+    preload: ClassVar[tuple[str, ...]]
 
     start_radius_m: float = 0.3  # a start in a blocked cell is set off to a free one this near; one robot radius
-    shorten_rounds: int = 60  # rounds of string pulling after planning, 0 for none; it stops by itself much earlier
 
     def check(self, owner: str) -> None:
         """Refuse shared settings out of range."""
         check_range(owner, "start_radius_m", self.start_radius_m, low=0.0, high=10.0, unit="m")
-        check_range(owner, "shorten_rounds", self.shorten_rounds, low=0, high=10_000)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from ompl import geometric as og
@@ -24,53 +25,62 @@ from .problem import Ground, Task, already_there, begin, finish
 
 
 class TreePlanner:
-    """make(information, settings, resolution_m) gives the OMPL planner; settings.iterations bounds its steps.
+    """make(information, settings, resolution_m, times) gives the OMPL planner, `times` as thorough as at first;
+    settings.rounds(free_cells) the steps that each round of the search may take.
 
     logged: draw the edges it tested instead of its tree (BIT*'s cannot be read: OMPL then keeps its vertices for ever).
+    anew: it cannot go on with the tree it has; every round takes a new one.
     """
 
-    def __init__(self, settings, rng: np.random.Generator, make: Callable, *, logged: bool = False):
-        self._settings, self._rng, self._make = settings, rng, make
+    def __init__(self, settings, rng: np.random.Generator, make: Callable, *, logged: bool = False, anew: bool = False):
+        self._settings, self._rng, self._make, self._anew = settings, rng, make, anew
         self._motion = LoggedGridMotion if logged else GridMotion
         self._ground, self._space, self._version = Ground(), None, -1
 
     def plan(self, problem: PlanningProblem) -> Path:
-        """Space over the grid, unless it is at hand; seed; make; solve within the counted budget; check."""
+        """Space over the grid, unless it is at hand; seed; make; solve within the counted budgets; check."""
         task = begin(problem, self._ground, self._settings.start_radius_m)
         if isinstance(task, Path):
             return task
         there = already_there(task)
         if there is not None:
-            return finish(task, there, rounds=0, extras={"iterations": 0.0})
+            return finish(task, there, extras={"iterations": 0.0})
         setting_up = time.process_time()
         if self._version != self._ground.version:
             self._space, self._version = space_over(task.grid, self._motion), self._ground.version
         learn_ms = 1e3 * (time.process_time() - setting_up)
+        rounds = self._settings.rounds(self._ground.free_cells)
+        raw, used, planner = self._search(task, rounds)
         information, motion = self._space
-        fresh_seed(self._rng)
-        planner = self._make(information, self._settings, problem.resolution_m)
-        ends = definition(information, task.start, task.goal)
-        planner.setProblemDefinition(ends)
-        planner.setup()
-        raw, used = self._solve(planner, ends, task)
-        extras = {"iterations": float(used)}
-        return finish(task, raw, rounds=self._settings.shorten_rounds, learn_ms=learn_ms, extras=extras,
+        return finish(task, raw, learn_ms=learn_ms, extras={"iterations": float(used)}, knob=self._settings.knob(rounds),
                       sketch=lambda: _edges(information, planner, motion))
 
-    def _solve(self, planner, ends, task: Task) -> tuple[np.ndarray | None, int]:
-        """The path (N, 2) in cells, and the iterations used: the budget, and again where the settings allow extensions
-        and there is a way that was not found yet. OMPL's planners go on with the tree they have."""
+    def _search(self, task: Task, rounds: list[int]) -> tuple[np.ndarray | None, int, Any]:
+        """The path (N, 2) in cells, the steps used, and the planner: the first round, and the next ones while there is no
+        path although a flood fill says there is a way."""
         used = 0
-        for extension in range(getattr(self._settings, "extensions", 0) + 1):
-            if extension and not task.ground.connected(task.start, task.goal):
+        for number, budget in enumerate(rounds):
+            if number and not task.ground.connected(task.start, task.goal):
                 break
-            counter = Counter(self._settings.iterations)
+            if number == 0 or self._anew:
+                planner, ends = self._prepared(task, 2**number)
+            counter = Counter(budget)
             planner.solve(counter.condition())
-            used += min(counter.calls, self._settings.iterations)
+            used += min(counter.calls, budget)
             raw = solution(ends, task.start, task.goal)
             if raw is not None:
                 break
-        return raw, used
+        return raw, used, planner
+
+    def _prepared(self, task: Task, times: int):
+        """A freshly seeded planner, and the definition of its problem."""
+        information, _ = self._space
+        fresh_seed(self._rng)
+        planner = self._make(information, self._settings, task.problem.resolution_m, times)
+        ends = definition(information, task.start, task.goal)
+        planner.setProblemDefinition(ends)
+        planner.setup()
+        return planner, ends
 
 
 def _edges(information, planner, motion: GridMotion) -> np.ndarray:
@@ -83,37 +93,37 @@ def _edges(information, planner, motion: GridMotion) -> np.ndarray:
     return points[edges]
 
 
-def rrt(information, settings, resolution_m: float):
+def rrt(information, settings, resolution_m: float, times: int):
     planner = og.RRT(information)
     planner.setGoalBias(settings.goal_bias)
     return _ranged(planner, settings, resolution_m)
 
 
-def rrt_connect(information, settings, resolution_m: float):
+def rrt_connect(information, settings, resolution_m: float, times: int):
     return _ranged(og.RRTConnect(information), settings, resolution_m)
 
 
-def rrt_star(information, settings, resolution_m: float):
+def rrt_star(information, settings, resolution_m: float, times: int):
     planner = og.RRTstar(information)
     planner.setGoalBias(settings.goal_bias)
     return _ranged(planner, settings, resolution_m)
 
 
-def informed_rrt_star(information, settings, resolution_m: float):
+def informed_rrt_star(information, settings, resolution_m: float, times: int):
     planner = og.InformedRRTstar(information)
     planner.setGoalBias(settings.goal_bias)
     return _ranged(planner, settings, resolution_m)
 
 
-def bit_star(information, settings, resolution_m: float):
+def bit_star(information, settings, resolution_m: float, times: int):
     planner = og.BITstar(information)
     planner.setSamplesPerBatch(settings.batch)
     return planner
 
 
-def fmt(information, settings, resolution_m: float):
+def fmt(information, settings, resolution_m: float, times: int):
     planner = og.FMT(information)
-    planner.setNumSamples(settings.samples)
+    planner.setNumSamples(times * settings.samples)
     return planner
 
 

@@ -15,7 +15,7 @@ class Replay:
     """A TUM RGB-D or 7-Scenes folder, run.mcap, a ROS 2 or ROS 1 bag, or a CARMEN laser log."""
 
     needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel", "extras"})
 
     # Folder or file to read; relative paths count from where the command is typed.
     path: str = ""
@@ -46,14 +46,20 @@ class Replay:
     phase: str = "survey"
     # Topics of a bag; empty takes the only topic of a fitting type, none goes without.
     color_topic: str = ""  # colour or grey images
+    """Topic of a bag with colour or grey images; empty takes the only topic of a fitting type, none goes without."""
     depth_topic: str = ""  # depth images
+    """Topic of a bag with depth images; empty and none as for color_topic."""
     info_topic: str = ""  # CameraInfo
+    """Topic of a bag with CameraInfo; empty and none as for color_topic."""
     scan_topic: str = ""  # LaserScan
+    """Topic of a bag with LaserScan; empty and none as for color_topic."""
     wheel_topic: str = ""  # Odometry of the wheels
+    """Topic of a bag with Odometry of the wheels; empty and none as for color_topic."""
     # Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown.
     truth_topic: str = ""
     # Or the fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth.
     truth_frame: str = ""
+    """Fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth."""
     # Half the side of the square to map round the start, metres; a recording does not say how large its world is.
     extent_m: float = 10.0
     # Beams of a CARMEN laser cover this many degrees, centred ahead.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from itertools import chain
 from pathlib import Path
 
 from rhs.api.errors import ConfigError
@@ -26,7 +27,10 @@ def open_run(path: Path, settings) -> Recording:
                           "recording=full to replay")
     facts = head.facts and dataclasses.replace(head.facts, places=())  # a recording cannot be driven to a place
     lost: list[str] = []
-    return Recording(head.camera, _views(path, settings, lost), None, Counter(), facts, settings.provides, lost)
+    views = _views(path, settings, lost)
+    first = next(views)
+    provides = (settings.provides - {"extras"}) | set(first[0].extras)
+    return Recording(head.camera, chain([first], views), None, Counter(), facts, provides, lost)
 
 
 def _views(path: Path, settings, lost: list[str]):

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from rhs.api.contracts import SourceContext
+from rhs.api.errors import ConfigError, RhsError
 from rhs.api.floorplan import Box, World
 from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
 from rhs.api.records import Capture, Twist
-from rhs.api.errors import ConfigError, RhsError
 from rhs.worlds.world import reversed_world
 
 from .lens import Lens

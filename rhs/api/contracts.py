@@ -8,7 +8,9 @@ defaults, units in the names), checks their ranges in `__post_init__`, declares
 
 and has `build(context) -> part`, where heavy libraries are imported. Words used by needs/provides:
 `image`, `depth`, `scan`, `wheel`, `command`, `driving` (the source can be driven), `teleport`, `walls`, `gray`, `texture`
-(the source has `texture(along_m, around_m)`, the true grey of its wall, for the judge of task=unroll).
+(the source has `texture(along_m, around_m)`, the true grey of its wall, for the judge of task=unroll). Any other word names
+an extra modality: an array that travels by that name in `Capture.extras` and `Observation.extras` (`imu`, `right_image`,
+...), past every sensor; it is recorded and replayed. `extras` in a source's provides: which ones is known when it is open.
 
 Parts get randomness only from `context.rng`, and never see a true pose. Arrays they receive are read-only.
 """
@@ -17,13 +19,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from rhs.worlds.world import World
-
+from .errors import ContractError
+from .floorplan import World
 from .geometry import Camera
 from .grid import OccupancyGrid
 from .records import (
@@ -42,7 +45,15 @@ from .records import (
     WorldFacts,
 )
 
-KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser")
+# The parts of the chain, in building order ...
+KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "replan")
+# ... a part that takes the place of several of them ...
+SLAM = "slam"
+REPLACED_BY_SLAM = ("odometry", "loop_closer", "mapper", "localiser")
+# ... the kinds that a run chooses by kind=name ...
+CHOICES = ("task", *KINDS, SLAM)
+# ... and every kind of plugin there is, each an entry point group `rhs.<kind>`.
+PLUGIN_KINDS = ("task", *KINDS, SLAM, "metric", "engine")
 
 
 @dataclass(frozen=True)
@@ -71,16 +82,24 @@ class Plugin(Protocol):
 
     needs: ClassVar[frozenset[str]]
     provides: ClassVar[frozenset[str]]
+    preload: ClassVar[tuple[str, ...]] = ()  # may be left out: heavy modules of build(), loaded once for all jobs of a sweep
 
     def build(self, context: Context) -> Any: ...
 
 
 class Source(Protocol):
-    """Hands out ideal captures: a simulator or a recording. Its `build` gets a SourceContext instead."""
+    """Hands out ideal captures: a simulator or a recording. Its `build` gets a SourceContext instead.
+
+    Stamps increase from each capture to the next, also from the survey to the patrol. `travel` is
+    `previous_from_body` of the wheels: dx ahead, dy left, dyaw counter-clockwise, in the body frame of the previous view.
+    A class that derives from Source has the defaults below; one that does not is given them (`complete`)."""
 
     camera: Camera
     facts: WorldFacts  # of the simulated world, or what a recording tells (no places, bounds round its start)
     views_expected: int | None  # length of the survey for the progress bar, None when unknown
+    provides: frozenset[str] | None = None  # what it turned out to hold, if that is less than its settings promise
+    renderer: str = ""  # for the row: what draws its images, of a simulator
+    lost: str = ""  # for the row: what could not be read, of a damaged recording
 
     def lead(self) -> Capture | None:
         """The next view of the survey: the robot led along its route, or the next recorded view. None at the end."""
@@ -104,7 +123,10 @@ class Source(Protocol):
 
 
 class Sensor(Protocol):
-    """Degrades a Capture into an Observation: range, noise, one eye only. May be called once per capture, in order."""
+    """Degrades a Capture into an Observation: range, noise, one eye only. May be called once per capture, in order.
+
+    Index and stamp are the capture's. Scan bearings are counted from the body's x axis, left positive; ranges are metres
+    from `origin_xy_m`, which is in the body frame. Noise comes from `context.rng` only: one seed, one observation."""
 
     def sense(self, capture: Capture) -> Observation: ...
 
@@ -112,26 +134,42 @@ class Sensor(Protocol):
 class Odometry(Protocol):
     """Estimates motion from one observation to the next. The first call returns the identity, status ok.
 
+    The motion is `previous_from_body`: the pose of the body now in the body frame of the previous observation, so a robot
+    that drove 0.1 m ahead and turned left has x = +0.1 and a positive yaw. Metres and radians; never summed up since the
+    start. The covariance is of the right perturbation `previous_from_body @ exp(delta)`, order (x, y, z, rx, ry, rz), so
+    it is in the body frame of *this* observation; it is symmetric and positive definite, and as wide as the errors are:
+    motions with status ok are held against the truth by rhs.testing and by the tables.
+
     Must survive images without features, empty depth and repeated views; must say `degenerate` or `lost` rather than
-    return a confident guess; the covariance must be symmetric and positive definite. An odometry whose metres do not come
-    from depth or wheels may have `scale_from`, a few words for the row: what fixes its scale. One that loses itself where
-    the robot turns on the spot may have `keeps_moving = (metres, degrees)`: the patrol then turns on arcs, and goes and
-    turns no further between two views."""
+    return a confident guess. A class that derives from Odometry has the defaults below; one that does not is given them
+    (`complete`)."""
+
+    # one that loses itself where the robot turns on the spot says (metres, degrees) here: the patrol then turns on arcs, and
+    # goes and turns no further between two views
+    keeps_moving: tuple[float, float] | None = None
+    # what fixes the scale of one whose metres do not come from depth or wheels, a few words for the row
+    scale_from: str = ""
 
     def update(self, observation: Observation) -> Motion: ...
 
     def revise(self) -> Revision | None:
-        """At the end of the survey: better poses, scans and walls for all views so far, or None."""
+        """At the end of the survey: better poses, scans and walls for all views so far, or None. The poses may be in any
+        frame: they are moved so that the first is where the survey began."""
 
 
 class LoopCloser(Protocol):
-    """Finds loops in a survey and corrects its poses. Must return as many poses as views, the first unchanged."""
+    """Finds loops in a survey and corrects its poses. Must return as many poses `map_from_body` as views, the first
+    unchanged. An edge says where the later view is seen from the earlier: `earlier_from_later`, with the covariance of
+    its right perturbation (in the body frame of the later view)."""
 
     def close(self, views: Sequence[View]) -> Closure: ...
 
 
 class Mapper(Protocol):
-    """Draws an occupancy grid from scans. `update` must not keep references to its arguments."""
+    """Draws an occupancy grid in the map frame from scans. `update` must not keep references to its arguments.
+
+    A beam of a scan leaves `map_from_body @ origin_xy_m` under the body's yaw plus its bearing. Row 0 of the grid is the
+    least y, column 0 the least x; cell (0, 0) has its corner at `origin_m`."""
 
     def update(self, map_from_body: np.ndarray, scan: Scan) -> None: ...
 
@@ -143,15 +181,70 @@ class Mapper(Protocol):
 class Planner(Protocol):
     """Finds a path over a grid that is already grown by the robot's radius.
 
-    Start and goal are returned exactly as first and last point. A failure is a Path with a reason, never an exception;
-    an approximate path is a failure. Budgets are counted in iterations. What was learnt on one grid may be kept for it.
+    Start and goal are returned exactly as first and last point, metres in the map frame; in between the path may touch
+    blocked cells but not enter them, nor pass between two that meet corner to corner (rhs.api.segments). A start inside
+    blocked cells, an obstacle seen too late, is either `start_blocked` or left by a short way; the goal must be free.
+    A failure is a Path with a reason and without points, never an exception; an approximate path is a failure. Budgets are
+    counted in iterations. What was learnt on one grid may be kept for it, and must not be taken for another.
     """
 
     def plan(self, problem: PlanningProblem) -> Path: ...
 
 
+class Blocked(StrEnum):
+    """What a robot does whose way is blocked by something that the map does not know."""
+
+    REPLAN = "replan"
+    """plan again from here, in the same mission"""
+    NEW_MISSION = "new_mission"
+    """break the mission off and begin another to the same place (thesis 5.6)"""
+    WAIT = "wait"
+    """stand still for this view and look again"""
+    GIVE_UP = "give_up"
+    """leave this place out"""
+
+
+@dataclass(frozen=True, eq=False)
+class Blockage:
+    """Something stands on the path. at_m: (2,) its middle, metres in the map. known: it stood there before in the attempts
+    at this place. waited: views waited for it already."""
+
+    at_m: np.ndarray
+    known: bool
+    waited: int
+
+
+class Replan(Protocol):
+    """Decides what to do when the way is blocked."""
+
+    def blocked(self, blockage: Blockage) -> Blocked: ...
+
+
+class Slam(Protocol):
+    """One part that estimates motion, draws the map, closes loops and localises, all the time, survey and patrol alike.
+
+    It takes the place of odometry, loop closer, mapper and localiser (`slam=NAME`). `update` is called once per view;
+    `belief`, `trajectory` and `grid` then say what is believed now.
+    """
+
+    def update(self, observation: Observation) -> Motion:
+        """Motion since the previous view, as an Odometry returns it."""
+
+    def belief(self) -> Belief:
+        """Where the robot is in the map of now."""
+
+    def trajectory(self) -> np.ndarray:
+        """(N, 4, 4) map_from_body of every view so far, as believed now."""
+
+    def grid(self) -> OccupancyGrid:
+        """The map of now. The patrol takes a new one at the beginning of each mission."""
+
+
 class Localiser(Protocol):
-    """Keeps the belief while the robot patrols the map of its survey."""
+    """Keeps the belief while the robot patrols the map of its survey.
+
+    The belief is `map_from_body` with the covariance of its right perturbation, in the body frame: a motion adds to it by
+    `rhs.api.geometry.compose_covariance`, adjoint included, so an error of heading grows to the side as the robot drives."""
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the surveyed views (corrected poses) and the finished map."""
@@ -160,3 +253,22 @@ class Localiser(Protocol):
         """Begin from a belief, or from nothing (None: anywhere)."""
 
     def update(self, observation: Observation, motion: Motion) -> Belief: ...
+
+
+OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provides", "renderer", "lost")),
+                                                     "odometry": (Odometry, ("keeps_moving", "scale_from"))}
+
+
+def complete(kind: str, part: Any) -> Any:
+    """The part itself, given the defaults of its Protocol for the optional attributes that it lacks.
+
+    Raises ContractError where it takes none."""
+    protocol, optional = OPTIONAL.get(kind, (object, ()))
+    for name in optional:
+        if not hasattr(part, name):
+            try:
+                setattr(part, name, getattr(protocol, name))
+            except (AttributeError, TypeError):
+                raise ContractError(f"{kind} {type(part).__name__} has no {name} and takes none; derive it from "
+                                    f"rhs.api.contracts.{protocol.__name__}") from None
+    return part

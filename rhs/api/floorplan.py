@@ -13,6 +13,8 @@ import numpy as np
 from .grid import OccupancyGrid, frame_of
 from .records import WorldFacts
 
+OBSTACLE_HEIGHT_M = 1.8  # of boxes that are put in by x, y, width and depth alone
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -144,7 +146,11 @@ def truth_grid(world: World, resolution_m: float = 0.1, *, with_obstacles: bool 
 
 
 def touched_cells(world: World, resolution_m: float, *, with_obstacles: bool = False) -> np.ndarray:
-    """(H, W) bool in the frame of `mapping_grid_frame`: some wall or box touches the cell."""
+    """(H, W) bool in the frame of `mapping_grid_frame`: some wall or box touches the cell.
+
+    A box touches the cells whose inside it meets. So does a wall, which has no thickness; one that runs along the border
+    between two rows of cells touches both rows, so that no wall is lost wherever it stands.
+    """
     shape, origin = mapping_grid_frame(world, resolution_m)
     touched = np.zeros(shape, bool)
     polygons = [segment for wall in world.walls for segment in wall.segments_m]
@@ -152,6 +158,9 @@ def touched_cells(world: World, resolution_m: float, *, with_obstacles: bool = F
     for polygon in polygons:
         _touch(touched, polygon, resolution_m, origin)
     return touched
+
+
+_MEET_M = 1e-6  # what meets by less is beside each other: world files are written in decimals, borders computed
 
 
 def _touch(touched: np.ndarray, polygon: np.ndarray, resolution_m: float, origin: tuple[float, float]) -> None:
@@ -168,9 +177,10 @@ def _touch(touched: np.ndarray, polygon: np.ndarray, resolution_m: float, origin
     axes += [np.array([-e[1], e[0]]) / np.hypot(*e) for e in np.diff(polygon, axis=0)]
     meets = np.ones((len(y), len(x)), bool)
     for axis in axes:
-        reach = half * np.abs(axis).sum() - 1e-6  # a wall exactly on a cell border belongs to neither side by rounding
-        centre = axis[0] * x[None, :] + axis[1] * y[:, None]
         shadow = polygon @ axis
+        thin = np.ptp(shadow) <= 2.0 * _MEET_M
+        reach = half * np.abs(axis).sum() + (_MEET_M if thin else -_MEET_M)
+        centre = axis[0] * x[None, :] + axis[1] * y[:, None]
         meets &= (centre + reach >= shadow.min()) & (centre - reach <= shadow.max())
     touched[first[1] : last[1], first[0] : last[0]] |= meets
 

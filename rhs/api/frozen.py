@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,9 @@ def seal(value: Value) -> Value:
         value.setflags(write=False)
     elif isinstance(value, (tuple, list)):
         for item in value:
+            seal(item)
+    elif isinstance(value, Mapping):
+        for item in value.values():
             seal(item)
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
         for item in dataclasses.fields(value):

@@ -68,7 +68,7 @@ class OccupancyGrid:
     def blocked(self, radius_m: float, *, free_below: float = 0.25, unknown_is_blocked: bool = True) -> np.ndarray:
         """(H, W) bool: where the centre of a round robot may not be: not free, grown by its radius (thesis 5.5)."""
         obstacle = ~self.free(free_below) if unknown_is_blocked else self.occupied(free_below)
-        return inflate(obstacle, radius_m / self.resolution_m)
+        return configuration_space(obstacle, radius_m / self.resolution_m)
 
 
 def inflate(obstacle: np.ndarray, radius_cells: float) -> np.ndarray:
@@ -78,6 +78,17 @@ def inflate(obstacle: np.ndarray, radius_cells: float) -> np.ndarray:
     from scipy.ndimage import distance_transform_edt
 
     return distance_transform_edt(~obstacle) <= radius_cells + 1e-9
+
+
+def configuration_space(obstacle: np.ndarray, radius_cells: float) -> np.ndarray:
+    """(H, W) bool: where the centre of a round robot may not be (Lozano-Perez 1983): obstacle cells grown by its radius,
+    and whatever is nearer than the radius to the border, for nobody knows what stands outside the map."""
+    blocked = inflate(obstacle, radius_cells)
+    strip = max(0, int(np.ceil(radius_cells - 1e-9)))  # cells of which some point is nearer to the border than the radius
+    if strip:
+        blocked[:strip] = blocked[-strip:] = True
+        blocked[:, :strip] = blocked[:, -strip:] = True
+    return blocked
 
 
 def nearest_open(grid: OccupancyGrid, blocked: np.ndarray, goal_m: np.ndarray, within_m: float) -> np.ndarray:

@@ -1,15 +1,20 @@
 """What the parts hand to one another: frozen, without behaviour.
 
-NaN means unknown in every array. Poses are 4x4 (`map_from_body`), covariances 6x6; see rhs.geometry for frames.
-"""
+NaN means unknown in every array. A pose is 4x4, float64, last row 0 0 0 1: `a_from_b` takes points of frame b to frame a and
+is the pose of b in a. Body frame: x forward, y left, z up, on the floor under the robot; yaw counter-clockwise. Map
+frame: where the survey began is `WorldFacts.start`. Camera frame: x right, y down, z forward. A covariance is 6x6 in the
+order (x, y, z, rx, ry, rz), metres and radians, of the right perturbation `a_from_b @ exp(delta)`: it is expressed in
+frame b. rhs.api.validate checks all of them. """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
+
+from rhs.base.errors import check_range
 
 from .geometry import Camera
 
@@ -18,27 +23,77 @@ class Tracking(StrEnum):
     """How far a Motion can be trusted."""
 
     OK = "ok"
-    DEGENERATE = "degenerate"  # some direction is not observed; the covariance says which
-    LOST = "lost"  # nothing was measured; the motion is a guess
+    """measured"""
+    DEGENERATE = "degenerate"
+    """some direction is not observed; the covariance says which"""
+    LOST = "lost"
+    """nothing was measured; the motion is a guess"""
 
 
 class Knowing(StrEnum):
     """Whether a Belief is a place or a hope."""
 
     TRACKING = "tracking"
+    """a place: the robot is sure of it"""
     CONVERGING = "converging"
+    """a hope: likely, not yet confirmed"""
     LOST = "lost"
+    """anywhere"""
 
 
 class PlanReason(StrEnum):
     """Why a plan is, or is not, there."""
 
     OK = "ok"
+    """there is a path"""
     START_BLOCKED = "start_blocked"
+    """the start is in a blocked cell"""
     GOAL_BLOCKED = "goal_blocked"
+    """the goal is in a blocked cell"""
     OUTSIDE = "outside_map"
+    """start or goal lies outside the map"""
     DISCONNECTED = "disconnected"
+    """no way leads from start to goal: the search was exhaustive"""
     BUDGET_SPENT = "budget_spent"
+    """the planner gave up; a larger budget may find a way"""
+
+
+class Event(StrEnum):
+    """What happened in one view of a patrol; steps.csv joins several by `+`."""
+
+    ARRIVED = "arrived"
+    """the robot believes itself at the place of its mission"""
+    GAVE_UP = "gave_up"
+    """the mission ended without; its reason stands in missions.json"""
+    PLAN = "plan"
+    """a path was planned"""
+    NO_PLAN = "no_plan"
+    """the planner found none; why stands in plans.json"""
+    REPLAN = "replan"
+    """the path was left or is blocked by what was seen before: a new one is planned in the same mission"""
+    BLOCKED = "blocked"
+    """something the map does not know stands on the path: the mission was broken off and begun anew"""
+    WAIT = "wait"
+    """the robot stands still before something on its path"""
+    STOPPED = "stopped"
+    """the scan shows no room ahead: the robot stopped and turns"""
+    LOST = "lost"
+    """the robot does not know where it is and looks for itself"""
+    KIDNAPPED = "kidnapped"
+    """it was carried elsewhere without being told (a truth: for the table only)"""
+
+
+class MissionStatus(StrEnum):
+    """How a mission stands, as written to missions.json."""
+
+    ACTIVE = "active"
+    """under way; at the end of a run: it was cut short"""
+    ARRIVED = "arrived"
+    """the robot believed itself at the place"""
+    ABORTED = "aborted"
+    """broken off because the way was blocked; another mission goes to the same place"""
+    GAVE_UP = "gave_up"
+    """the place was left out; `reason` says why"""
 
 
 @dataclass(frozen=True)
@@ -87,6 +142,7 @@ class Capture:
     command: what the robot was told since the previous view, or None. travel: (3,) true wheel travel since the previous
     view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
     sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
+    extras: further modalities by name (`imu`, `right_image`, ...), arrays of any shape.
     """
 
     index: int
@@ -97,6 +153,7 @@ class Capture:
     travel: np.ndarray | None = None
     scan: Scan | None = None
     sensed: bool = False
+    extras: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +161,7 @@ class Observation:
     """What this sensor reports of a Capture. Arrays are read-only.
 
     wheel: (3,) encoder travel since the previous view (dx, dy, dyaw), with slip, or None.
+    extras: further modalities by name, as the source gave them.
     """
 
     index: int
@@ -114,16 +172,19 @@ class Observation:
     scan: Scan | None = None
     command: Twist | None = None
     wheel: np.ndarray | None = None
+    extras: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of the body since the previous observation.
+    """Motion of the body since the previous observation: previous_from_body, covariance in the body frame of this one.
 
     When status is lost, previous_from_body is the part's best guess and the covariance is honest about it.
     observability (6,): square roots of the information per direction in the body frame (1/m, 1/rad), or None.
+    reason: why the status is not ok, at most 2000 characters.
     scan: a scan the odometry believes in without depth (walls seen by one camera), or None.
     details: numbers for the per-step table (inliers, matches, ...).
+    replaced: this is not what the odometry said: the gate put the wheels' motion in its place (rhs.patrol.gate).
     """
 
     previous_from_body: np.ndarray
@@ -133,11 +194,14 @@ class Motion:
     observability: np.ndarray | None = None
     scan: Scan | None = None
     details: Mapping[str, float] = field(default_factory=dict)
+    replaced: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Where the robot thinks it is. probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
+    """Where the robot thinks it is: map_from_body, covariance in the body frame (6x6, right perturbation).
+
+    probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
 
     map_from_body: np.ndarray
     covariance: np.ndarray
@@ -148,15 +212,19 @@ class Belief:
 
 @dataclass(frozen=True)
 class FeatureSettings:
-    """Settings of the SIFT features that all parts share; see rhs.vision.
-
-    count: strongest key-points kept per 320x240 pixels (four times as many at 640x480).
-    contrast: OpenCV's contrastThreshold, smaller keeps weaker ones.
-    ratio: Lowe's ratio between the nearest and the second nearest descriptor."""
+    """The SIFT features that all parts share (rhs.estimation.views.features)."""
 
     count: int = 300
+    """key-points kept per 320x240 pixels of a view, strongest first (1200 at 640x480)"""
     contrast: float = 0.02
+    """SIFT contrast threshold (OpenCV's contrastThreshold): lower finds more, weaker points"""
     ratio: float = 0.8
+    """ratio test: a match is kept when its distance is below this share of the second best (Lowe 2004)"""
+
+    def __post_init__(self) -> None:
+        check_range("features", "count", self.count, low=10, high=100_000)
+        check_range("features", "contrast", self.contrast, low=0.0, high=1.0)
+        check_range("features", "ratio", self.ratio, low=0.1, high=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,16 +323,21 @@ class PlanningProblem:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """points_m (N, 2) from start to goal, metres, empty on failure; raw_m before simplification.
-    sketch: (E, 2, 2) segments of the tree or roadmap, for pictures only. Times in milliseconds."""
+    """points_m (N, 2) from start to goal, metres, empty on failure, as the planner found them: whoever asked pulls every
+    planner's path tight alike, and then keeps in raw_m what it was given. keep_shape: it shall not, because the shape is
+    the point (room to the walls). advice: after a failure, what to type to get further. sketch: (E, 2, 2) segments of the
+    tree or roadmap, for pictures only, or a function that gives them and is called after the clock is read. learn_ms,
+    plan_ms and details: the planner's own words, shown beside what is measured, and believed by nobody."""
 
     reason: PlanReason
     points_m: np.ndarray
-    raw_m: np.ndarray
+    raw_m: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     learn_ms: float = 0.0
     plan_ms: float = 0.0
-    sketch: np.ndarray | None = None
+    sketch: np.ndarray | Callable[[], np.ndarray] | None = None
     details: Mapping[str, float] = field(default_factory=dict)
+    keep_shape: bool = False
+    advice: str = ""
 
     @property
     def found(self) -> bool:
@@ -274,7 +347,7 @@ class Path:
 @dataclass(frozen=True, eq=False)
 class Step:
     """Everything about one captured view. truth: world_from_body 4x4 or None; it is for recorders and metrics only.
-    timings_ms: stage -> milliseconds. event: a word for the table ("arrived", "replan", "blocked", ...)."""
+    timings_ms: stage -> milliseconds. events: what happened, in order."""
 
     index: int
     phase: str
@@ -286,8 +359,13 @@ class Step:
     truth: np.ndarray | None
     path: Path | None
     mission: int
-    event: str
+    events: tuple[Event, ...]
     command: Twist | None
     timings_ms: Mapping[str, float]
     clearance_m: float = np.nan
     collided: bool = False
+
+    @property
+    def event(self) -> str:
+        """The events as steps.csv has them, joined by `+`."""
+        return "+".join(self.events)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import platform
 import subprocess
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pybullet", "ompl", "hydra-core")
 
 
+@cache
 def versions() -> str:
     """`name=version` of the libraries that can change a number."""
     known = [("python", platform.python_version()), ("rhs", _version("rhs"))]
@@ -17,6 +19,7 @@ def versions() -> str:
     return " ".join(f"{name}={number}" for name, number in known)
 
 
+@cache
 def commit() -> str:
     """Short git commit of the checkout that is running, with `+` when it has changes; empty outside a checkout."""
     folder = Path(__file__).resolve().parents[2]

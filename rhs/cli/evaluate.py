@@ -14,16 +14,17 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rhs.api.trajectory import ALIGNMENTS, read_tum
+from rhs.api.trajectory import ALIGNMENTS
 from rhs.base.commands import Arguments, answered, check_regular
-from rhs.base.errors import ConfigError, check_choice, check_range
-from rhs.metrics.metrics import TOLERANCE_S, evaluate, trajectory_values
+from rhs.base.errors import ConfigError
+from rhs.metrics.evaluate import evaluate_folder, evaluate_pair
+from rhs.metrics.survey import TOLERANCE_S
 from rhs.runfolder.row import machine_dependent, read_row
 
 
 def differences(folder: Path) -> list[str]:
     """Figures that row.json and the files of the folder disagree about, one line each; machine-dependent ones excepted."""
-    row, again = read_row(folder / "row.json"), evaluate(folder)
+    row, again = read_row(folder / "row.json"), evaluate_folder(folder)
     return [f"{name}: row.json says {row[name]}, the files say {value}" for name, value in again.items()
             if name in row and not machine_dependent(name) and not _equal(row[name], value)]
 
@@ -44,18 +45,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _print(chosen: argparse.Namespace) -> int:
-    check_choice("evaluate", "alignment", chosen.alignment, ALIGNMENTS)
-    check_range("evaluate", "tolerance", chosen.tolerance, low=0.0, high=10.0, unit="s")
     for path in chosen.paths:
         check_regular(path)
     if len(chosen.paths) == 2:
-        estimate, truth = (read_tum(path) for path in chosen.paths)
-        sys.stdout.write(_lines(trajectory_values(estimate, truth, alignment=chosen.alignment,
-                                                  tolerance_s=chosen.tolerance)))
+        sys.stdout.write(_lines(evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)))
         return 0
     if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
         raise ConfigError("expected one run folder, or two TUM files: ESTIMATE TRUTH")
-    sys.stdout.write(_lines(evaluate(chosen.paths[0])))
+    sys.stdout.write(_lines(evaluate_folder(chosen.paths[0])))
     wrong = differences(chosen.paths[0])
     sys.stderr.write("".join(f"{line}\n" for line in wrong))
     return 3 if wrong else 0

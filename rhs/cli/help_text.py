@@ -12,11 +12,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rhs.api.contracts import KINDS
+from rhs.api import settings
+from rhs.api.contracts import CHOICES
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import PluginError
 from rhs.base.strict_yaml import load_yaml
-from rhs.config import registry, settings
+from rhs.config import registry
 from rhs.config.documented import comments, summary
 
 WIDTH = 118
@@ -25,7 +26,7 @@ TOP = """\
 python -m rhs [options] key=value ...     one run: map a world, then patrol it
 python -m rhs -m key=value1,value2 ...    a sweep: one run for every combination
 python -m rhs planner=prm --help          one part in full
-python -m rhs.table FOLDER ...            the table of all runs in these folders
+python -m rhs COMMAND ...                 table, compare, report, evaluate, convert, verify, recover, check, new, help
 
 Options
   -m, --multirun      run every combination of the values given, each in a process of its own
@@ -34,24 +35,26 @@ Options
   --fail-fast N       stop a sweep after N jobs that failed alike (never)
   --resume [FOLDER]   go on with a sweep: only what has not ended well runs
   --force             resume although the configuration or the version changed
+  --plugin FILE.py    a plugin tried without packaging; may be repeated
   --config-dir DIR    look for experiment/, stack/ and presets here first; may be repeated
   --cfg               print the configuration that these words give, run nothing
   --debug             show the traceback of an error
   --version, -h, --help
 
 A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 'key=range(10)' and 'planner=glob(*)'.
-Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 interrupted.
+Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 and 143 interrupted.
+What the columns of a table mean: python -m rhs help columns
 """
 
 
 def help_text(words: Sequence[str] = ()) -> str:
     """All of it, or only the parts that the words `kind=name` choose."""
-    wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in KINDS and "=" in word]
+    wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in CHOICES and "=" in word]
     if wanted:
         return "\n".join("\n".join(_plugin(kind, name, is_default=False)) for kind, name in wanted)
     lines = [TOP, "Experiments and stacks", *_folder_lines(), "", "Settings of a run", *_core_settings(), ""]
     chosen = _defaults()
-    for kind in KINDS:
+    for kind in CHOICES:
         lines += [f"{kind}: {', '.join(registry.names(kind)) or 'none registered'}", ""]
         for name in registry.names(kind):
             lines += _plugin(kind, name, is_default=chosen.get(kind) == name)
@@ -89,22 +92,22 @@ def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
                                ) if note]
     told = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
     lines = list(_entry(f"  {kind}={name}", told))
-    for line in _settings(cls, kind):
+    for line in _settings(cls, "" if kind == "task" else kind):
         lines.append(line)
     return lines
 
 
 def _core_settings() -> Iterator[str]:
-    from rhs.config.compose import RunConfig
+    from rhs.config.compose import Core
 
-    yield from _settings(RunConfig, "", skip=KINDS)
+    yield from _settings(Core, "")
 
 
-def _settings(cls: type, owner: str, skip: Sequence[str] = ()) -> Iterator[str]:
+def _settings(cls: type, owner: str) -> Iterator[str]:
     """One entry per setting: `key=default`, meaning, type; nested settings follow."""
     hints, meanings, values = typing.get_type_hints(cls), comments(cls), settings.defaults(cls)
     for item in dataclasses.fields(cls):
-        if not item.init or item.name in skip:
+        if not item.init:
             continue
         key = settings.dotted(owner, item.name)
         if dataclasses.is_dataclass(hints[item.name]):

@@ -21,6 +21,8 @@ from pathlib import Path  # noqa: E402
 
 from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
+from .commands import command, plugin_files, run_command  # noqa: E402
+
 LONGEST = 190  # characters of a complaint
 USAGE = "python -m rhs [options] key=value ..."
 
@@ -39,10 +41,17 @@ class Arguments(argparse.ArgumentParser):
 def main(words: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = sys.argv[1:] if words is None else words
+    if (ask := command(words)) is not None:
+        return run_command(ask)
     debug = "--debug" in words
     before = signal.signal(signal.SIGTERM, _terminate)
     try:
-        return _run(_arguments().parse_intermixed_args(words))
+        files, rest = plugin_files(list(words))
+        if files:
+            from rhs.config.loose import load_files
+
+            load_files(files, rest)
+        return _run(_arguments().parse_intermixed_args(rest))
     except RhsError as error:
         return _complain(error, error.exit_code, debug)
     except KeyboardInterrupt as error:
@@ -111,7 +120,7 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
         return 0
     from rhs.api.jit import on_compile
-    from rhs.patrol.progress import bar
+    from rhs.patrol.observers import bar
     from rhs.patrol.run import run_config
     from rhs.runfolder.folders import claim_run
 
@@ -195,12 +204,12 @@ def _run_sweep(plan, folder: Path, limits) -> int:
 
 def _limits(arguments: argparse.Namespace):
     from rhs.base.errors import check_range
-    from rhs.sweeps.jobs import Limits
+    from rhs.sweeps.jobs import Limits, processes
 
     check_range("", "--jobs", arguments.jobs, low=0, high=1024)
     check_range("", "--timeout", arguments.timeout, low=0.0, high=1e7, unit="s")
     check_range("", "--fail-fast", arguments.fail_fast, low=0, high=1_000_000)
-    return Limits(arguments.jobs or len(os.sched_getaffinity(0)), arguments.timeout, arguments.fail_fast)
+    return Limits(arguments.jobs or processes(), arguments.timeout, arguments.fail_fast)
 
 
 def _quoted(text: str) -> str:

@@ -21,12 +21,13 @@ from hydra.core.plugins import Plugins
 from hydra.core.singleton import Singleton
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from rhs.api.contracts import KINDS
+from rhs.api import settings
+from rhs.api.contracts import CHOICES, KINDS
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
-from . import registry, settings
+from . import registry
 from .hydra_sources import ConfSource, PluginSource, Search, under_way
 from .overrides import Word, check_options
 
@@ -89,7 +90,8 @@ def _check_key(config: DictConfig, word: Word) -> None:
         if isinstance(node, DictConfig) and part in node.keys():
             node = node._get_node(part)
         elif isinstance(node, DictConfig):
-            raise settings.unknown_key(owner, part, [str(k) for k in node.keys()])
+            known = [str(k) for k in node.keys()]
+            raise settings.unknown_key(owner, part, known) if depth else registry.no_setting(part, str(config.task), known)
         else:
             raise ConfigError(f"unknown key {word.key}: {owner} is a single value; write {owner}=VALUE")
     if len(parts) == 2 and parts[0] in KINDS and parts[1] == "name":
@@ -98,7 +100,7 @@ def _check_key(config: DictConfig, word: Word) -> None:
 
 def _options(group: str) -> list[str]:
     """Every option of a group: plugins, and YAML files in the conf folders under way."""
-    found = set(registry.names(group) if group in KINDS else [])
+    found = set(registry.names(group) if group in CHOICES else [])
     for folder in under_way.folders:
         found |= {path.stem for path in (folder / group).glob("*.yaml")}
     return sorted(found)

@@ -18,11 +18,12 @@ from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
-from rhs.api.contracts import KINDS
+from rhs.api import settings
+from rhs.api.contracts import CHOICES
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
-from . import registry, settings
+from . import registry
 from .overrides import GROUPS
 
 DEFAULT_STACK = "rgbd"  # what a sensor without a stack file of its own gets
@@ -112,20 +113,20 @@ class PluginSource(ConfigSource):
 
     def is_group(self, config_path: str) -> bool:
         kind, name = self._split(config_path)
-        return kind in KINDS and not name
+        return kind in CHOICES and not name
 
     def is_config(self, config_path: str) -> bool:
         kind, name = self._split(config_path)
         if kind == "stack":
             has_file = any(_stack(folder, name).is_file() for folder in under_way.folders)
             return name in registry.names("sensor") and not has_file
-        return kind in KINDS and name in registry.names(kind)
+        return kind in CHOICES and name in registry.names(kind)
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         kind, name = self._split(config_path)
         if not kind:
-            return [] if results_filter == ObjectType.CONFIG else sorted(KINDS)
-        if kind in KINDS and not name and results_filter != ObjectType.GROUP:
+            return [] if results_filter == ObjectType.CONFIG else sorted(CHOICES)
+        if kind in CHOICES and not name and results_filter != ObjectType.GROUP:
             return registry.names(kind)
         return []
 
@@ -137,6 +138,8 @@ class PluginSource(ConfigSource):
             values = settings.defaults(registry.load(kind, name))
         except ConfigError as error:
             raise ConfigCompositionException(str(error)) from error
+        if kind == "task":  # its settings stand at the top level: the task is what the run does
+            return _result(self, {"task": name, **values}, {"package": "_global_"})
         return _result(self, {"name": name, **values}, {"package": None})
 
 

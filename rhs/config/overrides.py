@@ -16,12 +16,11 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 
-from rhs.api.contracts import KINDS
+from rhs.api.contracts import CHOICES, KINDS
+from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
-from .settings import nearest
-
-GROUPS = (*KINDS, "stack", "experiment")
+GROUPS = (*CHOICES, "stack", "experiment")
 INSTEAD = {"hydra.run.dir": "output=FOLDER", "hydra.sweep.dir": "output=FOLDER", "hydra.launcher": "--jobs N",
            "hydra.verbose": "--debug", "hydra.output_subdir": "output=FOLDER", "hydra.job": "output=FOLDER"}
 
@@ -51,8 +50,8 @@ class _Names:
     def get_group_options(self, group: str, results_filter: object = None) -> list[str]:
         from . import registry
 
-        if group not in KINDS:
-            raise ConfigError(f"{group}=glob(...): only {', '.join(KINDS)} can be chosen by a pattern; list the values")
+        if group not in CHOICES:
+            raise ConfigError(f"{group}=glob(...): only {', '.join(CHOICES)} can be chosen by a pattern; list the values")
         return registry.names(group)
 
 
@@ -136,7 +135,7 @@ def _unquoted(value: Any) -> Any:
 def check_options(words: Sequence[Word], options: Callable[[str], list[str]]) -> None:
     """Refuse a group option that does not exist. `options(group)` lists what there is, usable or not."""
     for word in words:
-        if not word.is_group or (word.value is None and word.key not in KINDS):
+        if not word.is_group or (word.value is None and word.key not in (*KINDS, "task")):
             continue
         known = options(word.key)
         if word.value not in known:

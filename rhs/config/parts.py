@@ -1,21 +1,21 @@
 """Which parts fit together, and building them: each with a random generator of its own.
 
-A sensor hides what it does not hand on: an odometry that needs depth cannot have it with one eye, whatever the source
-could see.
+A sensor hides what it does not hand on: an odometry that needs depth cannot have it with one camera alone, whatever the
+source could see. Extra modalities (rhs.api.contracts) pass every sensor.
 """
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
-import numpy as np
-
-from rhs.api.contracts import KINDS, Context, FeatureSettings, SourceContext
+from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM, Context, FeatureSettings, Source, SourceContext, complete
+from rhs.api.floorplan import World
+from rhs.api.randomness import generator
+from rhs.api.task import Parts
 from rhs.base.errors import ConfigError
 
 from . import registry
@@ -32,47 +32,59 @@ class Chosen:
 # What a sensor hands on only if the source has it, and what the source offers past the sensor.
 THROUGH = frozenset({"wheel", "command"})
 PAST = frozenset({"driving", "teleport"})
+# What sensors make of a capture; any other word of a source is an extra modality, which passes them all.
+SENSED = frozenset({"image", "depth", "scan", "gray", "texture"}) | THROUGH | PAST
+EXTRAS = "extras"  # a source that says so knows only when it is open which extra modalities it has
+ORDER = (*KINDS[:2], SLAM, *KINDS[2:])  # in which parts are checked and built
 
 
 def check_combination(chosen: Mapping[str, Chosen]) -> None:
     """Refuse parts that do not fit: each part's needs against what the parts before it provide."""
-    for kind in KINDS:
+    if "source" not in chosen:
+        return
+    for kind in (kind for kind in ORDER if kind in chosen):
         missing = chosen[kind].settings.needs - offered(kind, chosen)
+        if EXTRAS in chosen["source"].settings.provides:
+            missing &= SENSED | {"walls"}
         if missing:
             raise ConfigError(_misfit(kind, min(missing), chosen))
 
 
-def really_there(chosen: Chosen, source: Any) -> Chosen:
+def really_there(chosen: Chosen, source: Source) -> Chosen:
     """The source with what it turned out to provide, if it says so: not every recording holds all that a recording can."""
-    provides = getattr(source, "provides", None)
-    if provides is None:
+    if source.provides is None:
         return chosen
-    return Chosen(chosen.name, SimpleNamespace(needs=chosen.settings.needs, provides=chosen.settings.provides & provides))
+    possible = source.provides if EXTRAS in chosen.settings.provides else chosen.settings.provides & source.provides
+    return Chosen(chosen.name, SimpleNamespace(needs=chosen.settings.needs, provides=possible - {EXTRAS}))
 
 
 def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
     """What the parts before `kind` provide: the sensor hides what it does not hand on."""
-    source, sensor = chosen["source"].settings.provides, chosen["sensor"].settings.provides
     if kind == "source":
         return frozenset()
-    if kind == "sensor":
-        return frozenset(source)
-    seen = (sensor - (THROUGH - source)) | (source & PAST)
-    for earlier in KINDS[2:KINDS.index(kind)]:
-        seen |= chosen[earlier].settings.provides
-    return frozenset(seen)
+    source = frozenset(chosen["source"].settings.provides)
+    if kind == "sensor" or "sensor" not in chosen:
+        return source
+    sensor = frozenset(chosen["sensor"].settings.provides)
+    seen = (sensor - (THROUGH - source)) | (source & PAST) | (source - SENSED)
+    for earlier in ORDER[2:ORDER.index(kind)]:
+        if earlier in chosen:
+            seen |= chosen[earlier].settings.provides
+    return seen
 
 
 def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
     """Who needs what, who does not have it, and what to type instead."""
-    lacking = word in PAST | THROUGH and word not in chosen["source"].settings.provides
+    lacking = (word in PAST | THROUGH or word not in SENSED) and word not in chosen["source"].settings.provides
     culprit = "source" if kind == "sensor" or lacking else "sensor"
-    instead = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
-    between = KINDS[2 : KINDS.index(kind)] if culprit == "sensor" else ()
-    for other in (culprit, *between):
-        instead += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
+    own = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
+    others: list[str] = []
+    between = KINDS[2 : KINDS.index(kind)] if culprit == "sensor" and kind in KINDS else ()
+    for other in (culprit, *(kind for kind in between if kind in chosen)):
+        others += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
                     and word in registry.load(other, name).provides  # type: ignore[attr-defined]
-                    and _fits(other, name, chosen)]
+                   and _fits(other, name, chosen)]
+    instead = own[: 4 - min(len(others), 2)] + others
     hint = f"; type {' or '.join(instead[:4])}" if instead else "; no other registered part helps"
     return f"{kind}={chosen[kind].name} needs {word}, which {culprit}={chosen[culprit].name} does not provide{hint}"
 
@@ -85,49 +97,45 @@ def _usable(kind: str) -> list[str]:
     return [name for name in registry.names(kind) if registry.failure(kind, name) is None]
 
 
-@dataclass
-class Parts:
-    """The seven parts of a run, what the features they share are like, and what all of them provide."""
+def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folder: Path, features: FeatureSettings) -> Parts:
+    """Build source, sensor, ..., after checking that they fit; of a kind that is not chosen there is no part.
 
-    source: Any
-    sensor: Any
-    odometry: Any
-    loop_closer: Any
-    mapper: Any
-    planner: Any
-    localiser: Any
-    features: FeatureSettings
-    provides: frozenset[str]
+    world: the loaded world, or None for a recording made elsewhere."""
+    from .slam_parts import in_place_of
 
-
-def generator(seed: int, part: str) -> np.random.Generator:
-    """A random generator of its own for each part, by name: no part's draws move another's."""
-    key = int.from_bytes(hashlib.sha256(part.encode()).digest()[:4], "big")
-    return np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(key,)))
-
-
-def build(chosen: Mapping[str, Chosen], *, seed: int, world: Any, folder: Path, features: FeatureSettings) -> Parts:
-    """Build source, sensor, ..., localiser, in this order, after checking that they fit."""
     check_combination(chosen)
-    source = _build("source", chosen, SourceContext(generator(seed, "source"), world, folder))
+    source: Source = build_part("source", chosen["source"], SourceContext(generator(seed, "source"), world, folder))
     built: dict[str, Any] = {"source": source}
     try:
         chosen = {**chosen, "source": really_there(chosen["source"], source)}
         check_combination(chosen)
-        for kind in KINDS[1:]:
+        for kind in (kind for kind in ORDER[1:] if kind in chosen):
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
-            built[kind] = _build(kind, chosen, context)
+            built[kind] = build_part(kind, chosen[kind], context)
+        if SLAM in built:
+            built |= in_place_of(built[SLAM])
     except BaseException:
         source.close()
         raise
-    provides = offered("localiser", chosen) | chosen["localiser"].settings.provides
-    return Parts(**built, features=features, provides=frozenset(provides))
+    last = [kind for kind in ORDER if kind in chosen][-1]
+    provides = offered(last, chosen) | chosen[last].settings.provides
+    absent = dict.fromkeys(KINDS, cast(Any, None))
+    who = {kind: _called(kind, chosen[SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind])
+           for kind in KINDS if kind in chosen or (SLAM in chosen and kind in REPLACED_BY_SLAM)}
+    return Parts(**(absent | built), features=features, provides=provides, who=who)
 
 
-def _build(kind: str, chosen: Mapping[str, Chosen], context: Any) -> Any:
+def _called(kind: str, chosen: Chosen) -> str:
+    """A part as a person chose it, and which distribution it is of, where it is one of a distribution."""
+    origins = registry.origins(kind, chosen.name)
+    return f"{kind}={chosen.name}" + (f" ({origins[0].distribution})" if origins else "")
+
+
+def build_part(kind: str, chosen: Chosen, context: Context | SourceContext) -> Any:
+    """One part. Raises ConfigError naming what to install, where a package is missing."""
     try:
-        return chosen[kind].settings.build(context)
+        return complete(kind, chosen.settings.build(context))
     except ModuleNotFoundError as error:
         package = (error.name or "?").partition(".")[0].replace("_", "-")
-        raise ConfigError(f"{kind}={chosen[kind].name} needs the package {package}, which is not installed; "
+        raise ConfigError(f"{kind}={chosen.name} needs the package {package}, which is not installed; "
                           f"type: pip install {package}") from error

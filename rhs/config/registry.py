@@ -1,22 +1,29 @@
 """The plugins there are, by entry point. Names cost no import; a plugin is imported when somebody chooses it.
 
-An entry point in the group `rhs.<kind>` names a settings dataclass (rhs.contracts). A plugin that cannot be imported
-stays listed and says why when it is chosen; two of one name are refused, both origins named.
+An entry point in the group `rhs.<kind>` names a settings dataclass (rhs.api.contracts), in `rhs.metric` a tuple of
+Metric. A plugin that cannot be imported stays listed and says why when it is chosen; two of one name are refused, both
+origins named. A plugin may also be registered by the person at the keyboard (`rhs.register`, `--plugin FILE`); a run
+then records the file and its hash.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import importlib.util
+import inspect
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
-from rhs.api.contracts import KINDS
-from rhs.base.errors import PluginError
-
-from .settings import RESERVED, defaults, nearest
+from rhs.api.contracts import PLUGIN_KINDS
+from rhs.api.metric import Metric
+from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
+from rhs.base.errors import ConfigError, PluginError
 
 API_VERSION = 1  # a plugin may declare `api: ClassVar[int]`; a newer one than this is refused
 
@@ -29,9 +36,43 @@ class Origin:
     name: str
     value: str
     distribution: str
+    file: str = ""  # of a plugin that was registered by hand
 
     def __str__(self) -> str:
         return f"{self.value} from {self.distribution}"
+
+
+_by_hand: dict[tuple[str, str], tuple[type, Origin]] = {}
+
+
+def register(kind: str, name: str, cls: type) -> None:
+    """A plugin of this process without packaging: from now on `kind=name` chooses it, before any installed one.
+
+    Raises PluginError when the kind is unknown or the class is no plugin."""
+    if kind not in PLUGIN_KINDS:
+        raise PluginError(f"{kind}: there is no such kind of plugin{nearest(kind, list(PLUGIN_KINDS))}")
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
+        raise PluginError(f"{kind}={name}: a plugin's name is letters, digits and _")
+    try:
+        file = inspect.getfile(cls)
+        digest = hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]
+    except (OSError, TypeError):  # typed into a notebook
+        file, digest = cls.__module__, "no file"
+    origin = Origin(kind, name, f"{cls.__module__}:{cls.__qualname__}", f"{Path(file).name} ({digest})", file)
+    _check_plugin(cls, origin)
+    _by_hand[kind, name] = cls, origin
+    load.cache_clear()
+
+
+def loose(task: str, names: Mapping[str, str]) -> str:
+    """Which of the chosen plugins were registered by hand, with their files' names and hashes; for the row."""
+    chosen = {"task": task, **names}.items()
+    return " ".join(f"{k}={n} from {_by_hand[k, n][1].distribution}" for k, n in chosen if (k, n) in _by_hand)
+
+
+def by_hand() -> list[Origin]:
+    """The plugins registered by hand in this process."""
+    return [origin for _, origin in _by_hand.values()]
 
 
 @cache
@@ -46,11 +87,13 @@ def _entry_points(kind: str) -> dict[str, list[EntryPoint]]:
 
 def names(kind: str) -> list[str]:
     """Sorted names of all plugins of a kind, usable or not; nothing is imported."""
-    return sorted(_entry_points(kind))
+    return sorted({*_entry_points(kind), *(name for k, name in _by_hand if k == kind)})
 
 
 def origins(kind: str, name: str) -> list[Origin]:
     """Who registers this name: one, or several that are in each other's way."""
+    if (kind, name) in _by_hand:
+        return [_by_hand[kind, name][1]]
     return [Origin(kind, name, p.value, _distribution(p)) for p in _entry_points(kind).get(name, [])]
 
 
@@ -63,6 +106,8 @@ def forget() -> None:
 @cache
 def load(kind: str, name: str) -> type:
     """The settings dataclass of a plugin. Raises PluginError: unknown, registered twice, or not importable."""
+    if (kind, name) in _by_hand:
+        return _by_hand[kind, name][0]
     where = origins(kind, name)
     if not where:
         known = names(kind)
@@ -92,6 +137,16 @@ def check_requirements(kind: str, name: str, cls: type) -> None:
             raise PluginError(f"{kind}={name} needs a package that is not installed; type: pip install {package}")
 
 
+def no_setting(key: str, task: str, known: list[str]) -> ConfigError:
+    """A top-level setting that this task does not have: another has it, or nobody."""
+    owners = [name for name in names("task") if name != task and failure("task", name) is None
+              and key in {item.name for item in dataclasses.fields(load("task", name))}]
+    if owners:
+        return ConfigError(f"{key}: task={task} has no such setting; task={' and task='.join(owners)} "
+                           f"{'have' if len(owners) > 1 else 'has'}")
+    return unknown_key("", key, known)
+
+
 def _import(point: EntryPoint, origin: Origin) -> Any:
     try:
         return point.load()
@@ -104,6 +159,9 @@ def _import(point: EntryPoint, origin: Origin) -> Any:
 
 def _check_plugin(cls: Any, origin: Origin) -> None:
     who = f"{origin.kind}={origin.name} ({origin})"
+    if origin.kind == "metric":
+        _check_metrics(cls, who)
+        return
     if not (isinstance(cls, type) and dataclasses.is_dataclass(cls)):
         raise PluginError(f"{who} is not a dataclass; name the settings dataclass in the entry point")
     if not callable(getattr(cls, "build", None)):
@@ -115,10 +173,17 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         value = getattr(cls, word, None)
         if not isinstance(value, (frozenset, set)) or not all(isinstance(v, str) for v in value):
             raise PluginError(f"{who} declares no {word}; write `{word}: ClassVar[frozenset[str]] = frozenset()`")
+    if origin.kind == "task" and not set(getattr(cls, "kinds", ("?",))) <= set(PLUGIN_KINDS):
+        raise PluginError(f"{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = (...)` with those it needs")
     for item in dataclasses.fields(cls):
         if item.name in RESERVED:
             raise PluginError(f"{who} has a setting called {item.name}, which rhs uses itself; rename it")
     defaults(cls)
+
+
+def _check_metrics(found: Any, who: str) -> None:
+    if not (isinstance(found, tuple) and found and all(isinstance(item, Metric) for item in found)):
+        raise PluginError(f"{who} is not a tuple of rhs.api.metric.Metric")
 
 
 def _distribution(point: EntryPoint) -> str:
@@ -127,7 +192,3 @@ def _distribution(point: EntryPoint) -> str:
 
 def _first_line(error: BaseException) -> str:
     return (str(error).strip().splitlines() or [""])[0][:120]
-
-
-def kinds() -> tuple[str, ...]:
-    return KINDS

@@ -12,6 +12,7 @@ import numpy as np
 
 from rhs.api.belief import RIGHT_M, RIGHT_RAD
 from rhs.api.geometry import wrap
+from rhs.api.metric import RunFiles, columns_of
 
 WITHIN_M = 5.0  # a kidnapped robot is judged after so much way
 BINS = 10
@@ -103,11 +104,10 @@ def calibration_error(probability: np.ndarray, right: np.ndarray, bins: int = BI
     return float((np.abs(chance - share) * count).sum() / count.sum())
 
 
-def knowing_values(steps: Sequence[dict[str, str]]) -> dict[str, float | int]:
-    """Columns of the row. kidnaps: how many; kidnap_recovered_share: found themselves within 5 m of way; kidnap_recovery_m,
-    kidnap_recovery_s: median until then, of those that did, and the 90th percentile; kidnap_wrong_sure_share: were wrong
-    and sure of it at the end of that way. belief_wrong_sure_share: of all views of the patrol; belief_ece: expected
-    calibration error of the belief's probability. NaN where nothing was kidnapped, or nobody knows the truth."""
+def calibration_values(run: RunFiles) -> dict[str, float | int | str]:
+    """What followed each kidnap, and how reliable the stated chances were. NaN where nothing was kidnapped, or nobody
+    knows the truth."""
+    steps = [row for row in run.steps if row["phase"] == "patrol"]
     beliefs = beliefs_of(steps)
     known = len(beliefs.wrong_m) > 0
     happened = kidnaps(beliefs)
@@ -125,3 +125,23 @@ def knowing_values(steps: Sequence[dict[str, str]]) -> dict[str, float | int]:
         "belief_wrong_sure_share": float(np.mean(beliefs.sure & ~beliefs.right)) if known else nan,
         "belief_ece": calibration_error(beliefs.probability, beliefs.right),
     }
+
+
+CALIBRATION = columns_of(
+    calibration_values,
+    ("kidnaps", "", "times the robot was carried elsewhere without being told", "steps.csv"),
+    ("kidnap_recovered_share", "share",
+     "kidnaps after which it was right and sure of it within 5 m of way",
+     "rhs.metrics.calibration"),
+    ("kidnap_recovery_m", "m", "way until then, median of those that recovered", "rhs.metrics.calibration"),
+    ("kidnap_recovery_p90_m", "m", "the same, 90th percentile", "rhs.metrics.calibration"),
+    ("kidnap_recovery_s", "s", "time until then, median of those that recovered", "rhs.metrics.calibration"),
+    ("kidnap_recovery_p90_s", "s", "the same, 90th percentile", "rhs.metrics.calibration"),
+    ("kidnap_wrong_sure_share", "share",
+     "kidnaps after which it was wrong and sure of it at the end of these 5 m",
+     "rhs.metrics.calibration"),
+    ("belief_wrong_sure_share", "share",
+     "views of the patrol in which the belief was wrong (0.25 m, 5 degrees) and sure of itself",
+     "rhs.metrics.calibration"),
+    ("belief_ece", "", "expected calibration error of the belief's probability, ten bins", "Guo et al. 2017, section 2"),
+)

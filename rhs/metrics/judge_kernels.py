@@ -1,4 +1,4 @@
-"""Compiled inner loops of rhs.judge. Coordinates are cells of a grid with a blocked border; cell (i, j) is [i, i+1)."""
+"""Compiled inner loops of path_judge. Coordinates are cells of a grid with a blocked border; cell (i, j) is [i, i+1)."""
 
 from __future__ import annotations
 
@@ -175,3 +175,28 @@ def visibility_search(grid, corners, signs, ends):
         path[k] = nodes[node]
         node = parent[node]
     return path
+
+
+@typed(nb.float64(_POINTS, _POINTS, nb.float64))
+def least_gap(points, low, side):
+    """Least distance between a polyline (N, 2) and squares of this side with lower corners low (M, 2) that it does not
+    cross; inf without squares. It is met at an end of a segment or at a corner of a square."""
+    best, last = np.inf, len(points) - 1
+    for k in range(max(last, 1)):
+        ax, ay = points[k]
+        bx, by = points[min(k + 1, last)]
+        dx, dy = bx - ax, by - ay
+        length2 = dx * dx + dy * dy
+        for s in range(len(low)):
+            x, y = low[s]
+            gap_x = max(x - max(ax, bx), min(ax, bx) - x - side, 0.0)
+            gap_y = max(y - max(ay, by), min(ay, by) - y - side, 0.0)
+            if np.hypot(gap_x, gap_y) >= best:
+                continue  # not even the box round the segment is nearer
+            for ex, ey in ((ax, ay), (bx, by)):
+                best = min(best, np.hypot(max(x - ex, ex - x - side, 0.0), max(y - ey, ey - y - side, 0.0)))
+            for cx, cy in ((x, y), (x + side, y), (x, y + side), (x + side, y + side)):
+                t = ((cx - ax) * dx + (cy - ay) * dy) / length2 if length2 > 0.0 else 0.0
+                t = min(max(t, 0.0), 1.0)
+                best = min(best, np.hypot(cx - ax - t * dx, cy - ay - t * dy))
+    return best

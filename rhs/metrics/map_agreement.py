@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
+from rhs.api.metric import RunFiles, columns_of
 
 
 def map_agreement(mine: OccupancyGrid, true: OccupancyGrid) -> dict[str, float]:
@@ -35,3 +36,19 @@ def _look_up(grid: OccupancyGrid, flags: np.ndarray, points: np.ndarray) -> np.n
     cells = grid.cells(flat[inside])
     out[inside] = flags[cells[:, 0], cells[:, 1]]
     return out.reshape(points.shape[:2])
+
+
+def map_values(run: RunFiles) -> dict[str, float | int | str]:
+    """How far the map agrees with the true plan, and how much of the true free space was seen."""
+    mine, true = run.grid("map"), run.grid("true_map")
+    if mine is None or true is None:
+        return {"map_agreement": float("nan"), "map_observed_share": float("nan")}
+    return {**map_agreement(mine, true)}
+
+
+MAP = columns_of(
+    map_values,
+    ("map_agreement", "share", "cells called occupied or free that have a true cell of that kind within one cell",
+     "map.yaml, true_map.yaml"),
+    ("map_observed_share", "share", "truly free cells that the map calls anything at all", "map.yaml, true_map.yaml"),
+)

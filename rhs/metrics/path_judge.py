@@ -11,7 +11,29 @@ blocked. Everything is decided to 1e-7 of a cell: a path that deep inside a bloc
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+
+from rhs.api.records import PlanningProblem
+
+
+def opened(problem: PlanningProblem, start_radius_m: float) -> PlanningProblem:
+    """The problem as it is judged. A robot may find itself where its centre may not be (an obstacle seen too late, a belief
+    a little off): if the start lies in blocked cells alone, those within `start_radius_m` of it do not count, for the path
+    and for the optimum alike. Whether it does is found here; nobody is asked."""
+    x, y = _to_cells(problem.start_m, problem.resolution_m, problem.origin_m)[0]
+    grid = _padded(problem.blocked)
+    rows, columns = grid.shape
+    if not (1.0 <= x <= columns - 1.0 and 1.0 <= y <= rows - 1.0):
+        return problem
+    here = grid[int(np.ceil(y)) - 1: int(np.floor(y)) + 1, int(np.ceil(x)) - 1: int(np.floor(x)) + 1]
+    if (here == 0).any():  # some cell whose closure holds the start is free
+        return problem
+    i, j = np.arange(1, columns - 1), np.arange(1, rows - 1)[:, None]
+    gap_x, gap_y = np.maximum(np.maximum(i - x, x - i - 1.0), 0.0), np.maximum(np.maximum(j - y, y - j - 1.0), 0.0)
+    near = np.hypot(gap_x, gap_y) * problem.resolution_m <= start_radius_m + 1e-9
+    return replace(problem, blocked=np.asarray(problem.blocked, bool) & ~near)
 
 
 def path_valid(points, blocked: np.ndarray, resolution: float, origin) -> bool:

@@ -14,6 +14,8 @@ import numpy as np
 from rhs.api.geometry import planar, wrap
 from rhs.api.records import Twist
 
+TURN_RATE_MAX_RADPS = 1.0  # of any command; a sharper bend is driven slower
+
 
 @dataclass(frozen=True)
 class Pace:
@@ -74,7 +76,8 @@ def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:
     step = min(pace.step_m, max(left, 0.02))
     if abs(curvature) * step > pace.turn_step_rad:
         step = pace.turn_step_rad / abs(curvature)
-    return Twist(pace.speed_mps, pace.speed_mps * curvature, step / pace.speed_mps)
+    speed = min(pace.speed_mps, TURN_RATE_MAX_RADPS / max(abs(curvature), 1e-9))
+    return Twist(speed, speed * curvature, step / speed)
 
 
 def target_on(path_m: np.ndarray, here_m: np.ndarray, pace: Pace) -> np.ndarray:
@@ -96,7 +99,7 @@ def turn(angle_rad: float, pace: Pace) -> Twist:
     """One bounded step of a turn by `angle_rad`: on the spot, or on an arc of pace.arc_radius_m."""
     step = float(np.clip(angle_rad, -pace.turn_step_rad, pace.turn_step_rad))
     if pace.arc_radius_m <= 0.0:
-        duration = max(abs(step) / 1.0, 0.05)
+        duration = max(abs(step) / TURN_RATE_MAX_RADPS, 0.05)
         return Twist(0.0, step / duration, duration)
     length = abs(step) * pace.arc_radius_m
     duration = length / pace.speed_mps

@@ -18,10 +18,10 @@ import numpy as np
 from rhs.api.contracts import Odometry
 from rhs.api.geometry import exp_se3, inverse, log_se3, se2
 from rhs.api.records import Motion, Observation, Revision, Tracking
+from rhs.api.validate import MOST_REASON, check_motion
 from rhs.estimation.filters.kalman import gate as chi_square
 
-from .gate_settings import GATED, Gate
-from .loop import checked_motion
+from .tasks import Gate
 
 FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
 FLOOR_SIGMA = 0.05  # of z, roll and pitch where the wheels alone are believed: metres, radians
@@ -30,8 +30,10 @@ FLOOR_SIGMA = 0.05  # of z, roll and pitch where the wheels alone are believed: 
 class GatedOdometry:
     """An odometry whose motions pass the gate; all else is the odometry's own."""
 
-    def __init__(self, odometry: Odometry, settings: Gate) -> None:
+    def __init__(self, odometry: Odometry, settings: Gate, who: str = "") -> None:
         self._odometry, self._settings = odometry, settings
+        self._who = who or f"odometry {type(odometry).__name__}"
+        self.keeps_moving, self.scale_from = odometry.keeps_moving, odometry.scale_from
         self._limit = chi_square(3, settings.probability)
         self._stamp_s = float("nan")
         self._speeds: list[np.ndarray] = []  # twists (6,) believed last and said last by vision
@@ -41,7 +43,7 @@ class GatedOdometry:
 
     def update(self, observation: Observation) -> Motion:
         """The odometry's motion, or what the wheels say where it contradicts them."""
-        said = checked_motion(self._odometry.update(observation), self._odometry)
+        said = check_motion(self._odometry.update(observation), who=self._who)
         elapsed_s = observation.stamp_s - self._stamp_s
         self._stamp_s = observation.stamp_s
         if not np.isfinite(elapsed_s):  # the first view: nothing moved
@@ -55,7 +57,7 @@ class GatedOdometry:
         else:
             motion = self._without_wheels(said, elapsed_s)
         self._lost = 0
-        self._replaced += motion.reason.startswith(GATED)
+        self._replaced += motion.replaced
         return motion
 
     def revise(self) -> Revision | None:
@@ -73,7 +75,7 @@ class GatedOdometry:
         both = f"vision {_words(said.previous_from_body)} and wheels {_words(se2(*wheel))}"
         what = f"{both} are {np.sqrt(apart):.1f} sigmas apart"
         if self._contradicted > self._settings.patience:
-            return replace(said, reason="; ".join(filter(None, [said.reason, f"{what}: wheels doubted"])))
+            return replace(said, reason=_with(said.reason, f"{what}: wheels doubted"))
         covariance = np.diag([0.0, 0.0, FLOOR_SIGMA**2, FLOOR_SIGMA**2, FLOOR_SIGMA**2, 0.0])
         covariance[np.ix_(FREE, FREE)] = spread
         return _instead(said, se2(*wheel), covariance, f"{what}; took wheel")
@@ -121,13 +123,18 @@ def joined(said: Motion, wheel: np.ndarray, spread: np.ndarray) -> Motion:
     noise = gain @ spread @ gain.T
     covariance = rest @ said.covariance @ rest.T + noise  # Joseph's form stays positive definite
     pose = said.previous_from_body @ exp_se3(gain @ off)
-    reason = "; ".join(filter(None, [said.reason, "joined with wheel"]))
-    return replace(said, previous_from_body=pose, covariance=0.5 * (covariance + covariance.T), reason=reason)
+    return replace(said, previous_from_body=pose, covariance=0.5 * (covariance + covariance.T),
+                   reason=_with(said.reason, "joined with wheel"))
 
 
 def _instead(said: Motion, pose: np.ndarray, covariance: np.ndarray, why: str) -> Motion:
-    return replace(said, previous_from_body=pose, covariance=covariance, status=Tracking.LOST, reason=GATED + why,
-                   observability=None)
+    return replace(said, previous_from_body=pose, covariance=covariance, status=Tracking.LOST, reason=f"gated: {why}",
+                   observability=None, replaced=True)
+
+
+def _with(reason: str, more: str) -> str:
+    """What the odometry said and what the gate adds, no longer than a reason may be."""
+    return "; ".join(filter(None, [reason[:MOST_REASON - len(more) - 2], more]))
 
 
 def _words(pose: np.ndarray) -> str:
@@ -135,6 +142,6 @@ def _words(pose: np.ndarray) -> str:
     return f"{np.linalg.norm(pose[:3, 3]):.2f} m {np.degrees(np.linalg.norm(twist[3:])):.1f} deg"
 
 
-def gated(odometry: Odometry, needs: frozenset[str], settings: Gate) -> Odometry:
-    """The odometry behind the gate, if it is one that the gate is for."""
-    return GatedOdometry(odometry, settings) if settings.act != "off" and "depth" in needs else odometry
+def gated(odometry: Odometry, needs: frozenset[str], settings: Gate, who: str = "") -> Odometry:
+    """The odometry behind the gate, if it is one that the gate is for. who: what to call it in errors."""
+    return GatedOdometry(odometry, settings, who) if settings.act != "off" and "depth" in needs else odometry

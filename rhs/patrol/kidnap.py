@@ -8,7 +8,7 @@ import numpy as np
 
 from rhs.api.contracts import Source
 from rhs.api.geometry import se2
-from rhs.api.records import View
+from rhs.api.records import Event, View
 
 from .mission import Logbook
 
@@ -37,10 +37,10 @@ class Kidnapper:
             source.teleport(self._draw_pose())
             self.fresh = True
 
-    def news(self) -> list[str]:
-        """["kidnapped"] once after each kidnap, for the step's event."""
+    def news(self) -> list[Event]:
+        """[KIDNAPPED] once after each kidnap, for the step's event."""
         fresh, self.fresh = self.fresh, False
-        return ["kidnapped"] if fresh else []
+        return [Event.KIDNAPPED] if fresh else []
 
     def _draw_moment(self) -> int:
         return int(self.rng.integers(SOONEST, LATEST + 1))

@@ -7,18 +7,25 @@ pictures and the progress bar consume the steps it yields; they never reach into
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from rhs.api.belief import moved
-from rhs.api.contracts import Odometry, Sensor, Source
-from rhs.api.frozen import seal, with_sealed_copies
-from rhs.api.records import Belief, Capture, Motion, Observation, Path, Scan, Step, Twist
-from rhs.base.errors import ContractError
+from rhs.api.contracts import Mapper, Odometry, Sensor, Slam, Source
+from rhs.api.frozen import seal
+from rhs.api.records import Belief, Capture, Event, Motion, Observation, Path, Scan, Step, Twist
+from rhs.api.validate import (
+    check_belief,
+    check_capture,
+    check_motion,
+    check_observation,
+    check_pose,
+    reach_of,
+)
 
 
 @dataclass(frozen=True)
@@ -27,7 +34,7 @@ class Decision:
 
     command: Twist | None = None
     path: Path | None = None
-    event: str = ""
+    events: tuple[Event, ...] = ()
     mission: int = 0
 
 
@@ -35,6 +42,7 @@ class Pilot(Protocol):
     """Who moves the robot: the person leading it round the survey, or the sentinel on patrol."""
 
     phase: str
+    believer: str  # the kind of part whose belief it hands on, to be named if that is no belief
 
     def first(self, source: Source) -> Capture | None: ...
 
@@ -47,18 +55,25 @@ class Pilot(Protocol):
     def move(self, source: Source, command: Twist | None) -> Capture | None: ...
 
 
-def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, first_index: int = 0) -> Iterator[Step]:
-    """Yield one Step per view until the pilot stops."""
+def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, first_index: int = 0,
+          after_s: float = -np.inf, who: Mapping[str, str] | None = None) -> Iterator[Step]:
+    """Yield one Step per view until the pilot stops. What a part hands over is checked before it goes on (rhs.api.validate).
+
+    after_s: stamp of the last view before. who: kind -> the part as a person typed it, for errors."""
+    named = who or names(source=source, sensor=sensor, odometry=odometry, localiser=getattr(pilot, "localiser", pilot))
+    reach_m = reach_of(source.facts)
     clock, index = Stopwatch(), first_index
     with clock("capture"):
         capture = pilot.first(source)
     while capture is not None:
+        capture = check_capture(capture, who=named["source"], after_s=after_s)
+        after_s = capture.stamp_s
         with clock("sense"):
-            observation = seal(sensor.sense(seal(capture)))
+            observation = check_observation(with_extras(sensor.sense(capture), capture), capture, who=named["sensor"])
         with clock("odometry"):
-            motion = checked_motion(odometry.update(observation), odometry)
+            motion = check_motion(odometry.update(observation), who=named["odometry"], reach_m=reach_m)
         with clock("localise"):
-            belief = checked_belief(pilot.locate(observation, motion), pilot)
+            belief = check_belief(pilot.locate(observation, motion), who=named[pilot.believer], reach_m=reach_m)
         scan = observation.scan if observation.scan is not None else motion.scan
         with clock("map"):
             if scan is not None:
@@ -66,28 +81,44 @@ def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, f
         with clock("plan"):
             decision = pilot.decide(belief, scan)
         clearance_m, collided = source.clearance_m()
-        yield Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, source.truth(),
-                   decision.path, decision.mission, decision.event, capture.command, clock.timings_ms,
+        truth = source.truth()
+        truth = None if truth is None else check_pose(truth, who=named["source"], field="truth()")
+        yield Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, truth,
+                   decision.path, decision.mission, decision.events, capture.command, clock.timings_ms,
                    clearance_m, collided)
         clock, index = Stopwatch(), index + 1
         with clock("capture"):
             capture = pilot.move(source, decision.command)
 
 
+def with_extras(observation: Observation, capture: Capture) -> Observation:
+    """The observation with the extra modalities of its capture, which pass every sensor that says nothing of them."""
+    if not capture.extras or not isinstance(observation, Observation):
+        return observation
+    return replace(observation, extras=seal({**capture.extras, **observation.extras}))
+
+
+def names(**parts: object) -> dict[str, str]:
+    """Kind -> what to call a part whose name on the command line is not known."""
+    return {kind: f"{kind} {type(part).__name__}" for kind, part in parts.items()}
+
+
 class Led:
-    """The survey: somebody leads the camera along its route; the belief is the sum of the odometry."""
+    """The survey: somebody leads the camera along its route; the belief is the sum of the odometry, or a SLAM's own."""
 
-    phase = "survey"
+    phase, believer = "survey", "odometry"
 
-    def __init__(self, start: np.ndarray, mapper) -> None:
+    def __init__(self, start: np.ndarray, mapper: Mapper, slam: Slam | None = None) -> None:
         self.belief = Belief(start, np.diag([1e-6] * 6))
-        self.mapper = mapper
+        self.mapper, self.slam = mapper, slam
         self.begun = False
 
     def first(self, source: Source) -> Capture | None:
         return source.lead()
 
     def locate(self, observation: Observation, motion: Motion) -> Belief:
+        if self.slam is not None:
+            return self.slam.belief()
         self.belief = moved(self.belief, motion) if self.begun else self.belief
         self.begun = True
         return self.belief
@@ -100,37 +131,6 @@ class Led:
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         return source.lead()
-
-
-def checked_motion(motion: Motion, part: object) -> Motion:
-    """The motion, or ContractError naming the part and the field: a bad value never reaches a table."""
-    if not isinstance(motion, Motion):
-        raise ContractError(f"odometry {type(part).__name__} returned {type(motion).__name__}, expected a Motion")
-    _check_pose(motion.previous_from_body, part, "previous_from_body")
-    _check_covariance(motion.covariance, part)
-    return with_sealed_copies(motion, "previous_from_body", "covariance")
-
-
-def checked_belief(belief: Belief, part: object) -> Belief:
-    """The belief, or ContractError naming the part and the field."""
-    if not isinstance(belief, Belief):
-        raise ContractError(f"localiser {type(part).__name__} returned {type(belief).__name__}, expected a Belief")
-    _check_pose(belief.map_from_body, part, "map_from_body")
-    _check_covariance(belief.covariance, part)
-    return with_sealed_copies(belief, "map_from_body", "covariance")
-
-
-def _check_pose(pose: np.ndarray, part: object, name: str) -> None:
-    who = type(part).__name__
-    if np.shape(pose) != (4, 4) or not np.all(np.isfinite(pose)):
-        raise ContractError(f"{who}.{name} must be a finite 4x4 pose, got shape {np.shape(pose)}: {np.asarray(pose)}")
-    if abs(np.linalg.det(pose[:3, :3]) - 1.0) > 1e-3:
-        raise ContractError(f"{who}.{name} has a rotation with determinant {np.linalg.det(pose[:3, :3]):.4g}, not 1")
-
-
-def _check_covariance(covariance: np.ndarray, part: object) -> None:
-    if np.shape(covariance) != (6, 6) or not np.all(np.isfinite(covariance)):
-        raise ContractError(f"{type(part).__name__}.covariance must be finite 6x6, got shape {np.shape(covariance)}")
 
 
 class Stopwatch:

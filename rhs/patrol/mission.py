@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
+from rhs.api.contracts import Odometry
+from rhs.api.records import MissionStatus
 from rhs.base.errors import check_choice, check_range
 
 
@@ -13,33 +15,36 @@ from rhs.base.errors import check_choice, check_range
 class MissionSettings:
     """How the patrol goes about its places."""
 
-    # distance from a place at which it counts as visited, metres (belief)
     arrive_m: float = 0.25
-    # added to the robot's radius when the map is grown, metres: room for the error of the belief
+    """distance from a place at which it counts as visited, metres (belief)"""
     margin_m: float = 0.1
-    # room the robot would like on top of that, metres; less is taken where there is no way with it. It keeps a robot
-    # whose belief has drifted off the walls: going the other way round, nothing looks as it did in the survey
+    """added to the robot's radius when the map is grown, metres: room for the error of the belief"""
     comfort_m: float = 0.4
-    # plans per place before it is given up
+    """room the robot would like on top of that, metres; less is taken where there is no way with it. It keeps a robot
+    whose belief has drifted off the walls: going the other way round, nothing looks as it did in the survey"""
     tries: int = 6
-    # commands without progress (less than 5 cm believed motion each) before the place is given up
+    """plans per place before it is given up"""
     stuck_steps: int = 12
-    # how far ahead the path is watched for obstacles, metres
+    """commands without progress (less than 5 cm believed motion each) before the place is given up"""
+    views_max: int = 3000
+    """views spent on one place before it is given up, whatever happens"""
     watch_m: float = 2.5
-    # scan points this close to a wall of the map are the wall, metres
+    """how far ahead the path is watched for obstacles, metres"""
     wall_tolerance_m: float = 0.3
-    # turn on the spot, or on an arc that keeps the camera moving: pivot | arc | auto, which takes what the odometry wants
+    """scan points this close to a wall of the map are the wall, metres"""
     turn: str = "auto"
-    # radius of arc turns, metres
+    """turn on the spot, or on an arc that keeps the camera moving: pivot | arc | auto, which takes what the odometry
+    wants"""
     arc_radius_m: float = 0.7
-    # longest way between two views while patrolling, metres
+    """radius of arc turns, metres"""
     step_m: float = 0.25
-    # largest turn between two views while patrolling, degrees
+    """longest way between two views while patrolling, metres"""
     turn_step_deg: float = 12.0
-    # forward speed, metres per second
+    """largest turn between two views while patrolling, degrees"""
     speed_mps: float = 0.5
-    # carry the robot elsewhere, without telling it, once per place
+    """forward speed, metres per second"""
     kidnap: bool = False
+    """carry the robot elsewhere, without telling it, once per place"""
 
     def __post_init__(self) -> None:
         check_range("mission", "arrive_m", self.arrive_m, low=0.05, high=5.0, unit="m")
@@ -47,6 +52,7 @@ class MissionSettings:
         check_range("mission", "comfort_m", self.comfort_m, low=0.0, high=2.0, unit="m")
         check_range("mission", "tries", self.tries, low=1, high=1000)
         check_range("mission", "stuck_steps", self.stuck_steps, low=2, high=10000)
+        check_range("mission", "views_max", self.views_max, low=1, high=10_000_000)
         check_range("mission", "watch_m", self.watch_m, low=0.2, high=20.0, unit="m")
         check_range("mission", "wall_tolerance_m", self.wall_tolerance_m, low=0.0, high=2.0, unit="m")
         check_choice("mission", "turn", self.turn, ("auto", "pivot", "arc"))
@@ -56,10 +62,10 @@ class MissionSettings:
         check_range("mission", "speed_mps", self.speed_mps, low=0.02, high=3.0, unit="m/s")
 
 
-def turning(settings: MissionSettings, odometry: object) -> MissionSettings:
+def turning(settings: MissionSettings, odometry: Odometry) -> MissionSettings:
     """The settings with `turn` decided: on arcs and in steps as short as the odometry wants them, where it is left to one
     that `keeps_moving` (rhs.contracts)."""
-    wanted = getattr(odometry, "keeps_moving", None)
+    wanted = odometry.keeps_moving
     if settings.turn != "auto" or wanted is None:
         return replace(settings, turn="pivot" if settings.turn == "auto" else settings.turn)
     step_m, turn_step_deg = wanted
@@ -69,13 +75,13 @@ def turning(settings: MissionSettings, odometry: object) -> MissionSettings:
 
 @dataclass
 class Mission:
-    """One attempt at one place, as written to missions.json. status: active, arrived, aborted or gave_up."""
+    """One attempt at one place, as written to missions.json."""
 
     mission: int
     place: str
     goal_m: list[float]
     start_m: list[float]
-    status: str = "active"
+    status: MissionStatus = MissionStatus.ACTIVE
     reason: str = ""
     replans: int = 0
     steps: int = 0
@@ -91,7 +97,7 @@ class Logbook:
 
     @property
     def current(self) -> Mission | None:
-        return self.missions[-1] if self.missions and self.missions[-1].status == "active" else None
+        return self.missions[-1] if self.missions and self.missions[-1].status is MissionStatus.ACTIVE else None
 
     @property
     def done(self) -> bool:
@@ -104,11 +110,11 @@ class Logbook:
         self.missions.append(mission)
         return mission
 
-    def close(self, status: str, reason: str = "") -> None:
+    def close(self, status: MissionStatus, reason: str = "") -> None:
         """End the current mission. `arrived` and `gave_up` go on to the next place; `aborted` tries the same again."""
         mission = self.missions[-1]
         mission.status, mission.reason = status, reason
-        if status in ("arrived", "gave_up"):
+        if status in (MissionStatus.ARRIVED, MissionStatus.GAVE_UP):
             self.visited += 1
 
     def to_rows(self) -> list[dict]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,10 +13,10 @@ import numpy as np
 
 from rhs.api.files import replacing
 from rhs.api.floorplan import World, truth_grid
+from rhs.api.records import Closure, Step
 from rhs.api.records import Path as Plan
-from rhs.api.records import Step
-from rhs.config.compose import RunConfig, to_plain, write_config
-from rhs.config.parts import Parts
+from rhs.api.task import Parts
+from rhs.config.compose import RunConfig, to_plain
 from rhs.recording.rerun_view import Audience, Listener, LiveView
 from rhs.recording.writer import Recorder
 from rhs.runfolder.steps_csv import StepTable
@@ -30,7 +31,7 @@ def unwatched(steps: Iterable[Step], phase: str, expected: int | None) -> Iterab
 
 
 @dataclass
-class Notebook:
+class RunLog:
     """Everything of one run that listens to its steps: the table, the recording, the progress bar."""
 
     folder: Path
@@ -40,6 +41,11 @@ class Notebook:
     counts: dict[str, int] = field(default_factory=dict)
     began_s: float | None = None
     stamp_s: float = 0.0
+
+    @property
+    def robot_s(self) -> float:
+        """Seconds the robot has lived through, NaN before the first view."""
+        return float("nan") if self.began_s is None else self.stamp_s - self.began_s
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
         for step in self.watch(steps, phase, expected):
@@ -51,9 +57,8 @@ class Notebook:
             yield step
 
 
-def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: Path, watch: Watch) -> Notebook:
+def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path, watch: Watch) -> RunLog:
     """The run's files that grow with its steps, and the true plan beside them for the judge."""
-    write_config(config, folder)
     facts = parts.source.facts
     places = [{"name": n, "x_m": x, "y_m": y} for n, x, y in facts.places]
     write_json(folder / "facts.json", {"name": facts.name, "start": list(facts.start), "places": places,
@@ -66,10 +71,10 @@ def open_notebook(config: RunConfig, parts: Parts, world: World | None, folder: 
     listeners: list[Listener] = [Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))
-    return Notebook(folder, StepTable(folder), Audience(listeners), watch)
+    return RunLog(folder, StepTable(folder), Audience(listeners), watch)
 
 
-def closure_rows(closure) -> dict[str, Any]:
+def closure_rows(closure: Closure) -> dict[str, Any]:
     edges = [{"earlier": e.earlier, "later": e.later, "inliers": e.inliers, "accepted": e.accepted, "reason": e.reason,
               "earlier_from_later": np.round(e.earlier_from_later, 9).tolist()} for e in closure.edges]
     return {"edges": edges, "details": dict(closure.details)}
@@ -84,3 +89,22 @@ def write_json(path: Path, value: Any) -> None:
     """Written whole or not at all."""
     with replacing(path) as file:
         file.write(json.dumps(value, indent=1) + "\n")
+
+
+def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
+    """The same steps; a bar with the phase, the place in it and the last event is drawn on stderr meanwhile."""
+    from tqdm import tqdm
+
+    with tqdm(total=expected, desc=f"{phase:<8}", unit="view", disable=None, file=sys.stderr, leave=True,
+              dynamic_ncols=True, smoothing=0.1) as shown:
+        for step in steps:
+            shown.set_postfix_str(_note(step), refresh=False)
+            shown.update()
+            yield step
+
+
+def _note(step: Step) -> str:
+    words = [str(step.motion.status)] if str(step.motion.status) != "ok" else []
+    if step.mission:
+        words.append(f"mission {step.mission}")
+    return " ".join([*words, step.event])

@@ -1,40 +1,31 @@
-"""One run as a list of verbs: compose, survey, close the loop, patrol, evaluate, write the row, draw."""
+"""One run: build its task, do the work, evaluate, write the row, draw."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from rhs.api.floorplan import Box, World
-from rhs.api.records import Belief, Step
-from rhs.api.trajectory import Trajectory, write_tum
-from rhs.base.errors import RhsError
+from rhs.api.contracts import Context
+from rhs.api.floorplan import World
+from rhs.api.geometry import se2
+from rhs.api.records import Step
+from rhs.api.task import Parts, StepJob
+from rhs.base.errors import ConfigError
 from rhs.base.memory import keep_freed_memory
 from rhs.base.provenance import commit, peak_memory_mb, versions
-from rhs.config.compose import RunConfig, build_parts, identity
-from rhs.config.parts import Parts, generator
-from rhs.metrics.metrics import evaluate
+from rhs.config.compose import RunConfig, identity, write_config
+from rhs.config.parts import Chosen, build, build_part
+from rhs.metrics.evaluate import evaluate
+from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import write_row
-from rhs.worlds.maps import save_map
 from rhs.worlds.world import load_world
 
-from . import survey as surveying
-from .gate import gated
-from .kidnap import Kidnapper
+from .culprit import in_one_line, write_traceback
 from .loop import Led, steps
-from .mission import turning
-from .observers import Notebook, Watch, closure_rows, open_notebook, plan_row, unwatched, write_json
-from .sentinel import Sentinel
-from .survey import Survey, ViewCollector
-
-OBSTACLE_HEIGHT_M = 1.8
-START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
+from .observers import RunLog, Watch, open_log, unwatched
 
 
 def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dict[str, Any]:
@@ -43,158 +34,156 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
     Raises ConfigError, before anything ran, for what can be refused. A failure later is a row with a reason; the
     exception that caused it is chained to the returned row under the key `_cause` and not written.
     """
-    if config.task == "planning":
-        from rhs_tasks.planning.task import run_planning_config
+    steps = run_steps(config, folder, watch)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            row: dict[str, Any] = end.value
+            return row
 
-        return run_planning_config(config, folder)
-    if config.task == "places":
-        from rhs_tasks.places.task import run_places_config
 
-        return run_places_config(config, folder)
-    if config.task == "unroll":
-        from rhs_tasks.unroll.task import run_unroll_config
-
-        return run_unroll_config(config, folder)
+def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched) -> Generator[Step, None, dict[str, Any]]:
+    """The same, one step at a time where the task has steps; the row is the generator's value."""
     keep_freed_memory()
-    begin = time.perf_counter()
-    world = furnished(load_world(config.world), config) if "driving" in config.source.settings.provides else None
-    parts = build_parts(config, world, folder)
-    parts.odometry = gated(parts.odometry, config.odometry.settings.needs, config.gate)
+    check_live(config.live)
+    run = RunContext(config, folder, watch)
     row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
-    row["world"] = parts.source.facts.name if world is None else row["world"]
-    notebook: Notebook | None = None
     cause: BaseException | None = None
     try:
-        notebook = open_notebook(config, parts, world, folder, watch)
-        survey = lead_round(parts, config, notebook)
-        if config.task == "patrol" and "driving" in config.source.settings.provides:
-            patrol(parts, config, survey, notebook)
+        row.update((yield from run.work()))
+    except ConfigError as error:
+        if not run.begun:
+            run.close("refused", str(error))
+            raise
+        cause = error
     except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
         cause = error
-        row.update(outcome_of(error, notebook))
-    cause = put_away(parts, notebook, row) or cause
-    row.update(evaluate(folder))
-    row.update(cost(begin, notebook))
-    if "driving" not in config.source.settings.provides:
-        row["world"] = parts.source.facts.name  # of the recording
-    row["renderer"] = getattr(parts.source, "renderer", "")
-    metric = sorted({"depth", "wheel"} & config.odometry.settings.needs)
-    row["scale_from"] = getattr(parts.odometry, "scale_from", " + ".join(metric))
-    row["lost"] = getattr(parts.source, "lost", "")  # of a damaged recording
+    row.update(run.outcome_of(cause))
+    refused = run.close(row["status"], row["reason"])
+    if cause is None and refused is not None:
+        cause = refused
+        row.update(run.outcome_of(cause))
+    row.update(evaluate(folder, config.task.name))
+    row.update(run.columns())
     write_row(folder, row)
-    draw(config, folder)
+    if cause is not None:
+        write_traceback(folder, cause)
+    if config.pictures != "off":
+        draw(folder, video=config.video)
     return row | {"_cause": cause}
 
 
-def outcome_of(error: BaseException, notebook: Notebook | None) -> dict[str, str]:
-    """Status and reason of a run that ended early: what, and where in the run, in one line."""
-    at = f" at step {sum(notebook.counts.values())}" if notebook is not None else ""
-    if not isinstance(error, Exception | SystemExit):
-        return {"status": "interrupted", "reason": f"interrupted{at}"}
-    return {"status": "failed", "reason": " ".join(f"{type(error).__name__}{at}: {error}".split())}
-
-
-def put_away(parts: Parts, notebook: Notebook | None, row: dict[str, Any]) -> Exception | None:
-    """Close the source and every file, each whatever became of the others; the first refusal fails the run."""
-    closers: list[Callable[[], None]] = [parts.source.close]
-    if notebook is not None:
-        closers += [notebook.table.close, partial(notebook.recorder.close, row["status"], row["reason"])]
-    first: Exception | None = None
-    for close in closers:
-        try:
-            close()
-        except Exception as error:
-            first = first or error
-    if first is not None and row["status"] == "ok":
-        row.update(outcome_of(first, notebook))
-    return first
-
-
-def draw(config: RunConfig, folder: Path) -> None:
-    """The overview picture, and the video if it was asked for."""
+def draw(folder: Path, *, video: bool) -> None:
+    """The pictures that the files of the folder allow."""
     from rhs.reports import report
 
-    report.overview(folder)
-    report.motion(folder)
-    if config.mission.kidnap:
-        report.knowing(folder)
-    if config.video:
+    report.pictures(folder)
+    if video:
         report.video(folder)
 
 
-def furnished(world: World, config: RunConfig) -> World:
-    """The world with the obstacles of the command line, which the survey does not see."""
-    boxes = tuple(Box(f"obstacle_{i + 1}", (x, y), (width, depth, OBSTACLE_HEIGHT_M))
-                  for i, (x, y, width, depth) in enumerate(config.obstacles))
-    return replace(world, obstacles=world.obstacles + boxes)
+class RunContext:
+    """A run under way, as its task sees it (rhs.api.task.TaskContext)."""
 
+    def __init__(self, config: RunConfig, folder: Path, watch: Watch) -> None:
+        self.config, self.folder, self._watch = config, folder, watch
+        self.seed, self.world, self.features = config.seed, config.world, config.features
+        self.log: RunLog | None = None
+        self.begun = False  # from here on a failure is a row
+        self._built: list[Parts] = []
+        self._parts: dict[str, object] = {}  # kind -> part, as built last
+        self._began_s = time.perf_counter()
 
-def lead_round(parts: Parts, config: RunConfig, notebook: Notebook) -> Survey:
-    """Survey, settle, close the loop, draw the map; the files of the survey are written here."""
-    from rhs.api.contracts import FeatureSettings
-    from rhs.api.geometry import se2
-    from rhs.estimation.views.features import features
+    def work(self) -> Generator[Step, None, Mapping[str, Any]]:
+        """Build the task's job and run it; the columns that the task knows."""
+        job = self.config.task.settings.build(self)
+        self.begun = True
+        write_config(self.config, self.folder)
+        if isinstance(job, StepJob):
+            yield from job.steps()
+            return {}
+        columns: Mapping[str, Any] = job.run()
+        return columns
 
-    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
-    collector = ViewCollector(config.places.every, shared, features)
-    led = Led(se2(*parts.source.facts.start), parts.mapper)
-    loop = steps(parts.source, parts.sensor, parts.odometry, led)
-    for _ in collector.watch(notebook.follow(loop, "survey", parts.source.views_expected)):
-        pass
-    if not collector.views:
-        raise RhsError("the source handed out no view; expected at least one")
-    begin = time.perf_counter()
-    revised, walls = surveying.revise(collector.views, parts.odometry)
-    views, closure = surveying.close(revised, parts.loop_closer)
-    grid = surveying.draw(views, parts.mapper)
-    closing_ms = 1e3 * (time.perf_counter() - begin)
-    stamps = np.array([view.stamp_s for view in views])
-    write_tum(notebook.folder / "corrected.tum", Trajectory(stamps, closure.poses))
-    save_map(notebook.folder / "map", grid)
-    notebook.recorder.map(grid, float(stamps[-1]))
-    if walls:
-        write_json(notebook.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
-    write_json(notebook.folder / "closure.json", closure_rows(closure) | {"closing_ms": closing_ms})
-    return Survey(views, closure, grid)
+    # --- for the task -----------------------------------------------------------------------------------------------
 
+    def settings(self, kind: str) -> Any:
+        return self.config.parts[kind].settings
 
-def patrol(parts: Parts, config: RunConfig, survey: Survey, notebook: Notebook) -> None:
-    """Visit the places in order in the surveyed map."""
-    facts = parts.source.facts
-    free = surveying.known_free(survey.grid, survey.views, facts.robot_radius_m)
-    parts.localiser.learn(survey.views, survey.grid)
-    last = survey.views[-1]
-    sure = np.clip(np.diag(last.covariance), 1e-6, START_VARIANCE)
-    parts.localiser.start(Belief(last.map_from_body, np.diag(sure)))
-    sentinel = Sentinel(parts.localiser, parts.planner, survey.grid, free, places=facts.places,
-                        radius_m=facts.robot_radius_m, settings=turning(config.mission, parts.odometry))
-    if config.mission.kidnap:
-        sentinel.kidnapper = Kidnapper(generator(config.seed, "kidnapper"), survey.views)
-    loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views))
-    try:
-        for step in notebook.follow(loop, "patrol", None):
-            if "arrived" in step.event.split("+"):
-                take_picture(step, sentinel, notebook.folder / "places")
-    finally:
-        write_json(notebook.folder / "missions.json", sentinel.book.to_rows())
-        write_json(notebook.folder / "plans.json", [plan_row(number, plan) for number, plan in sentinel.plans])
+    def floor_plan(self) -> World | None:
+        return load_world(self.world) if self.config.driving else None
 
+    def parts(self, *, world: World | None = None, seed: int | None = None,
+              changes: Mapping[str, Mapping[str, Any]] | None = None) -> Parts:
+        chosen = dict(self.config.parts)
+        for kind, values in (changes or {}).items():
+            chosen[kind] = Chosen(chosen[kind].name, replace(chosen[kind].settings, **values))
+        parts = build(chosen, seed=self.seed if seed is None else seed, folder=self.folder, features=self.features,
+                      world=self.floor_plan() if world is None else world)
+        self._built.append(parts)
+        self._parts = {kind: getattr(parts, kind) for kind in self.config.parts if hasattr(parts, kind)}
+        return parts
 
-def take_picture(step: Step, sentinel: Sentinel, folder: Path) -> None:
-    """The picture the sentinel was sent for, named after the place."""
-    from rhs.estimation.views.features import write_image
+    def build_part(self, kind: str, context: Context) -> Any:
+        part = build_part(kind, self.config.parts[kind], context)
+        self._parts[kind] = part
+        return part
 
-    arrived = [mission for mission in sentinel.book.missions if mission.status == "arrived"]
-    if step.observation.image is not None:
-        folder.mkdir(exist_ok=True)
-        write_image(folder / f"{len(arrived):02d}_{arrived[-1].place}.png", step.observation.image)
+    def lead(self, parts: Parts) -> Iterator[Step]:
+        led = Led(se2(*parts.source.facts.start), parts.mapper, parts.slam)
+        return steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who)
 
+    def follow(self, steps: Iterable[Step], phase: str, expected: int | None = None) -> Iterator[Step]:
+        if self.log is None:
+            self.open_log(self._built[0], self.floor_plan())
+        assert self.log is not None
+        return self.log.follow(steps, phase, expected)
 
-def cost(begin: float, notebook: Notebook | None) -> dict[str, float]:
-    """Wall time, memory, and how much faster than the robot the program was."""
-    wall_s = time.perf_counter() - begin
-    began = notebook is not None and notebook.began_s is not None
-    robot_s = notebook.stamp_s - notebook.began_s if began else np.nan  # type: ignore[union-attr,operator]
-    return {"wall_ms": 1e3 * wall_s, "real_time_factor": robot_s / wall_s,
-            "peak_memory_mb": peak_memory_mb(),
-            "views": sum(notebook.counts.values()) if notebook is not None else 0}
+    # --- for the patrol ---------------------------------------------------------------------------------------------
+
+    def open_log(self, parts: Parts, world: World | None) -> RunLog:
+        """The files that grow with the steps of this run."""
+        self.log = open_log(self.config, parts, world, self.folder, self._watch)
+        return self.log
+
+    # --- for the run ------------------------------------------------------------------------------------------------
+
+    def outcome_of(self, error: BaseException | None) -> dict[str, str]:
+        """Status and reason of a run: what ended it, and where in the run, in one line."""
+        if error is None:
+            return {"status": "ok", "reason": ""}
+        at = f" at step {sum(self.log.counts.values())}" if self.log is not None else ""
+        if not isinstance(error, Exception | SystemExit):
+            return {"status": "interrupted", "reason": f"interrupted{at}"}
+        return {"status": "failed", "reason": in_one_line(error, at, self.config, self._parts)}
+
+    def close(self, status: str, reason: str) -> Exception | None:
+        """Close sources and files, each whatever became of the others; the first refusal."""
+        closers = [parts.source.close for parts in self._built if parts.source is not None]
+        if self.log is not None:
+            closers += [self.log.table.close, lambda: self.log.recorder.close(status, reason)]  # type: ignore[union-attr]
+        first: Exception | None = None
+        for close in closers:
+            try:
+                close()
+            except Exception as error:
+                first = first or error
+        return first
+
+    def columns(self) -> dict[str, Any]:
+        """What the run itself knows: what it cost, and what its parts say of themselves."""
+        wall_s = time.perf_counter() - self._began_s
+        columns: dict[str, Any] = {"wall_ms": 1e3 * wall_s, "peak_memory_mb": peak_memory_mb()}
+        if self.log is not None:
+            columns |= {"views": sum(self.log.counts.values()), "real_time_factor": self.log.robot_s / wall_s}
+        parts = self._built[0] if self._built else None
+        if parts is None or parts.source is None:
+            return columns
+        if not self.config.driving:
+            columns["world"] = parts.source.facts.name  # of the recording
+        columns |= {"renderer": parts.source.renderer, "lost": parts.source.lost}
+        if "odometry" in self.config.parts:
+            metric = sorted({"depth", "wheel"} & self.config.odometry.settings.needs)
+            columns["scale_from"] = parts.odometry.scale_from or " + ".join(metric)
+        return columns

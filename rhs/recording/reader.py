@@ -22,6 +22,7 @@ from .mcap_records import Message, Note
 from .mcap_scan import Report, open_scan, scan
 
 STEP = "/rhs/step"
+EXTRA = "/extra/"  # before the name of an extra modality
 PARTS = {"image": "/camera/image/compressed", "depth": "/camera/depth", "scan": "/scan_points"}
 
 
@@ -72,9 +73,9 @@ class Reading:
             topic = message.channel.topic
             if topic == STEP:
                 plain, parts = json.loads(ros.deserialize(message.data, "std_msgs/msg/String").data), {}
-            elif plain is not None and topic in PARTS.values():
+            elif plain is not None and (topic in PARTS.values() or topic.startswith(EXTRA)):
                 parts[topic] = message
-            if plain is not None and all(PARTS[name] in parts for name in plain["holds"]):
+            if plain is not None and all(topic in parts for topic in _awaited(plain)):
                 yield _view(plain, parts)
                 plain = None
 
@@ -121,6 +122,26 @@ def facts_of(plain: dict[str, Any]) -> WorldFacts:
                       float(plain["robot_radius_m"]))
 
 
+def _awaited(plain: dict[str, Any]) -> list[str]:
+    """The topics that belong to a view."""
+    return [*(PARTS[name] for name in plain["holds"]), *(EXTRA + name for name in plain.get("extras", {}))]
+
+
+def _extras(plain: dict[str, Any], parts: dict[str, Message]) -> dict[str, np.ndarray]:
+    """The extra modalities of a view, as they were."""
+    out = {}
+    for name, (dtype, shape) in plain.get("extras", {}).items():
+        data = ros.deserialize(parts[EXTRA + name].data, "std_msgs/msg/UInt8MultiArray").data
+        try:
+            kind = np.dtype(dtype)
+        except TypeError as error:
+            raise RecordingError(f"the recorded {name} says it holds {dtype!r}; expected a NumPy type") from error
+        if kind.hasobject or len(data) != kind.itemsize * int(np.prod(shape, dtype=np.int64)):
+            raise RecordingError(f"the recorded {name} holds {len(data)} bytes; expected {dtype} of shape {shape}")
+        out[name] = np.frombuffer(bytes(data), kind).reshape(shape)
+    return out
+
+
 def _view(plain: dict[str, Any], parts: dict[str, Message]) -> RecordedView:
     truth = None if plain["truth"] is None else np.array(plain["truth"])
     capture = Capture(
@@ -130,7 +151,7 @@ def _view(plain: dict[str, Any], parts: dict[str, Message]) -> RecordedView:
         command=None if plain["told"] is None else Twist(*plain["told"]),
         travel=None if plain["wheel"] is None else np.array(plain["wheel"]),
         scan=_scan(parts[PARTS["scan"]].data, plain["scan"]) if PARTS["scan"] in parts else None,
-        sensed=True,
+        sensed=True, extras=_extras(plain, parts),
     )
     return RecordedView(capture, truth, plain["phase"], plain)
 

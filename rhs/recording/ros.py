@@ -248,3 +248,9 @@ def travel(dx_dy_dyaw: np.ndarray, stamp_ns: int, frame: str):
 
 def text(value: str):
     return make("std_msgs/msg/String", data=value)
+
+
+def raw_array(array: np.ndarray) -> Any:
+    """The bytes of an array; who writes it says beside it what they mean."""
+    layout = make("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)
+    return make("std_msgs/msg/UInt8MultiArray", layout=layout, data=np.frombuffer(array.tobytes(), np.uint8))

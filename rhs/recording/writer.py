@@ -22,7 +22,7 @@ from rhs.base.errors import ConfigError
 
 from . import ros
 from .mcap_file import Tape
-from .reader import PARTS, STEP
+from .reader import EXTRA, PARTS, STEP
 from .reader import read as read
 
 LEVELS = ("full", "light", "off")
@@ -121,7 +121,9 @@ def put_view(tape: Tape, camera: Camera, seen: Observation | Capture, *, plain: 
     image, depth = (seen.image, seen.depth) if images else (None, None)
     parts = {"image": image, "depth": depth, "scan": seen.scan}
     holds = [name for name in PARTS if parts[name] is not None]
-    tape.put(STEP, ros.text(json.dumps(plain | {"holds": holds})), t)
+    extras = {name: np.asarray(array) for name, array in sorted(seen.extras.items())} if images else {}
+    kinds = {name: [array.dtype.str, list(array.shape)] for name, array in extras.items()}
+    tape.put(STEP, ros.text(json.dumps(plain | {"holds": holds} | ({"extras": kinds} if kinds else {}))), t)
     if image is not None or depth is not None:
         tape.put("/camera/camera_info", ros.camera_info(camera, t, "camera"), t)
     if image is not None:
@@ -131,6 +133,8 @@ def put_view(tape: Tape, camera: Camera, seen: Observation | Capture, *, plain: 
         tape.put("/cloud", ros.depth_cloud(camera, depth, image, t, frame="camera"), t)
     if seen.scan is not None:
         tape.put(PARTS["scan"], ros.scan_cloud(seen.scan, t, "body"), t)
+    for name, array in extras.items():
+        tape.put(EXTRA + name, ros.raw_array(array), t)
 
 
 def view_to_plain(seen: Observation | Capture, wheel: np.ndarray | None, truth: np.ndarray | None) -> dict[str, Any]:

@@ -12,8 +12,7 @@ import numpy as np
 from rhs.api.belief import RIGHT_M
 from rhs.api.files import write_whole
 from rhs.metrics.calibration import Kidnap, beliefs_of, calibration_error, kidnaps, reliability
-
-from .charts import new_figure, save
+from rhs.plots import new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

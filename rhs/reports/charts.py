@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from rhs.plots import new_figure
 
 from .drawing import COLOURS
 
@@ -15,21 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STAGES = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
-
-
-def new_figure(width_in: float, height_in: float) -> Figure:
-    """A figure that draws into memory only."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width_in, height_in), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """PNG without date and version: equal pictures are equal files."""
-    figure.savefig(path, metadata={"Software": None})
 
 
 def errors_over_time(steps: pandas.DataFrame) -> Figure | None:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rhs.api.files import write_whole
-from rhs.runfolder.plan_files import read_plan
+from rhs.plots import new_figure, save
 from rhs.runfolder.row import read_row
 from rhs.worlds.maps import load_map
+from rhs.worlds.plan_files import read_plan
 
-from .charts import new_figure, save
 from .drawing import extent
 
 if TYPE_CHECKING:

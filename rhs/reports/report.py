@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any
 from rhs.api.files import replacing, write_whole
 from rhs.base.commands import INTERRUPTED, Arguments, answered, check_regular
 from rhs.base.errors import ConfigError, RhsError
+from rhs.plots import new_figure, save
 from rhs.runfolder.row import KEYS, read_row
 
-from .charts import bars, errors_over_time, new_figure, save, stage_times
+from .charts import bars, errors_over_time, stage_times
 from .drawing import draw_run, json_of, title
 from .summary import SHOWN, notes_of
 from .video import video
@@ -28,6 +29,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LARGEST_VIDEO_BYTES = 30 << 20
+
+
+def pictures(folder: Path) -> list[Path]:
+    """Every picture that the files of a run folder allow: a task needs to write nothing but its files."""
+    from .calibration_pictures import precision_recall_picture
+    from .planning_pictures import plan_picture
+
+    folder = Path(folder)
+    made: list[Path | None] = []
+    if (folder / "plan.json").exists():
+        made.append(plan_picture(folder))
+    if (folder / "precision_recall.csv").exists():
+        made.append(precision_recall_picture(folder))
+    if (folder / "steps.csv").exists():
+        kidnapped = (json_of(folder / "row.json") or {}).get("kidnaps")
+        made += [overview(folder), motion(folder), knowing(folder) if kidnapped else None]
+    return [path for path in made if path is not None]
 
 
 def overview(folder: Path) -> Path:
@@ -212,7 +230,7 @@ def _make(folder: Path, *, with_video: bool, unreadable: list[str]) -> Iterator[
     for path in (*folder.iterdir(), *folder.glob("places/*")):
         check_regular(path)
     read_row(folder / "row.json")
-    for draw in (overview, motion, knowing, *([video] if with_video else []), html):
-        made = draw(folder)
-        if made is not None:
-            yield made
+    yield from pictures(folder)
+    if with_video:
+        yield video(folder)
+    yield html(folder)

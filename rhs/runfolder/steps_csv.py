@@ -20,7 +20,7 @@ from rhs.api.trajectory import tum_line
 from rhs.base.errors import RhsError
 
 COLUMNS = (
-    "index", "phase", "stamp_s", "mission", "event", "motion_status", "motion_reason", "belief_status",
+    "index", "phase", "stamp_s", "mission", "event", "motion_status", "motion_reason", "motion_replaced", "belief_status",
     "belief_probability", "x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m",
     "true_yaw_rad", "clearance_m", "collided", "forward_mps", "turn_radps", "duration_s",
 )
@@ -36,6 +36,7 @@ def step_row(step: Step) -> dict[str, object]:
     row: dict[str, object] = {
         "index": step.index, "phase": step.phase, "stamp_s": float(step.stamp_s), "mission": step.mission,
         "event": step.event, "motion_status": str(step.motion.status), "motion_reason": step.motion.reason,
+        "motion_replaced": int(step.motion.replaced),
         "belief_status": str(step.belief.status), "belief_probability": float(step.belief.probability),
         "x_m": float(x), "y_m": float(y), "yaw_rad": float(yaw),
         "sigma_x_m": float(sigma[0]), "sigma_y_m": float(sigma[1]), "sigma_yaw_rad": float(sigma[2]),

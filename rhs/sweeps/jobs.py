@@ -30,7 +30,8 @@ GRACE_S = 10.0  # a job told to stop has so long to write down what it has
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
 PRELOAD = ["rhs.patrol.run", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
            "scipy.spatial.transform", "rosbags.typesys", "mcap.writer", "matplotlib.backends.backend_agg",
-           "matplotlib.figure", "rhs.metrics.judge_kernels"]
+           "matplotlib.figure", "rhs.metrics.judge_kernels", "rhs.metrics.planning", "rhs.estimation.paths.shorten",
+           "rhs.sweeps.known"]
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,11 @@ class Job:
     def key(self) -> str:
         """The hash of the configuration, by which a job is known again."""
         return self.name.rpartition("_")[2]
+
+
+def processes() -> int:
+    """Processes at a time when nothing is said: one per core this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,7 @@ def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable
     outcome, waiting = Outcome(), list(jobs)[::-1]
     running: list[_Running] = []
     server = multiprocessing.get_context("forkserver")
-    server.set_forkserver_preload(PRELOAD)
+    server.set_forkserver_preload(PRELOAD + asked_for(jobs))
     lifeline, our_end = server.Pipe(duplex=False)  # it breaks when this process dies, and the jobs end with it
     try:
         while waiting or running:
@@ -109,6 +115,12 @@ def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable
         our_end.close()
         lifeline.close()
     return outcome
+
+
+def asked_for(jobs: Sequence[Job]) -> list[str]:
+    """The modules that the jobs' plugins ask to be loaded once for all of them (rhs.contracts.Plugin.preload)."""
+    chosen = {type(part.settings) for job in jobs for part in [job.config.task, *job.config.parts.values()]}
+    return sorted({name for settings in chosen for name in getattr(settings, "preload", ())})
 
 
 def _start(server: Any, job: Job, sweep: Path, lifeline: Connection) -> _Running:

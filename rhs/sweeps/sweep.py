@@ -70,7 +70,8 @@ def _with_experiment(words: Sequence[str], conf: tuple[Path, ...]) -> list[str]:
 
 def _job(config: RunConfig, combination: Sequence[Word], swept: Sequence[str]) -> Job:
     recording = "light" if config.recording == "auto" else config.recording
-    config = replace(config, output="", overwrite=False, recording=recording, live="")
+    pictures = "off" if config.pictures == "auto" else config.pictures
+    config = replace(config, output="", overwrite=False, recording=recording, pictures=pictures, live="")
     told = ",".join(word.text for word in combination if word.key in swept)
     readable = re.sub(r"[^A-Za-z0-9._=,+-]", "-", told).strip(".-")[:60]
     name = f"{readable}_{config_hash(config)}" if readable else config_hash(config)

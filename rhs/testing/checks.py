@@ -1,36 +1,36 @@
-"""Checks for plugin authors: does a part keep its contract (rhs.contracts)?
-
-    from rhs.testing import check_plugin
-    check_plugin("planner", MyPlanner())
-
-runs every check of that kind on settings of yours and raises AssertionError naming the fact that does not hold.
-`checks(kind)` gives them one by one for a parametrised test. A part is built several times, always from the settings;
-nothing is simulated except for a source that can be driven.
-"""
+"""The checks by kind, and those of the settings that every kind has. See rhs.testing."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import tempfile
+import traceback
 import typing
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rhs.api.contracts import KINDS
-from rhs.base.errors import ConfigError
+from rhs.api.errors import ConfigError
 from rhs.config.documented import comments, summary
 
-from . import estimators as testing_estimators
-from . import planners as testing_planners
-from . import sources as testing_sources
+from .localisers import LOCALISER
+from .loop_closers import LOOP_CLOSER
+from .mappers import MAPPER
+from .odometry import ODOMETRY
+from .planners import PLANNER
+from .sensors import SENSOR
+from .sources import SOURCE
 
 Check = Callable[[Any, Path], None]
 
 
 def check_plugin(kind: str, settings: Any) -> None:
-    """Run all checks of a kind on an instance of the plugin's dataclass. Raises AssertionError."""
+    """Run all checks of a kind (`source`, `sensor`, ...) on an instance of the plugin's dataclass.
+
+    Raises AssertionError: which check, what was found, what was expected."""
     for name, check in checks(kind).items():
         with tempfile.TemporaryDirectory() as folder:
             try:
@@ -40,14 +40,28 @@ def check_plugin(kind: str, settings: Any) -> None:
 
 
 def checks(kind: str) -> dict[str, Check]:
-    """Name -> check(settings, folder) for a kind of part."""
-    if kind not in KINDS:
+    """Name -> check(settings, folder) for a kind of part. Each raises AssertionError, whatever the part itself raised."""
+    own = {"source": SOURCE, "sensor": SENSOR, "odometry": ODOMETRY, "loop_closer": LOOP_CLOSER, "localiser": LOCALISER,
+           "mapper": MAPPER, "planner": PLANNER, "replan": ()}
+    if kind not in own:
         raise ConfigError(f"kind={kind}: expected one of {', '.join(KINDS)}")
-    own = {"source": testing_sources.SOURCE, "sensor": testing_sources.SENSOR,
-           "odometry": testing_estimators.ODOMETRY, "loop_closer": testing_estimators.LOOP_CLOSER,
-           "localiser": testing_estimators.LOCALISER, "mapper": testing_planners.MAPPER,
-           "planner": testing_planners.PLANNER}[kind]
-    return {check.__name__: check for check in (*SETTINGS, *own)}
+    return {check.__name__: _asserting(check) for check in (*SETTINGS, *own[kind])}
+
+
+def _asserting(check: Check) -> Check:
+    """The check, with any other exception of the part turned into an AssertionError that says where it was raised."""
+    @functools.wraps(check)
+    def asserting(settings: Any, folder: Path) -> None:
+        try:
+            check(settings, folder)
+        except AssertionError:
+            raise
+        except Exception as error:
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            what = " ".join(f"{type(error).__name__}: {error}".split())
+            raise AssertionError(f"{what} ({Path(last.filename).name}:{last.lineno})") from error
+
+    return asserting
 
 
 def says_what_it_is(settings: Any, folder: Path) -> None:
@@ -69,14 +83,15 @@ def declares_what_it_needs_and_provides(settings: Any, folder: Path) -> None:
 def refuses_numbers_that_make_no_sense(settings: Any, folder: Path) -> None:
     hints = typing.get_type_hints(type(settings))
     for item in dataclasses.fields(settings):
-        bad = {float: (math.nan, math.inf, -math.inf), int: (10**15, -(10**15))}.get(hints[item.name], ())
+        bad: tuple[float, ...] = {float: (math.nan, math.inf, -math.inf), int: (10**15, -(10**15))}.get(hints[item.name], ())
         for value in bad:
             try:
                 dataclasses.replace(settings, **{item.name: value})
             except ConfigError as error:
                 assert item.name in str(error), f"the refusal of {item.name}={value} does not name it: {error}"
             else:
-                raise AssertionError(f"{item.name}={value} was accepted; check it in __post_init__ (rhs.errors.check_range)")
+                raise AssertionError(f"{item.name}={value} was accepted; check it in __post_init__ "
+                                     "(rhs.api.errors.check_range)")
 
 
 SETTINGS: tuple[Check, ...] = (says_what_it_is, says_what_every_setting_means, declares_what_it_needs_and_provides,

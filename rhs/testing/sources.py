@@ -1,140 +1,199 @@
-"""What sources and sensors must do (see rhs.testing)."""
+"""What sources must do (see rhs.testing). A source that can be driven is held against the walls of a small world; one that
+plays back is asked for its first views, if it has any without a file being named."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import SourceContext
-from rhs.api.records import Capture, Observation, Scan, Twist
-from rhs.base.errors import ConfigError
+from rhs.api.contracts import SourceContext, complete
+from rhs.api.errors import ConfigError
+from rhs.api.floorplan import World
+from rhs.api.geometry import inverse, planar, se2, wrap
+from rhs.api.records import Capture, Twist
+from rhs.api.validate import check_capture, check_pose
 from rhs.worlds.world import load_world
 
-from .estimators import check_pose, drive
-from .room import CAMERA, context, paintings, scan_of, see
+from .shared_state import untouched
 
 WORLD = "square_small"
+LEADS = 4
+# what it is told to do: forward m/s, left rad/s, seconds
+DRIVES = (Twist(0.25, 0.0, 0.4), Twist(0.0, 0.5, 0.4), Twist(0.3, 0.6, 0.5), Twist(0.0, -0.5, 0.2))
+NEAR_M, NEAR_RAD = 0.02, 0.02
+WORDS = {"image": "image", "depth": "depth", "wheel": "travel", "scan": "scan"}  # provided -> field of a Capture
 
 
-def captures() -> list[Capture]:
-    """Ideal views of the room, then one without content, then one without known depth. Nothing may be written to."""
-    textures, out = paintings(), []
-    for index, (pose, seen) in enumerate(drive()):
-        out.append(replace(see(CAMERA, pose, textures, index), travel=seen.wheel, command=Twist(0.5, 0.1, 0.2),
-                           scan=scan_of(pose)))
-    blank = replace(out[-1], index=len(out), image=np.full_like(out[-1].image, 90))
-    dark = replace(out[-1], index=len(out) + 1, depth=np.full_like(out[-1].depth, np.nan))
-    out += [blank, dark]
-    for capture in out:
-        for array in (capture.image, capture.depth):
-            if array is not None:
-                array.setflags(write=False)
-    return out
-
-
-def _observations(settings: Any, folder: Path, seed: int = 0) -> list[Observation]:
-    sensor = settings.build(context(folder, seed))
-    return [sensor.sense(capture) for capture in captures()]
-
-
-def reports_what_the_camera_saw(settings: Any, folder: Path) -> None:
-    for capture, seen in zip(captures(), _observations(settings, folder), strict=True):
-        assert isinstance(seen, Observation), f"sense() returned {type(seen).__name__}, expected an Observation"
-        assert (seen.index, seen.stamp_s) == (capture.index, capture.stamp_s), "index and stamp must be the capture's"
-        size = (seen.camera.height, seen.camera.width)
-        if seen.image is not None:
-            assert seen.image.shape[:2] == size and seen.image.dtype == np.uint8, f"image: {seen.image.shape}"
-        if seen.depth is not None:
-            known = seen.depth[~np.isnan(seen.depth)]
-            assert seen.depth.shape == size, f"depth has shape {seen.depth.shape}, the camera {size}"
-            assert np.all(np.isfinite(known) & (known > 0)), "unknown depth must be NaN, never 0, negative or infinite"
-        if seen.scan is not None:
-            check_scan(seen.scan)
-
-
-def check_scan(scan: Scan) -> None:
-    assert scan.bearings_rad.shape == scan.ranges_m.shape, "as many ranges as bearings"
-    assert np.all(np.isfinite(scan.bearings_rad)), "bearings must be finite"
-    known = scan.ranges_m[~np.isnan(scan.ranges_m)]
-    assert np.all(known > 0), "ranges must be positive, NaN (unknown) or infinite (nothing there)"
-
-
-def keeps_what_it_promises(settings: Any, folder: Path) -> None:
-    first = _observations(settings, folder)[0]
-    for word in ("image", "depth", "scan", "wheel", "command"):
-        if word in type(settings).provides:
-            assert getattr(first, word) is not None, f"provides {word}, but the observation has none"
-    if "depth" not in type(settings).provides:
-        assert first.depth is None, "hands on depth without providing it"
-
-
-def hands_out_arrays_nobody_can_change(settings: Any, folder: Path) -> None:
-    for seen in _observations(settings, folder)[:2]:
-        for name in ("image", "depth", "wheel"):
-            array = getattr(seen, name)
-            assert array is None or not array.flags.writeable, f"{name} can be written to; set its write flag to False"
-
-
-def same_seed_same_observations(settings: Any, folder: Path) -> None:
-    first, second = (_observations(settings, folder, seed=3) for _ in range(2))
-    for a, b in zip(first, second, strict=True):
-        for name in ("image", "depth", "wheel"):
-            left, right = getattr(a, name), getattr(b, name)
-            assert (left is None) == (right is None)
-            assert left is None or np.array_equal(left, right, equal_nan=name != "image"), f"{name} differs"
-
-
-SENSOR = (reports_what_the_camera_saw, keeps_what_it_promises, hands_out_arrays_nobody_can_change,
-          same_seed_same_observations)
-
-
-def _source(settings: Any, folder: Path) -> Any:
+def _source(settings: Any, folder: Path, seed: int = 0) -> Any:
     """The source, in a small world if it can be driven; None when a recording asks for a file first."""
-    driven = "driving" in type(settings).provides
-    world = load_world(WORLD) if driven else None
+    world = load_world(WORLD) if _driven(settings) else None
     try:
-        return settings.build(SourceContext(np.random.default_rng(0), world, folder))
+        return complete("source", settings.build(SourceContext(np.random.default_rng(seed), world, folder)))
     except ConfigError:
-        if driven:
+        if world is not None:
             raise
         return None
 
 
+def _driven(settings: Any) -> bool:
+    return "driving" in type(settings).provides
+
+
+def _led(source: Any, count: int = LEADS, after_s: float = -np.inf) -> list[tuple[Capture, Any]]:
+    """The next views of the survey with their true poses, each checked; the source may have fewer."""
+    out: list[tuple[Capture, Any]] = []
+    while len(out) < count and (capture := source.lead()) is not None:
+        capture, truth = check_capture(capture, who="lead()", after_s=after_s), source.truth()
+        after_s = capture.stamp_s
+        out.append((capture, None if truth is None else check_pose(truth, who="truth()", field="world_from_body")))
+    return out
+
+
 def hands_out_views_of_its_camera(settings: Any, folder: Path) -> None:
-    source = _source(settings, folder)
-    if source is None:
+    with untouched():
+        source = _source(settings, folder)
+        if source is None:
+            return
+        try:
+            views = _led(source, 1)
+            first = None if not views or views[0][0].image is None else np.array(views[0][0].image)
+            views += _led(source, LEADS - 1, views[-1][0].stamp_s if views else -np.inf)
+            camera, facts, there = source.camera, source.facts, source.provides
+        finally:
+            source.close()
+    assert views, "lead() gave no view"
+    promised = type(settings).provides & (there or type(settings).provides) & set(WORDS)
+    for number, (capture, _) in enumerate(views):
+        for array in (capture.image, capture.depth):
+            size = (camera.height, camera.width)
+            assert array is None or array.shape[:2] == size, f"a view of {array.shape[:2]} pixels, the camera has {size}"
+        for word in promised - ({"wheel"} if number == 0 else set()):  # nothing was travelled before the first view
+            assert getattr(capture, WORDS[word]) is not None, f"provides {word}, but a capture has no {WORDS[word]}"
+    kept = views[0][0].image
+    assert first is None or kept is None or np.array_equal(first, kept), "the image of the first view changed with the next"
+    assert facts.robot_radius_m >= 0 and len(facts.bounds_m) == 4, f"facts are {facts}"
+
+
+def travel_is_that_of_the_truth(settings: Any, folder: Path) -> None:
+    if (source := _source(settings, folder)) is None:
         return
     try:
-        views = [source.lead() for _ in range(3)]
-        stamps = [view.stamp_s for view in views if view is not None]
-        assert all(a < b for a, b in zip(stamps[:-1], stamps[1:], strict=True)), f"stamps do not grow: {stamps}"
-        for view in views:
-            if view is not None and view.image is not None:
-                assert view.image.shape[:2] == (source.camera.height, source.camera.width)
-        if (truth := source.truth()) is not None:
-            check_pose(truth, "truth()")
-        assert source.facts.robot_radius_m >= 0
+        views = _led(source)
+        start = source.facts.start
     finally:
         source.close()
+    if _driven(settings) and views[0][1] is not None:
+        off = planar(views[0][1]) - start
+        assert np.abs(off[:2]).max() < NEAR_M and abs(wrap(off[2])) < NEAR_RAD, (
+            f"the survey begins at {np.round(planar(views[0][1]), 3)}, the facts say {start}")
+    for (_, before), (capture, after) in zip(views[:-1], views[1:], strict=True):
+        if capture.travel is not None and before is not None:
+            _agrees(capture.travel, planar(inverse(before) @ after), "travel of a view")
 
 
-def drives_when_told(settings: Any, folder: Path) -> None:
-    if "driving" not in type(settings).provides:
+def _agrees(said: np.ndarray, true: np.ndarray, what: str) -> None:
+    off = np.abs([said[0] - true[0], said[1] - true[1], wrap(said[2] - true[2])])
+    assert off[:2].max() < NEAR_M and off[2] < NEAR_RAD, (
+        f"{what} is {np.round(said, 3)}, by truth() it moved by {np.round(true, 3)} (metres ahead and left, radians left)")
+
+
+def sees_the_walls_of_the_world(settings: Any, folder: Path) -> None:
+    if not _driven(settings) or "depth" not in type(settings).provides:
         return
     source = _source(settings, folder)
     try:
-        source.lead()
+        views, camera = _led(source, 2), source.camera
+    finally:
+        source.close()
+    pixels = np.stack([np.arange(camera.width), np.full(camera.width, round(camera.cy))], axis=1).astype(float)
+    rays = camera.rays(pixels) @ camera.body_from_camera[:3, :3].T
+    for capture, truth in views:
+        eye = truth @ camera.body_from_camera[:, 3]
+        true = _to_walls(load_world(WORLD), eye[:2], (rays @ truth[:3, :3].T)[:, :2], camera.height_m)
+        assert capture.depth is not None and truth is not None, "no depth, or no truth of a source that is driven"
+        row = capture.depth[round(camera.cy)]
+        known = np.isfinite(row) & np.isfinite(true)
+        assert known.sum() > 0.2 * len(row), f"knows the depth of {known.sum()} of {len(row)} pixels of the middle row"
+        share = float(np.mean(np.abs(row[known] - true[known]) < 0.05 * true[known] + 0.03))
+        assert share > 0.8, (f"{share:.0%} of the depths of the middle row are those of the world's walls from truth(), the "
+                             f"median is {np.median(row[known] / true[known]):.3g} of them")
+
+
+def _to_walls(world: World, eye: np.ndarray, directions: np.ndarray, height_m: float) -> np.ndarray:
+    """(N,) lengths, in units of the directions (N, 2), to the nearest wall or box as high as the camera; inf without one."""
+    sides = [segment for wall in world.walls if wall.height_m > height_m for segment in wall.segments_m]
+    for box in world.boxes:
+        if box.bottom_m < height_m < box.bottom_m + box.size_m[2]:
+            corners = box.corners_m
+            sides += [np.stack(pair) for pair in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    best = np.full(len(directions), np.inf)
+    for start, end in sides:
+        along, to = end - start, start - eye
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across = directions[:, 0] * along[1] - directions[:, 1] * along[0]
+            reach = (to[0] * along[1] - to[1] * along[0]) / across
+            where = (to[0] * directions[:, 1] - to[1] * directions[:, 0]) / across
+        best = np.where((reach > 0) & (where >= 0) & (where <= 1) & (reach < best), reach, best)
+    return best
+
+
+def drives_when_told_and_where_it_is_put(settings: Any, folder: Path) -> None:
+    if not _driven(settings):
+        return
+    source = _source(settings, folder)
+    try:
+        (led, before), = _led(source, 1)
+        stamp_s = led.stamp_s
         source.begin_patrol()
-        before = source.truth()
-        view = source.drive(Twist(0.25, 0.0, 0.4))
-        assert isinstance(view, Capture), f"drive() returned {type(view).__name__}, expected a Capture"
-        moved = np.linalg.norm(source.truth()[:2, 3] - before[:2, 3])
-        assert abs(moved - 0.1) < 0.02, f"0.25 m/s for 0.4 s moved it by {moved:.3f} m"
+        for told in DRIVES:
+            capture = check_capture(source.drive(told), who="drive()", after_s=stamp_s)
+            assert abs(capture.stamp_s - stamp_s - told.duration_s) < 0.05, (
+                f"{told.duration_s} s of driving took {capture.stamp_s - stamp_s:.3f} s by the stamps")
+            stamp_s, after = capture.stamp_s, check_pose(source.truth(), who="truth()", field="world_from_body")
+            moved = planar(inverse(before) @ after)
+            _agrees(moved, _arc(told), f"after {told} its motion")
+            if capture.travel is not None:
+                _agrees(capture.travel, moved, "travel of a driven view")
+            clearance, touched = source.clearance_m()
+            assert isinstance(touched, bool | np.bool_) and not clearance < -0.5, f"clearance_m() is {clearance}, {touched}"
+            before = after
+        if "teleport" in type(settings).provides:
+            put = before @ se2(-0.1, 0.0, 0.3)
+            source.teleport(put)
+            source.drive(Twist(0.0, 0.0, 0.05))
+            _agrees(planar(source.truth()), planar(put), "after teleport(pose) the pose")
     finally:
         source.close()
 
 
-SOURCE = (hands_out_views_of_its_camera, drives_when_told)
+def _arc(told: Twist) -> np.ndarray:
+    """(3,) metres ahead, to the left, radians of a unicycle that obeys."""
+    way, turn = told.forward_mps * told.duration_s, told.turn_radps * told.duration_s
+    if turn == 0.0:
+        return np.array([way, 0.0, 0.0])
+    return np.array([way * np.sin(turn) / turn, way * (1.0 - np.cos(turn)) / turn, turn])
+
+
+def same_seed_same_views(settings: Any, folder: Path) -> None:
+    def views() -> list[tuple[Capture, Any]] | None:
+        if (source := _source(settings, folder, seed=2)) is None:
+            return None
+        try:
+            return _led(source, 2)
+        finally:
+            source.close()
+
+    first, second = views(), views()
+    for (a, _), (b, _) in zip(first or [], second or [], strict=True):
+        assert a.stamp_s == b.stamp_s, "two builds with one seed differ in stamps"
+        for name in ("image", "depth", "travel"):
+            left, right = getattr(a, name), getattr(b, name)
+            same = left is right if left is None or right is None else np.array_equal(
+                left, right, equal_nan=left.dtype.kind == "f")
+            assert same, f"two builds with one seed differ in {name}"
+
+
+SOURCE = (hands_out_views_of_its_camera, travel_is_that_of_the_truth, sees_the_walls_of_the_world,
+          drives_when_told_and_where_it_is_put, same_seed_same_views)

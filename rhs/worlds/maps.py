@@ -24,6 +24,7 @@ from rhs.base.strict_yaml import load_yaml
 
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 MOST_CELLS = 50_000_000  # 7000 x 7000; the head of a small file could ask for all the memory there is
+_BAND_CELLS = 1_000_000  # of a map that are turned at a time
 _FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map_server reads `negate: no`
 
 
@@ -43,7 +44,8 @@ class MapHeader:
 def load_map(yaml_path: str | FilePath) -> OccupancyGrid:
     """Read a map_server YAML and its image. Cells: 0 free, 1 occupied, NaN unknown, between them in scale and raw mode.
 
-    A map with a yaw is turned into axis-parallel cells by taking the nearest pixel; cells beyond the image are unknown.
+    A map with a yaw is turned into axis-parallel cells, each as bad as the worst pixel that it touches: occupied before
+    unknown before free; cells that reach beyond the image are unknown.
     Raises ConfigError, in one line, for anything missing or out of range.
     """
     header = read_header(yaml_path)
@@ -61,18 +63,23 @@ def save_map(stem_path: str | FilePath, grid: OccupancyGrid) -> tuple[FilePath, 
     back gives exactly these three classes.
     """
     stem = FilePath(stem_path)
+    for name, content in map_files(stem.name, grid).items():
+        _write(stem.with_name(name), content)
+    return stem.with_name(stem.name + ".yaml"), stem.with_name(stem.name + ".pgm")
+
+
+def map_files(stem: str, grid: OccupancyGrid) -> dict[str, bytes]:
+    """Names and contents of the two files that `save_map` writes."""
     grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
     grey[grid.free()] = FREE_GREY
     grey[grid.occupied()] = OCCUPIED_GREY
-    image, text = stem.with_name(stem.name + ".pgm"), stem.with_name(stem.name + ".yaml")
     rows, columns = grey.shape
-    _write(image, b"P5\n%d %d\n255\n" % (columns, rows) + np.flipud(grey).tobytes())
-    _write(text, (
-        f"image: {image.name}\nmode: trinary\nresolution: {float(grid.resolution_m)!r}\n"
+    text = (
+        f"image: {stem}.pgm\nmode: trinary\nresolution: {float(grid.resolution_m)!r}\n"
         f"origin: [{float(grid.origin_m[0])!r}, {float(grid.origin_m[1])!r}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    ).encode())
-    return text, image
+    )
+    return {f"{stem}.pgm": b"P5\n%d %d\n255\n" % (columns, rows) + np.flipud(grey).tobytes(), f"{stem}.yaml": text.encode()}
 
 
 def read_header(yaml_path: str | FilePath) -> MapHeader:
@@ -182,21 +189,40 @@ def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:
 
 
 def _turned(probability: np.ndarray, header: MapHeader) -> OccupancyGrid:
-    """The map seen along the axes: every new cell takes the pixel under its centre."""
+    """The map seen along the axes: every new cell takes the worst of the pixels whose inside it meets, so that nothing
+    comes nearer to a wall by turning the map."""
     x, y, yaw = header.origin
     step, (rows, columns) = header.resolution_m, probability.shape
     c, s = np.cos(yaw), np.sin(yaw)
     corners = np.array([[0, 0], [columns, 0], [0, rows], [columns, rows]]) * step @ np.array([[c, s], [-s, c]])
     low, high = corners.min(0), corners.max(0)
     width, height = np.maximum(np.ceil((high - low) / step - 1e-6).astype(int), 1)
-    u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    dx, dy = u * step + low[0], v * step + low[1]
-    column = np.floor((c * dx + s * dy) / step + 1e-9).astype(int)
-    row = np.floor((-s * dx + c * dy) / step + 1e-9).astype(int)
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    out = np.full((height, width), np.nan, np.float32)
-    out[inside] = probability[row[inside], column[inside]]
+    out = np.empty((height, width), np.float32)
+    padded = np.pad(probability, 2, constant_values=np.nan)  # beyond the image nothing is known
+    across = np.arange(width) + 0.5 + low[0] / step
+    band = max(1, _BAND_CELLS // int(width))
+    for first in range(0, int(height), band):
+        u, v = np.meshgrid(across, np.arange(first, min(first + band, height)) + 0.5 + low[1] / step)
+        out[first: first + band] = _worst(padded, c * u + s * v, c * v - s * u, (c, s), header.occupied_thresh)
     return OccupancyGrid(out, step, (float(x + low[0]), float(y + low[1])))
+
+
+def _worst(padded: np.ndarray, column: np.ndarray, row: np.ndarray, turn: tuple[float, float], occupied: float):
+    """(H, W): of the pixels that a turned cell with its middle at (column, row) meets, the greatest occupancy; NaN if one
+    is unknown and none above `occupied`. Separating axes of two squares; turn: cosine and sine; padded by two pixels."""
+    c, s = turn
+    reach = 0.5 + 0.5 * (abs(c) + abs(s)) - 1e-6  # what meets by less is rounding
+    most_row, most_column = np.array(padded.shape) - 1
+    worst, unknown = np.full(column.shape, -np.inf), np.zeros(column.shape, bool)
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            i, j = np.floor(column).astype(int) + right, np.floor(row).astype(int) + down
+            du, dv = i + 0.5 - column, j + 0.5 - row
+            meets = (np.maximum(abs(du), abs(dv)) < reach) & (np.maximum(abs(c * du - s * dv), abs(s * du + c * dv)) < reach)
+            value = padded[np.clip(j + 2, 0, most_row), np.clip(i + 2, 0, most_column)]
+            worst = np.where(meets & (value > worst), value, worst)
+            unknown |= meets & np.isnan(value)
+    return np.where(unknown & (worst <= occupied), np.nan, worst)
 
 
 def _write(path: FilePath, content: bytes) -> None:

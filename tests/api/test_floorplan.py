@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rhs.api.floorplan import Box, distance_m, truth_grid
+from rhs.api.floorplan import Box, Wall, distance_m, touched_cells, truth_grid
 from rhs.worlds.world import load_world
 
 
@@ -63,3 +63,54 @@ def test_distances_to_walls_and_boxes(square):
     chest = replace(square, boxes=(Box("chest", (10.0, 1.0), (1.0, 0.5, 1.0)),))
     assert distance_m(chest, np.array([10.9, 1.0])) == (pytest.approx(0.4), "box 'chest'")
     assert distance_m(chest, np.array([10.2, 1.1]))[0] == 0.0
+
+
+def ring_world(square, outer, inner):
+    """A loop of corridors: the square's world with its walls drawn along two rectangles (x0, y0, x1, y1)."""
+    def walls(name, x0, y0, x1, y1):
+        return Wall(name, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]), 2.5)
+
+    x0, y0 = outer[:2]
+    middle = 0.5 * (outer[0] + inner[0]) - x0
+    return replace(square, walls=(walls("outer", *outer), walls("inner", *inner)), boxes=(),
+                   start=(x0 + middle, y0 + middle, 0.0))
+
+
+@pytest.mark.parametrize("off", [0.0, 0.01, 0.025, 0.05, 0.0500004, 0.0499996, 0.07, 0.099])
+@pytest.mark.parametrize("resolution_m", [0.1, 0.05, 0.07])
+def test_no_building_loses_its_inner_block(square, off, resolution_m):
+    """Wherever the inner walls stand against the cells: the block they enclose cannot be entered, the corridor round it is
+    free, and no cell that a wall passes through is free."""
+    world = ring_world(square, (off, off, 8.0, 8.0), (2.0 + off, 2.0 + off, 6.0 + off, 6.0 - off))
+    grid = truth_grid(world, resolution_m)
+    assert np.isnan(value(grid, 4.0, 4.0)) and np.isnan(value(grid, -0.15 + off, 4.0))
+    for x, y in ((1.0, 1.0), (7.0, 4.0), (4.0, 7.0), (1.0, 4.0)):
+        assert value(grid, x, y) == 0.0
+    for wall in world.walls:
+        for a, b in wall.segments_m:
+            along = a + np.linspace(1e-4, 1.0 - 1e-4, 977)[:, None] * (b - a)
+            assert (grid.probability[tuple(grid.cells(along).T)] == 1.0).all()
+
+
+def test_a_wall_along_a_border_touches_the_cells_on_both_sides_and_not_beyond_its_ends(square):
+    """Cells of 0.1 m begin at -0.25; the wall x = 1.05, y 1.05 to 2.05, lies on the border between columns 12 and 13."""
+    wall = Wall("thin", np.array([[1.05, 1.05], [1.05, 2.05]]), 2.5)
+    rows, columns = np.nonzero(touched_cells(replace(square, walls=(*square.walls, wall)), 0.1)
+                               & ~touched_cells(square, 0.1))
+    assert set(columns) == {12, 13} and sorted(set(rows)) == list(range(13, 23)) and len(rows) == 20
+
+
+def test_a_box_between_borders_fills_its_cells_and_no_more(square):
+    box = Box("chest", (1.1, 1.15), (0.3, 0.4, 1.0))  # x 0.95 to 1.25, y 0.95 to 1.35: three by four cells
+    cells = touched_cells(replace(square, boxes=(box,)), 0.1) & ~touched_cells(square, 0.1)
+    assert int(cells.sum()) == 12
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_turned_wall_touches_every_cell_that_it_passes_through(square, seed):
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(0.2, 1.8, (2, 2)).round(2)
+    wall = Wall("slant", np.array([a, b]), 2.5)
+    grid = truth_grid(replace(square, walls=(*square.walls, wall)))
+    along = a + np.linspace(1e-4, 1.0 - 1e-4, 3001)[:, None] * (b - a)
+    assert (grid.probability[tuple(grid.cells(along).T)] == 1.0).all()

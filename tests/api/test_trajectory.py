@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from rhs.api.errors import RecordingError
 from rhs.api.geometry import exp_se3, rotation_z, se2, se3
 from rhs.api.trajectory import Trajectory, aligned, associate, read_tum, write_tum
-from rhs.api.errors import RecordingError
 
 
 def wander(count: int, seed: int = 0) -> Trajectory:

@@ -22,8 +22,8 @@ from shared import odometry, write
 
 from rhs.api.contracts import Context, FeatureSettings
 from rhs.api.geometry import planar, wrap
+from rhs.api.randomness import generator
 from rhs.config.compose import build_parts, compose_config
-from rhs.config.parts import generator
 from rhs.worlds.world import load_world
 
 WORLDS = {

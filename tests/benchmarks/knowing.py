@@ -26,11 +26,11 @@ from laps import SETTINGS, Lap, Taken, taken
 
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, planar, wrap
+from rhs.api.randomness import generator
 from rhs.api.records import Belief, Knowing, Motion, Tracking
 from rhs.config.compose import compose_config
-from rhs.config.parts import generator
+from rhs.estimation.survey import draw
 from rhs.metrics.calibration import WITHIN_M, Beliefs, calibration_error, kidnaps, reliability
-from rhs.patrol.survey import draw
 from rhs.reports.calibration_pictures import draw_reliability
 from rhs.reports.charts import new_figure, save
 from rhs.worlds.world import load_world

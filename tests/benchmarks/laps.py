@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from rhs.api.geometry import Camera, camera_from_fov
+from rhs.api.randomness import generator
 from rhs.api.records import Features, FeatureSettings, Glance, Motion, Observation, Scan, Tracking, View
 from rhs.config.compose import compose_config
-from rhs.config.parts import generator
 from rhs.estimation.views.features import features, share
 from rhs.testing.room import context
 from rhs_tasks.places.task import lap as led_lap

@@ -22,11 +22,11 @@ from shared import write
 
 from rhs.api.contracts import Context, FeatureSettings, SourceContext
 from rhs.api.geometry import inverse, orthonormal, planar, wrap
+from rhs.api.randomness import generator
 from rhs.api.records import Belief, Knowing, Motion, Observation, Tracking, View
 from rhs.config.compose import compose_config
-from rhs.config.parts import generator
+from rhs.estimation.survey import close, draw
 from rhs.metrics.calibration import calibration_error
-from rhs.patrol.survey import close, draw
 
 STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
 Led = tuple[list[Observation], list[Motion], np.ndarray]  # scans, motions from the one before, poses (N, 4, 4)

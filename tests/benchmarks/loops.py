@@ -26,10 +26,10 @@ from laps import ODOMETRIES, SETTINGS, Lap, Taken, taken
 
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, planar
+from rhs.api.randomness import generator
 from rhs.config.compose import compose_config
-from rhs.config.parts import generator
+from rhs.estimation.survey import draw
 from rhs.estimation.views.loops import poses_of
-from rhs.patrol.survey import draw
 from rhs.worlds.world import load_world
 
 TABLES = Path(__file__).resolve().parents[2] / "results" / "tables"

@@ -23,10 +23,10 @@ from shared import follow, write  # noqa: E402
 
 from rhs.api.contracts import Context, FeatureSettings  # noqa: E402
 from rhs.api.geometry import Camera, exp_so3, se3  # noqa: E402
+from rhs.api.randomness import generator  # noqa: E402
 from rhs.api.records import Capture, Observation, Tracking  # noqa: E402
 from rhs.api.trajectory import Trajectory  # noqa: E402
 from rhs.config import registry  # noqa: E402
-from rhs.config.parts import generator  # noqa: E402
 from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
 from rhs.worlds.world import load_world  # noqa: E402
 

@@ -24,9 +24,9 @@ from shared import odometry, write
 
 from rhs.api.contracts import Context, FeatureSettings, SourceContext
 from rhs.api.geometry import planar, wrap
+from rhs.api.randomness import generator
 from rhs.api.trajectory import Trajectory
 from rhs.config import registry
-from rhs.config.parts import generator
 from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse
 from rhs.worlds.world import load_world
 

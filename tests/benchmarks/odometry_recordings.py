@@ -21,10 +21,10 @@ from shared import write  # noqa: E402
 
 from rhs.api.contracts import Context, FeatureSettings, SourceContext  # noqa: E402
 from rhs.api.geometry import orthonormal  # noqa: E402
+from rhs.api.randomness import generator  # noqa: E402
 from rhs.api.records import Tracking  # noqa: E402
 from rhs.api.trajectory import Trajectory  # noqa: E402
 from rhs.config import registry  # noqa: E402
-from rhs.config.parts import generator  # noqa: E402
 from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
 
 ROOT = Path(os.environ.get("RHS_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")) / "rgbd"

@@ -21,10 +21,10 @@ import numpy as np  # noqa: E402
 from shared import follow, write  # noqa: E402
 
 from rhs.api.contracts import Context, FeatureSettings, SourceContext  # noqa: E402
+from rhs.api.randomness import generator  # noqa: E402
 from rhs.api.records import Observation, Tracking  # noqa: E402
 from rhs.api.trajectory import Trajectory  # noqa: E402
 from rhs.config import registry  # noqa: E402
-from rhs.config.parts import generator  # noqa: E402
 from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
 from rhs.worlds.world import load_world  # noqa: E402
 

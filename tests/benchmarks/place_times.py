@@ -21,14 +21,14 @@ from laps import SETTINGS, Lap, taken
 
 from rhs.api.contracts import Context, SourceContext
 from rhs.api.geometry import planar
+from rhs.api.randomness import generator
 from rhs.api.records import Belief, Observation
 from rhs.config.compose import compose_config
-from rhs.config.parts import generator
 from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.survey import draw
 from rhs.estimation.views.features import features
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
 from rhs.estimation.views.place_memory import memory_of
-from rhs.patrol.survey import draw
 from rhs.worlds.world import load_world
 
 TABLE = Path(__file__).resolve().parents[2] / "results" / "tables" / "place_times.csv"

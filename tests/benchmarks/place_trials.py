@@ -25,12 +25,12 @@ from laps import SETTINGS, Lap, Taken, taken
 
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar
+from rhs.api.randomness import generator
 from rhs.api.records import Knowing
 from rhs.config.compose import compose_config
-from rhs.config.parts import generator
+from rhs.estimation.survey import draw
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
 from rhs.estimation.views.place_memory import memory_of
-from rhs.patrol.survey import draw
 from rhs.reports.calibration_pictures import precision_recall_picture
 from rhs.worlds.world import load_world
 from rhs_tasks.places.task import write_tables

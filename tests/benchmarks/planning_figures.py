@@ -10,19 +10,21 @@ from __future__ import annotations
 
 import argparse
 import os
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from rhs.api.randomness import generator
 from rhs.config import registry
-from rhs.config.parts import generator
+from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import Optimum
+from rhs.metrics.planning import path_values
 from rhs.reports.planning_table import as_markdown, draw_bars, order, planning_table
 from rhs.reports.table import frame
 from rhs.worlds.planning_question import load_arena
-from rhs_tasks.planning.metrics import path_values
+from rhs_tasks.planning.asking import ask_twice, times
 from rhs_tasks.planning.task import context_of, problem_of, warm_up
 
 if TYPE_CHECKING:
@@ -63,12 +65,11 @@ def one(world: str, name: str, seed: int) -> dict:
     problem, settings = problem_of(arena), registry.load("planner", name)()
     if seed == 0:
         warm_up(settings, arena, Path())
-    planner = settings.build(context_of(arena, Path(), generator(seed, "planner")))
-    path, again = planner.plan(problem), planner.plan(problem)
-    values = path_values(path, problem, optimum=optimum_of(world), classes=arena.classes)
+    first, again = ask_twice(lambda rng: settings.build(context_of(arena, Path(), rng)), problem,
+                             partial(generator, seed, "planner"))
+    values = path_values(shortened(first.path, problem), problem, optimum=optimum_of(world), classes=arena.classes)
     return {"status": "ok", "task": "planning", "world": world, "planner": name, "seed": seed, **values,
-            "map_resolution_m": problem.resolution_m, "plan_learn_ms": path.learn_ms, "plan_ms": path.plan_ms,
-            "plan_again_ms": again.plan_ms}
+            "map_resolution_m": problem.resolution_m, **times(first, again)}
 
 
 @cache

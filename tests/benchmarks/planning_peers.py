@@ -28,18 +28,19 @@ import numpy as np
 
 from rhs.api.records import PlanningProblem
 from rhs.config import registry
+from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
 from rhs.worlds.planning_question import load_arena
 from rhs_tasks.planning.task import problem_of
 
 Plan = Callable[[int], np.ndarray | None]  # seed -> path (N, 2) in metres, or None
 MAPS = ("map1", "map2", "map3", "map4")
-OURS = {"rhs rrt_connect": ("rrt_connect", {}), "rhs rrt_connect raw": ("rrt_connect", {"shorten_rounds": 0}),
-        "rhs rrt_connect raw step 200": ("rrt_connect", {"shorten_rounds": 0, "range_m": 20.0}),
+OURS = {"rhs rrt_connect": ("rrt_connect", {}), "rhs rrt_connect raw": ("rrt_connect", {}),
+        "rhs rrt_connect raw step 200": ("rrt_connect", {"range_m": 20.0}),
         "rhs rrt_connect OMPL": ("rrt_connect", {"backend": "ompl"}),
-        "rhs rrt_connect OMPL raw": ("rrt_connect", {"backend": "ompl", "shorten_rounds": 0}),
-        "rhs rrt": ("rrt", {}), "rhs prm": ("prm", {}), "rhs prm raw": ("prm", {"shorten_rounds": 0}),
-        "rhs prm OMPL raw": ("prm", {"backend": "ompl", "shorten_rounds": 0}), "rhs astar": ("astar", {}),
+        "rhs rrt_connect OMPL raw": ("rrt_connect", {"backend": "ompl"}),
+        "rhs rrt": ("rrt", {}), "rhs prm": ("prm", {}), "rhs prm raw": ("prm", {}),
+        "rhs prm OMPL raw": ("prm", {"backend": "ompl"}), "rhs astar": ("astar", {}),
         "rhs theta_star": ("theta_star", {}), "rhs fast_marching": ("fast_marching", {}),
         "rhs potential_field": ("potential_field", {})}
 STEPS = (10, 28, 60, 200)  # of python-motion-planning's RRT-Connect, in cells, beside its own default; ours takes 28
@@ -69,8 +70,8 @@ def one_map(name: str, seeds: int) -> list[dict]:
     """One row per planner on one map."""
     problem = problem_of(load_arena(name))
     optimum = Optimum(problem.blocked, problem.resolution_m, problem.origin_m).length_m([problem.start_m, problem.goal_m])
-    planners = {**{word: ours(problem, *what) for word, what in OURS.items()}, **motion_planning(problem),
-                **robotics_toolbox(problem), **scikit_image(problem)}
+    planners = {**{word: ours(problem, *what, pulled=" raw" not in word) for word, what in OURS.items()},
+                **motion_planning(problem), **robotics_toolbox(problem), **scikit_image(problem)}
     return [measure(name, word, plan, problem, (optimum, min(seeds, SLOW.get(word, seeds))))
             for word, plan in planners.items()]
 
@@ -96,11 +97,12 @@ def measure(name: str, word: str, plan: Plan, problem: PlanningProblem, task: tu
             "above_optimum_pct": f"{np.median(lengths):.3g}" if lengths else ""}
 
 
-def ours(problem: PlanningProblem, name: str, values: dict) -> Plan:
+def ours(problem: PlanningProblem, name: str, values: dict, *, pulled: bool) -> Plan:
     settings = registry.load("planner", name)(**values)
 
     def plan(seed: int) -> np.ndarray | None:
         path = planners[seed].plan(problem)
+        path = shortened(path, problem) if pulled else path
         return path.points_m if path.found else None
 
     planners = {seed: settings.build(SimpleNamespace(rng=np.random.default_rng(seed))) for seed in [*range(100), 10_000]}

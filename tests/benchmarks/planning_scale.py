@@ -22,6 +22,7 @@ import numpy as np
 
 from rhs.api.records import PlanningProblem
 from rhs.config import registry
+from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
 from rhs.reports.charts import new_figure, save
 from rhs.worlds.planning_question import load_arena
@@ -81,10 +82,10 @@ def measure(word: str, settings, problem: PlanningProblem, task: tuple[float, in
         planner = settings.build(SimpleNamespace(rng=np.random.default_rng(seed)))
         planner.plan(small)  # libraries are loaded
         begin = time.process_time()
-        path = planner.plan(problem)
+        path = shortened(planner.plan(problem), problem)
         middle = time.process_time()
         first.append(1e3 * (middle - begin))
-        again = path if first[-1] > LONG_MS else planner.plan(problem)
+        again = path if first[-1] > LONG_MS else shortened(planner.plan(problem), problem)
         later.append(first[-1] if again is path else 1e3 * (time.process_time() - middle))
         if path.found and path_valid(again.points_m, problem.blocked, problem.resolution_m, problem.origin_m):
             found += 1

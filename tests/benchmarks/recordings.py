@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rhs.api.errors import RecordingError
 from rhs.api.geometry import se2
 from rhs.api.records import Belief, Motion, Observation, Step, Tracking
-from rhs.api.errors import RecordingError
 from rhs.recording.reader import RecordedView, read, read_head
 from rhs.recording.writer import Recorder
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from helpers.synthetic_run import FACTS, make_steps
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.trajectory import read_tum
-from rhs.api.errors import ConfigError
 from rhs.cli.convert import convert, main
 from rhs.recording.reader import read, read_head
 from rhs.recording.writer import Recorder

@@ -7,7 +7,7 @@ from helpers.synthetic_run import make_run
 from rhs.api.geometry import se2
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.cli.evaluate import main
-from rhs.metrics.metrics import evaluate
+from rhs.metrics.evaluate import evaluate
 from rhs.runfolder.row import write_row
 
 

@@ -9,9 +9,10 @@ import sys
 import pytest
 from installing import FAKES, environment, installed
 
+from rhs.api import settings
 from rhs.api.contracts import KINDS
 from rhs.cli.help_text import help_text
-from rhs.config import registry, settings
+from rhs.config import registry
 from rhs.config.documented import comments
 
 HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "hydra", "gtsam")

@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 
 from rhs.api.grid import OccupancyGrid
+from rhs.api.randomness import generator
 from rhs.cli.main import main
 from rhs.config import registry
-from rhs.config.parts import generator
+from rhs.estimation.paths.shorten import shortened
 from rhs.reports import arena_log as planner_arena
 from rhs.reports.planning_table import planning_table
 from rhs.reports.table import main as table_main
 from rhs.reports.table import rows
-from rhs.runfolder.plan_files import read_plan
 from rhs.runfolder.row import read_row
 from rhs.worlds.maps import save_map
+from rhs.worlds.plan_files import read_plan
 from rhs.worlds.planning_question import load_arena
 from rhs_tasks.planning.task import context_of
 
@@ -79,6 +80,7 @@ def _same_alone(desk: Path) -> None:
         row = read_row(folder / "row.json")
         arena, rng = load_arena(row["world"]), generator(int(row["seed"]), "planner")
         path = registry.load("planner", row["planner"])().build(context_of(arena, folder, rng)).plan(problem)
+        path = shortened(path, problem)
         assert np.array_equal(path.points_m, stored.points_m) and np.array_equal(path.raw_m, stored.raw_m), folder.name
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rhs.api.geometry import Camera, camera_from_fov, inverse, se2
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, Motion, Observation, PlanReason, Scan, Step, Tracking, Twist, WorldFacts
+from rhs.api.records import Belief, Event, Motion, Observation, PlanReason, Scan, Step, Tracking, Twist, WorldFacts
 from rhs.api.records import Path as Plan
 from rhs.api.trajectory import Trajectory, read_tum, write_tum
 from rhs.runfolder.steps_csv import StepTable
@@ -43,7 +43,7 @@ def make_steps(count: int = 40, *, phase: str = "survey", drift: float = 0.01, c
         yield Step(first + i, phase, 0.4 * (first + i), observe(first + i, rng, camera),
                    Motion(motion, np.eye(6) * 1e-4, Tracking.OK, details={"inliers": 50.0 + i}),
                    Belief(belief, np.eye(6) * 1e-3), None, truth, plan if patrol else None, int(patrol),
-                   "arrived" if patrol and i in (count // 4, count // 2) else "",
+                   (Event.ARRIVED,) if patrol and i in (count // 4, count // 2) else (),
                    Twist(0.5, 0.0, 0.4), {"sense": 1.0, "odometry": 2.0 + i % 3}, 0.4, False)
 
 

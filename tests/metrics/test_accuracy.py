@@ -6,7 +6,7 @@ import pytest
 from rhs.api.geometry import exp_so3, inverse, se2
 from rhs.api.trajectory import Trajectory
 from rhs.metrics.accuracy import absolute_errors_m, apart, consecutive, pair, relative_errors, rmse, rotation_angles
-from rhs.metrics.metrics import trajectory_values
+from rhs.metrics.survey import trajectory_values
 
 
 def line(count: int, step_m: float = 0.1, yaw_rad: float = 0.0) -> Trajectory:

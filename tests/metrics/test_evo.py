@@ -10,7 +10,7 @@ import pytest
 
 from rhs.api.geometry import exp_se3
 from rhs.api.trajectory import Trajectory, read_tum, write_tum
-from rhs.metrics.metrics import trajectory_values
+from rhs.metrics.survey import trajectory_values
 
 EVO = r"""
 import json, sys

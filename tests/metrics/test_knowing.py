@@ -1,10 +1,19 @@
 """Kidnaps and calibration, counted by hand."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from rhs.metrics.calibration import calibration_error, knowing_values, reliability
+from rhs.metrics.calibration import calibration_error, calibration_values, reliability
 from rhs.reports.calibration_pictures import knowing_picture, precision_recall_picture
+
+
+@dataclass
+class Files:
+    """A run folder that holds steps only."""
+
+    steps: list
 
 
 def _row(k, true_x, x, *, status="tracking", chance=0.9, event="", yaw=0.0):
@@ -23,7 +32,7 @@ def _patrol():
 
 
 def test_recovery_is_way_and_time_until_it_says_so_and_is_right():
-    values = knowing_values(_patrol())
+    values = calibration_values(Files(_patrol()))
     assert values["kidnaps"] == 2
     assert values["kidnap_recovered_share"] == pytest.approx(0.5)
     assert values["kidnap_recovery_m"] == pytest.approx(2.0) and values["kidnap_recovery_s"] == pytest.approx(1.0)
@@ -34,19 +43,19 @@ def test_recovery_is_way_and_time_until_it_says_so_and_is_right():
 def test_recovery_after_five_metres_comes_too_late():
     late = [_row(0, 0.0, 9.0, event="kidnapped", status="lost")]
     late += [_row(k, 2.0 * k, 2.0 * k, status="lost" if k < 3 else "tracking") for k in range(1, 5)]
-    assert knowing_values(late)["kidnap_recovered_share"] == 0.0  # it knew at 6 m
+    assert calibration_values(Files(late))["kidnap_recovered_share"] == 0.0  # it knew at 6 m
 
 
 def test_right_means_the_heading_too():
     turned = [_row(0, 0.0, 0.0, event="kidnapped", yaw=0.2), _row(1, 1.0, 1.0, yaw=0.2)]
-    assert knowing_values(turned)["kidnap_wrong_sure_share"] == 1.0
+    assert calibration_values(Files(turned))["kidnap_wrong_sure_share"] == 1.0
 
 
 def test_without_a_kidnap_or_without_truth_nothing_is_known():
-    values = knowing_values(_patrol()[:2])
+    values = calibration_values(Files(_patrol()[:2]))
     assert values["kidnaps"] == 0 and np.isnan(values["kidnap_recovered_share"])
     blind = [{**row, "true_x_m": ""} for row in _patrol()]
-    assert np.isnan(knowing_values(blind)["kidnaps"]) and np.isnan(knowing_values(blind)["belief_ece"])
+    assert np.isnan(calibration_values(Files(blind))["kidnaps"]) and np.isnan(calibration_values(Files(blind))["belief_ece"])
 
 
 def test_calibration_is_the_gap_between_chance_and_share():

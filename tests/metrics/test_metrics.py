@@ -10,8 +10,8 @@ import pytest
 from helpers.synthetic_run import make_run, room, true_pose
 
 from rhs.api.grid import OccupancyGrid
+from rhs.metrics.evaluate import evaluate
 from rhs.metrics.map_agreement import map_agreement
-from rhs.metrics.metrics import evaluate
 from rhs.runfolder.row import FLOATS, INTEGERS, canonical_hash
 
 

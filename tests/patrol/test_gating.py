@@ -7,17 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rhs.api.contracts import Odometry
 from rhs.api.geometry import Camera, planar, se2
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.patrol.gate import GatedOdometry, contradiction, gated, joined
-from rhs.patrol.gate_settings import Gate
+from rhs.patrol.tasks import Gate
 
 CAMERA = Camera(100.0, 100.0, 80.0, 60.0, 160, 120)
 SURE = np.diag([1e-3] * 3 + [1e-3] * 3) ** 2
 AHEAD = (0.25, 0.0, 0.0)
 
 
-class Told:
+class Told(Odometry):
     """An odometry that says what it was told to."""
 
     def __init__(self, *motions: Motion) -> None:

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from flatland import Dijkstra, Flatland, Oracle, Through, ring
+from flatland import Flatland, Oracle, Through, parts, ring
 
-from rhs.api.records import Belief, Knowing, Motion, Tracking
 from rhs.api.errors import ContractError
+from rhs.api.records import Belief, Knowing, Motion, Tracking
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
@@ -16,7 +16,7 @@ PLACES = (("a", 4.0, 1.0), ("b", 7.0, 4.0), ("c", 4.0, 7.0), ("home", 1.0, 1.0))
 def patrol(world: Flatland, *, localiser=None, settings=None, limit=2000):
     grid = world.grid()
     oracle = Oracle(world)
-    sentinel = Sentinel(localiser or oracle, Dijkstra(), grid, grid.free(), places=world.facts.places,
+    sentinel = Sentinel(parts(localiser or oracle), grid, (), places=world.facts.places,
                         radius_m=world.radius, settings=settings or MissionSettings())
     out = []
     for step in steps(world, Through(world.camera), oracle, sentinel):
@@ -117,7 +117,7 @@ def test_a_bad_motion_is_stopped_at_the_boundary(motion, message):
     world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
     oracle = Oracle(world)
     grid = world.grid()
-    sentinel = Sentinel(oracle, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3, settings=MissionSettings())
+    sentinel = Sentinel(parts(oracle), grid, (), places=PLACES, radius_m=0.3, settings=MissionSettings())
     with pytest.raises(ContractError, match=message):
         list(steps(world, Through(world.camera), Broken(motion), sentinel))
 
@@ -138,7 +138,7 @@ def test_an_odometry_that_wants_a_moving_camera_gets_arcs():
 
     from rhs.patrol.mission import turning
 
-    moving, any_other = SimpleNamespace(keeps_moving=(0.125, 6.5)), SimpleNamespace()
+    moving, any_other = SimpleNamespace(keeps_moving=(0.125, 6.5)), SimpleNamespace(keeps_moving=None)
     assert turning(MissionSettings(), moving).turn == "arc" and turning(MissionSettings(), any_other).turn == "pivot"
     decided = turning(MissionSettings(step_m=0.1), moving)
     assert (decided.step_m, decided.turn_step_deg) == (0.1, 6.5)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flatland import Dijkstra, Flatland, Oracle, Through, ring
+from flatland import Flatland, Oracle, Through, parts, ring
 
 from rhs.api.geometry import planar, wrap
 from rhs.api.records import Belief, Knowing, Scan
@@ -83,7 +83,7 @@ def test_a_robot_that_faces_the_other_way_turns_back_is_recognised_and_visits_it
     places = (("a", 4.0, 1.0), ("b", 7.0, 4.0))
     world = Flatland(ring(), (3.0, 1.0, np.pi), places)
     grid = world.grid()
-    sentinel = Sentinel(OneWayMemory(world), Dijkstra(), grid, grid.free(), places=places, radius_m=0.3,
+    sentinel = Sentinel(parts(OneWayMemory(world)), grid, (), places=places, radius_m=0.3,
                         settings=MissionSettings())
     out = list(steps(world, Through(world.camera), Oracle(world), sentinel))
     assert [m.status for m in sentinel.book.missions] == ["arrived"] * 2

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from rhs.api.records import PlanningProblem
+from rhs.estimation.paths.shorten import shortened
 from rhs.worlds.maps import load_map
 
 MAPS = Path(__file__).parents[2] / "worlds" / "maps"
@@ -51,5 +52,6 @@ def room() -> np.ndarray:
 
 def digits(name: str, seed: int) -> str:
     """Every bit of a planner's raw and shortened path through the room."""
-    path = planner(name, seed).plan(problem(room(), (9.3, 1.7), (4.1, 9.2)))
+    task = problem(room(), (9.3, 1.7), (4.1, 9.2))
+    path = shortened(planner(name, seed).plan(task), task)
     return path.raw_m.tobytes().hex() + path.points_m.tobytes().hex()

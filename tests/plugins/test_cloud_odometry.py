@@ -10,9 +10,9 @@ from long_corridor import CAMERA as CORRIDOR_CAMERA
 from long_corridor import depth_from, walk
 from painted_room import observe, paintings
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov, inverse, log_se3, se2
 from rhs.api.records import FeatureSettings, Observation, Tracking
-from rhs.api.errors import ConfigError
 from rhs_odometry.clouds.clouds import CloudMaker, observability
 from rhs_odometry.clouds.gicp_config import Gicp
 from rhs_odometry.clouds.kiss_icp_config import KissIcp

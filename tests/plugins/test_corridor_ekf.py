@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import planar, se2, wrap
 from rhs.api.records import Tracking
-from rhs.api.errors import ConfigError
 from rhs.estimation.filters.kalman import nees
 from rhs_odometry.corridor.ekf import Ledger, corridor_core
 from rhs_odometry.corridor.ekf_config import CorridorEkf

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from painted_room import observe, paintings
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, align, camera_from_fov, exp_se3, inverse, log_se3, se2, transform
 from rhs.api.records import FeatureSettings, Observation, Tracking, Twist
-from rhs.api.errors import ConfigError
 from rhs_odometry.keyframe.config import Keyframe
 from rhs_sources.replay_config import Replay
 

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture, Scan
-from rhs.api.errors import ConfigError, ContractError
 from rhs_sensors.laser import Laser
 
 

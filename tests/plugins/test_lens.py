@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rhs.api.contracts import SourceContext
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, camera_from_fov, inverse, se2, transform
 from rhs.api.records import Twist
-from rhs.api.errors import ConfigError
 from rhs.worlds.world import load_world
 from rhs_sources.lens import Lens, checked_rays
 from rhs_sources.simulator_config import Simulator

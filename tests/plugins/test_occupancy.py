@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rhs.api.contracts import WorldFacts
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import se2
 from rhs.api.records import Scan
-from rhs.api.errors import ConfigError
 from rhs_mappers.occupancy import OccupancyMapper
 from rhs_mappers.occupancy_config import Occupancy
 

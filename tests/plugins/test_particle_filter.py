@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from painted_survey import FEATURES, SMALL, context, look, ring, survey
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.api.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
-from rhs.api.errors import ConfigError
 from rhs.estimation.scans.rays import cast
 from rhs.estimation.views.features import features, share
 from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan

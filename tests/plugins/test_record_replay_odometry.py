@@ -11,8 +11,8 @@ from painted_room import observe, paintings
 
 from rhs.api.contracts import Context, FeatureSettings
 from rhs.api.geometry import camera_from_fov, se2
+from rhs.api.randomness import generator
 from rhs.config import registry
-from rhs.config.parts import generator
 from rhs.recording.writer import Recorder
 from rhs_sources.replay_config import Replay
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
 
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 from rhs.recording.ros import camera_info
 from rhs_sources.replay_bag import choose_topics
 from rhs_sources.replay_bag_messages import camera_of

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from rhs.api.geometry import BODY_FROM_OPTICAL, se2
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import BODY_FROM_OPTICAL, se2
 from rhs_sources.replay_config import Replay
 
 INTRINSICS = [50.0, 50.0, 31.5, 23.5]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from helpers.synthetic_run import FACTS, make_steps
 
-from rhs.api.geometry import camera_from_fov
 from rhs.api.errors import ConfigError, RecordingError
+from rhs.api.geometry import camera_from_fov
 from rhs.recording.writer import Recorder
 from rhs_sources.replay_config import Replay
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from rhs.api.geometry import BODY_FROM_OPTICAL
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import BODY_FROM_OPTICAL
 from rhs_sources.replay_config import Replay
 from rhs_sources.replay_stamps import ascending, associate
 

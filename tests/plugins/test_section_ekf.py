@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rhs.api.geometry import inverse, log_so3, se2
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import inverse, log_so3, se2
 from rhs_odometry.section.ekf import section_core
 from rhs_odometry.section.ekf_config import SectionEkf, TubeEkf
 from rhs_odometry.section.filter import Rectangular, Round

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import Camera, camera_from_fov, exp_so3, se3
 from rhs.api.records import Capture
-from rhs.api.errors import ConfigError, ContractError
 from rhs_sensors.degrade import Encoders
 from rhs_sensors.mono import Mono
 from rhs_sensors.rgbd import Rgbd

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from painted_survey import SMALL, context, look, ring, survey
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, log_se3, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, Knowing, Motion, Observation, Scan, Tracking
-from rhs.api.errors import ConfigError
 from rhs.estimation.filters.pose_hypotheses import Claim, Trust, begin, predict, update
 from rhs.estimation.scans.rays import cast
 from rhs_localisers.sift_db_config import SiftDb

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rhs.api.contracts import SourceContext
+from rhs.api.errors import ConfigError, RhsError
 from rhs.api.floorplan import Box
 from rhs.api.geometry import inverse, planar, se2, transform
 from rhs.api.records import Twist
-from rhs.api.errors import ConfigError, RhsError
 from rhs.worlds.world import load_world
 from rhs_sources.simulator_config import Simulator
 

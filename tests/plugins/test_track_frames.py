@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from rhs.api.errors import RecordingError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.records import Observation, Twist
-from rhs.api.errors import RecordingError
 from rhs_odometry.corridor.window import TrackWindow
 from rhs_odometry.tracks import synthetic
 from rhs_odometry.tracks.klt import KltSettings, KltTracker

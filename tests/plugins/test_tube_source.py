@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rhs.api.contracts import SourceContext
-from rhs.api.geometry import inverse, transform
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import inverse, transform
 from rhs_sources.tube_config import Tube
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers.synthetic_run import make_steps
 
+from rhs.api.errors import RhsError
 from rhs.api.files import replacing
 from rhs.api.trajectory import read_tum
-from rhs.api.errors import RhsError
 from rhs.runfolder.steps_csv import COLUMNS, StepTable
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 from rhs.worlds.tubes import RoundSection, Tube
 from rhs_tasks.unroll.bend_finder import PairFit
 from rhs_tasks.unroll.bending import KNOT, Profile, Winding
@@ -79,7 +79,7 @@ def test_pairs_add_up():
 
 
 def test_a_bend_cannot_be_told_and_found():
-    with pytest.raises(ConfigError, match=r"unroll.bend=told"):
+    with pytest.raises(ConfigError, match=r"unroll.bend=given"):
         Unroll(bend="found", pieces=[1.0, 30.0])
     with pytest.raises(ConfigError, match="bend"):
         Unroll(bend="guessed")

@@ -5,9 +5,10 @@ import pytest
 from painted_survey import CAMERA, FEATURES, look, ring, survey
 
 from rhs.api.geometry import se2
+from rhs.cli.say import of_places
 from rhs.estimation.views.features import features
 from rhs.estimation.views.place_memory import memory_of
-from rhs_tasks.places.task import told, write_tables
+from rhs_tasks.places.task import write_tables
 from rhs_tasks.places.trial import (
     ABSTAINED,
     CORRECT,
@@ -62,7 +63,7 @@ def test_the_curve_has_precision_and_recall_one_would_count_by_hand():
 
 def test_the_table_of_a_run_shows_the_thesis_beside_every_method(tmp_path):
     write_tables(tmp_path, {"votes": [Answered(CORRECT, 1.0), Answered(WRONG, 2.0)], "sequence": [Answered(ABSTAINED, 0.0)]})
-    lines = told(tmp_path).splitlines()
+    lines = of_places(tmp_path).splitlines()
     assert lines[1].split()[2:] == ["-", "0.80", "0.08", "0.12", "-", "-"]
     assert lines[2].split() == ["votes", "2", "0.5000", "0.0000", "0.5000", "0.0000", "0.5000"]
     assert lines[3].split() == ["sequence", "1", "0.0000", "0.0000", "0.0000", "1.0000", "nan"]

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
+from rhs.api.errors import RhsError
 from rhs.api.records import Path, PlanningProblem, PlanReason
-from rhs.metrics.path_judge import Optimum
+from rhs.metrics.planning import above_optimum_pct, clearance_min_m, path_values, smoothness, steps_8
 from rhs.worlds.planning_question import class_of
-from rhs_tasks.planning.metrics import clearance_min_m, path_values, smoothness, steps_8
 
 
 def problem(blocked, start, goal, step=0.5):
     return PlanningProblem(np.asarray(blocked, bool), step, (0.0, 0.0), np.array(start, float), np.array(goal, float))
 
 
-def values_of(path, task, classes=()):
-    return path_values(path, task, optimum=Optimum(task.blocked, task.resolution_m, task.origin_m), classes=classes)
+def values_of(path, task, **more):
+    return path_values(path, task, **more)
 
 
 def test_a_detour_round_one_block():
@@ -42,23 +42,92 @@ def test_a_failure_has_reasons_not_zeros():
     assert values["plan_optimal_m"] == pytest.approx(1.5 * np.sqrt(2))
 
 
-def test_a_path_that_cuts_through_or_misses_the_goal_is_not_valid():
+def test_a_path_that_cuts_through_or_misses_the_goal_is_found_but_no_success():
     blocked = np.zeros((4, 4), bool)
     blocked[1:3, 1:3] = True
     task = problem(blocked, (0.25, 0.25), (1.75, 1.75))
     through = np.array([[0.25, 0.25], [1.75, 1.75]])
     short = np.array([[0.25, 0.25], [1.75, 0.25]])
-    assert values_of(Path(PlanReason.OK, through, through), task)["plan_valid"] == 0.0
-    assert values_of(Path(PlanReason.OK, short, short), task)["plan_valid"] == 0.0
+    for points, words in ((through, "not free between (0.250, 0.250) and (1.750, 1.750) m"),
+                          (short, "end at the goal (1.750, 1.750) m but at (1.750, 0.250) m")):
+        values = values_of(Path(PlanReason.OK, points, points), task)
+        assert (values["plan_found"], values["plan_valid"], values["plan_success"]) == (1, 0.0, 0)
+        assert values["plan_reason"] == "invalid" and words in values["plan_failure"]
+        for name in ("plan_length_m", "plan_above_optimum_pct", "plan_clearance_min_m", "plan_smoothness", "plan_bends"):
+            assert np.isnan(values[name]), name
 
 
-def test_the_step_out_of_a_grown_obstacle_is_not_judged():
+def test_a_free_path_made_of_one_that_is_not_is_not_valid():
+    """What the planner gave is judged, not only what became of it."""
+    blocked = np.zeros((4, 4), bool)
+    blocked[1:3, 1:3] = True
+    task = problem(blocked, (0.25, 0.25), (1.75, 1.75))
+    round_it = np.array([[0.25, 0.25], [1.75, 0.25], [1.75, 1.75]])
+    assert values_of(Path(PlanReason.OK, round_it, round_it[[0, 2]]), task)["plan_valid"] == 0.0
+
+
+def pocket():
+    """4 x 4 cells of 0.5 m, the first one blocked, the start in it, 0.1 m from the way out."""
     blocked = np.zeros((4, 4), bool)
     blocked[0, 0] = True
-    task = problem(blocked, (0.4, 0.25), (1.75, 0.25))
+    return problem(blocked, (0.4, 0.25), (1.75, 0.25))
+
+
+def test_the_way_out_of_a_blocked_start_is_found_by_the_judge_not_told_by_the_planner():
     points = np.array([[0.4, 0.25], [0.75, 0.25], [1.75, 0.25]])
-    values = values_of(Path(PlanReason.OK, points, points, details={"start_moved_m": 0.35}), task)
-    assert values["plan_valid"] == 1.0 and values["plan_above_optimum_pct"] == pytest.approx(0.0)
+    for details in ({}, {"start_moved_m": 0.35}):
+        values = values_of(Path(PlanReason.OK, points, points, details=details), pocket(), start_radius_m=0.3)
+        assert values["plan_valid"] == 1.0 and values["plan_above_optimum_pct"] == pytest.approx(0.0)
+        assert values["plan_length_m"] == pytest.approx(1.35) == values["plan_optimal_m"]
+
+
+def test_a_blocked_start_is_left_within_the_radius_or_not_at_all():
+    """Out of a blocked strip 1 m wide: 0.4 m are too far with 0.3 m allowed, and right with 0.4 m."""
+    blocked = np.zeros((4, 8), bool)
+    blocked[:, :2] = True
+    task = problem(blocked, (0.6, 1.0), (3.75, 1.0))
+    path = Path(PlanReason.OK, *[np.array([[0.6, 1.0], [3.75, 1.0]])] * 2)
+    wide = problem(np.pad(blocked, ((0, 0), (1, 0)), constant_values=True), (0.6, 1.0), (3.75, 1.0))
+    assert values_of(path, task, start_radius_m=0.3)["plan_valid"] == 1.0  # its own cell reaches to the edge
+    assert values_of(path, wide, start_radius_m=0.3)["plan_valid"] == 0.0  # one blocked cell more, 0.4 m away
+    assert values_of(path, wide, start_radius_m=0.4)["plan_valid"] == 1.0
+
+
+def test_claiming_a_moved_start_frees_nothing():
+    """A line through the walls and the words that once switched the judge off: no path, and the optimum is the way round."""
+    blocked = np.zeros((4, 4), bool)
+    blocked[1:3, 1:3] = True
+    task = problem(blocked, (0.25, 0.25), (1.75, 1.75))
+    line = np.array([[0.25, 0.25], [1.75, 1.75]])
+    values = values_of(Path(PlanReason.OK, line, line, details={"start_moved_m": 0.001}), task, start_radius_m=0.3)
+    assert values["plan_valid"] == 0.0 and values["plan_success"] == 0
+    assert values["plan_optimal_m"] == pytest.approx(2 * np.hypot(1.25, 0.25))
+
+
+def test_details_cannot_take_the_place_of_a_judged_column():
+    line = np.array([[0.25, 0.25], [0.25, 1.75]])
+    task = problem(np.zeros((4, 4)), (0.25, 0.25), (1.75, 1.75))
+    lies = {"valid": 1.0, "success": 1.0, "length_m": 0.1, "above_optimum_pct": 0.0, "optimal_m": 9.0, "walk_steps": 7.0}
+    values = values_of(Path(PlanReason.OK, line, line, details=lies), task)
+    assert (values["plan_valid"], values["plan_success"], values["plan_walk_steps"]) == (0.0, 0, 7.0)
+    assert np.isnan(values["plan_length_m"]) and values["plan_optimal_m"] == pytest.approx(1.5 * np.sqrt(2))
+
+
+def test_a_valid_path_below_the_optimum_is_the_judges_own_fault():
+    points = np.array([[0.0, 0.0], [3.0, 4.0]])
+    assert above_optimum_pct(points, 5.0, 0.1) == 0.0 and above_optimum_pct(points, 4.0, 0.1) == pytest.approx(25.0)
+    assert above_optimum_pct(points, 5.0 + 1e-9, 0.1) == 0.0  # rounding
+    for optimum in (5.001, np.nan):
+        with pytest.raises(RhsError, match="the judge contradicts itself"):
+            above_optimum_pct(points, optimum, 0.1)
+
+
+def test_a_failure_names_the_knob():
+    none = np.empty((0, 2))
+    path = Path(PlanReason.BUDGET_SPENT, none, none, advice="planner.iterations=40 spent; try planner.iterations=400")
+    values = values_of(path, problem(np.zeros((4, 4)), (0.25, 0.25), (1.75, 1.75)))
+    assert values["plan_reason"] == "budget_spent"
+    assert values["plan_failure"] == "budget_spent: planner.iterations=40 spent; try planner.iterations=400"
 
 
 def test_steps_are_moves_between_neighbour_cells():

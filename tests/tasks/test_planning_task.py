@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from rhs.api.grid import OccupancyGrid
 from rhs.api.errors import ConfigError
+from rhs.api.grid import OccupancyGrid
 from rhs.config.compose import compose_config
+from rhs.metrics.evaluate import evaluate
 from rhs.patrol.run import run_config
 from rhs.runfolder.row import canonical_hash, read_row
 from rhs.worlds.maps import save_map
 from rhs.worlds.planning_question import load_arena
-from rhs_tasks.planning.task import evaluate_plan
 
 
 def run(folder, *words):
@@ -32,7 +32,7 @@ def test_one_run_leaves_a_row_that_follows_from_its_files(tmp_path):
     names = {path.name for path in (tmp_path / "a").iterdir()}
     assert {"config.yaml", "map.yaml", "map.pgm", "plan.json", "plan.png", "row.json"} <= names
     stored = read_row(tmp_path / "a" / "row.json")
-    for name, value in evaluate_plan(tmp_path / "a").items():
+    for name, value in evaluate(tmp_path / "a", "planning").items():
         assert stored[name] == value or (stored[name] is None and np.isnan(value)), name
     again = run(tmp_path / "b", "world=map3", "planner=rrt_connect", "seed=3")
     row.pop("_cause"), again.pop("_cause")
@@ -61,7 +61,7 @@ def test_a_failed_plan_is_a_row_with_its_reason(tmp_path):
 def test_a_scenario_carries_its_claimed_octile_optimum_and_astar_agrees(tmp_path):
     (tmp_path / "m.map").write_text("type octile\nheight 4\nwidth 5\nmap\n..@..\n..@..\n..@..\n.....\n")
     (tmp_path / "m.map.scen").write_text("version 1\n0\tm.map\t5\t4\t0\t0\t4\t0\t8.82842712\n")
-    row = run(tmp_path / "a", f"world={tmp_path / 'm.map.scen'}", "planner=astar", "planner.shorten_rounds=0")
+    row = run(tmp_path / "a", f"world={tmp_path / 'm.map.scen'}", "planner=astar", "planning.shorten=false")
     assert row["octile_claimed_m"] == 8.82842712
     assert row["plan_length_m"] == pytest.approx(row["octile_claimed_m"], abs=1e-8)
     assert row["plan_length_m"] > row["plan_optimal_m"]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rhs.api.grid import OccupancyGrid
 from rhs.api.errors import ConfigError
+from rhs.api.grid import OccupancyGrid
 from rhs.worlds.maps import load_map, save_map
 
 
@@ -80,14 +80,35 @@ def test_a_quarter_turn_moves_every_cell_where_geometry_says(tmp_path):
 
 
 def test_a_slanted_map_keeps_its_obstacle_in_place_and_knows_nothing_outside(tmp_path):
+    """Every point of the pixel stands in an occupied cell, and every occupied cell meets the pixel (both have a diagonal of
+    sqrt 2)."""
     pixels = np.full((20, 20), 254)
-    pixels[20 - 1 - 5, 14] = 0  # centre at (7.25, 2.75) m of the image frame
+    pixels[20 - 1 - 5, 14] = 0  # [14, 15] x [5, 6] in half metres of the image frame
     grid = load_map(write_map(tmp_path, pixels, origin="[1, 2, 0.5]"))
     c, s = np.cos(0.5), np.sin(0.5)
-    where = np.array([1 + c * 7.25 - s * 2.75, 2 + s * 7.25 + c * 2.75])
-    assert grid.occupied().any()
-    assert np.linalg.norm(grid.centres(np.argwhere(grid.occupied())) - where, axis=1).max() < 0.5
+    inside = 0.5 * (np.array([14.0, 5.0]) + np.random.default_rng(0).uniform(0.0, 1.0, (2000, 2)))
+    there = inside @ np.array([[c, s], [-s, c]]) + (1.0, 2.0)
+    assert grid.occupied()[tuple(grid.cells(there).T)].all()
+    middle = np.array([7.25, 2.75]) @ np.array([[c, s], [-s, c]]) + (1.0, 2.0)
+    assert np.linalg.norm(grid.centres(np.argwhere(grid.occupied())) - middle, axis=1).max() < 0.5 * np.sqrt(2.0)
     assert np.isnan(grid.probability[0, 0])
+
+
+@pytest.mark.parametrize("yaw", [0.3, np.pi / 4, 2.0, 3.14, -1.0])
+def test_turning_a_map_frees_nothing(tmp_path, yaw):
+    """Points of a random map: in a free cell of the turned map only what is free in the image; unknown stays unknown or
+    becomes occupied; and every point in an occupied pixel is in an occupied cell."""
+    rng = np.random.default_rng(5)
+    pixels = rng.choice([254, 205, 0], (30, 40), p=[0.8, 0.1, 0.1])
+    straight = load_map(write_map(tmp_path, pixels, origin="[0, 0, 0]"))
+    grid = load_map(write_map(tmp_path, pixels, origin=f"[3, -2, {yaw}]"))
+    points = rng.uniform(0.0, (20.0, 15.0), (50_000, 2))
+    c, s = np.cos(yaw), np.sin(yaw)
+    before = straight.probability[tuple(straight.cells(points).T)]
+    after = grid.probability[tuple(grid.cells(points @ np.array([[c, s], [-s, c]]) + (3.0, -2.0)).T)]
+    assert (after[before == 1.0] == 1.0).all()
+    assert (before[after == 0.0] == 0.0).all() and (after == 0.0).any()
+    assert not (after[np.isnan(before)] == 0.0).any()
 
 
 def test_comments_bom_and_windows_lines_are_read(tmp_path):

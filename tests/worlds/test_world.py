@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rhs.api.floorplan import distance_m
 from rhs.api.errors import ConfigError
+from rhs.api.floorplan import distance_m, truth_grid
 from rhs.worlds.world import load_world, reversed_world, world_names
 
 ROOM = """\
@@ -166,3 +166,17 @@ def test_the_readme_lists_every_world_and_its_format_is_read(tmp_path):
     text = text.replace("[[2, 1], [19, 1], ...]", "[[2, 1], [3, 1]]")
     text = text.replace("[[0, 0], [20, 0], ...]", "[[0, 0], [20, 0], [20, 2], [0, 2], [0, 0]]")
     assert load_world(write(tmp_path, text)).boxes[-1].name == "chest"
+
+
+def test_a_loop_of_corridors_with_walls_on_cell_borders_is_a_building(tmp_path):
+    """Corridors 1.5 m wide about whole metres: every wall stands at x.25 or x.75, between two rows of cells of 0.1 m."""
+    (tmp_path / "loop.yaml").write_text(
+        "start: [3, 1, 0]\nrobot_radius_m: 0.3\ncamera_height_m: 1.2\n"
+        "route_m: [[3, 1], [9, 1], [9, 9], [1, 9], [1, 1], [4, 1]]\n"
+        "places: {far: [9, 5]}\nseed: 1\nwalls:\n"
+        "  - {name: outer, points_m: [[0.25, 0.25], [9.75, 0.25], [9.75, 9.75], [0.25, 9.75], [0.25, 0.25]]}\n"
+        "  - {name: inner, points_m: [[1.75, 1.75], [1.75, 8.25], [8.25, 8.25], [8.25, 1.75], [1.75, 1.75]]}\n")
+    grid = truth_grid(load_world(str(tmp_path / "loop.yaml")))
+    assert np.isnan(grid.probability[tuple(grid.cells(np.array([5.0, 5.0]))[0])])  # the block between the corridors
+    # 9.5 m less a cell a side; the block and a cell a side, but not the cells that meet its corners alone
+    assert int((grid.probability == 0.0).sum()) == 93**2 - (67**2 - 4)

@@ -20,7 +20,9 @@ class Gicp(CloudSettings):
     voxel_m: float = 0.05
     # A new key cloud is taken after moving or turning this far from it, metres and degrees.
     keep_move_m: float = 0.4
+    """A new key cloud is taken after moving this far from it, metres."""
     keep_turn_deg: float = 12.0
+    """A new key cloud is taken after turning this far from it, degrees."""
     # Points are neighbours up to this distance, metres.
     reach_m: float = 0.3
     # Most iterations of one alignment.

@@ -22,7 +22,9 @@ class KissIcp(CloudSettings):
     iterations: int = 40
     # First threshold of partners, and the least motion that adapts it, metres.
     initial_threshold_m: float = 0.5
+    """First threshold of partners, metres."""
     min_motion_m: float = 0.02
+    """The least motion that adapts the threshold of partners, metres."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -22,7 +22,9 @@ class CloudSettings:
     stride_px: int = 4
     # Depths outside this range are not used, metres.
     min_range_m: float = 0.3
+    """Depths nearer than this are not used, metres."""
     max_range_m: float = 8.0
+    """Depths beyond this are not used, metres."""
     # Fewer points than this are no cloud: lost.
     min_points: int = 100
     # Degenerate when a smaller share of the points holds the weakest direction. A bare corner is seen by up to 0.024, small

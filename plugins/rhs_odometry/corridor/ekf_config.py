@@ -24,10 +24,12 @@ class CorridorEkf:
     turn_noise: float = 0.08  # noise of one motion's turn, share of it (1 sigma)
     speed_mps: float = 0.5  # motion=none: the speed expected at the start
     speed_sigma_mps: float = 0.12  # motion=none: how wrong that may be (1 sigma)
+    """motion=none: how wrong the expected speed may be (1 sigma)"""
     height_known: bool = True  # the camera's height above the floor sets the scale through points of the floor
     height_sigma_m: float = 0.003  # how well the height is known (1 sigma)
     width_m: float = 2.0  # width of the corridors; 0: unknown and constant
     width_sigma_m: float = 0.005  # how well it is known (1 sigma)
+    """how well the width is known (1 sigma)"""
     right_angle_sigma_deg: float = 0.17  # how far walls may be from right angles (1 sigma); 1 for old buildings
     wobble_sigma_deg: float = 0.006  # pitch and roll of a view (1 sigma); 1.2 for a camera that sways
     start_heading_sigma_deg: float = 0.5  # how well the start heading is known relative to the walls (1 sigma)

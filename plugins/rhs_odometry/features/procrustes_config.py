@@ -27,6 +27,7 @@ class Procrustes:
     # because colour and depth are never quite registered.
     depth_constant_m: float = 0.002
     depth_quadratic_per_m: float = 0.0019  # the same, 1/m (Nguyen 2012, Kinect)
+    """Depth noise: the quadratic part of sigma_z, 1/m (Nguyen 2012, Kinect); see depth_constant_m."""
     min_inliers: int = 12  # fewer agreeing pairs than this and the view is lost
     max_sigma_m: float = 0.05  # degenerate when a direction of the translation is less sure than this, metres
     max_sigma_rad: float = 0.05  # degenerate when an axis of the rotation is less sure than this, radians

@@ -27,19 +27,27 @@ class Keyframe:
     # A hand shakes: how far the motion while an image is read (Camera.readout_s) differs from the motion between the
     # images, metres and degrees per image interval. No effect on a global shutter.
     shake_m: float = 0.003
+    """A hand shakes: how far the motion while an image is read (Camera.readout_s) differs from the motion between the
+    images, metres per image interval. No effect on a global shutter."""
     shake_deg: float = 0.5
+    """A hand shakes: the same for the turn, degrees per image interval. No effect on a global shutter."""
     # A new key frame is made when fewer than this share of the last one's points is still followed ...
     keep_share: float = 0.6
+    """A new key frame is made when fewer than this share of the last one's points is still followed."""
     # ... or after turning or moving this far from it, degrees and metres.
     keep_turn_deg: float = 15.0
+    """A new key frame is made after turning this far from the last one, degrees."""
     keep_move_m: float = 0.2
+    """A new key frame is made after moving this far from the last one, metres."""
     # Fewer inliers than this is no measurement: lost.
     min_inliers: int = 12
     # The camera stands on a robot on a floor: keep the motion in the plane. No effect on a hand-held camera.
     planar: bool = True
     # Degenerate when a direction of the translation or an axis of the rotation is less sure than this.
     max_sigma_m: float = 0.05
+    """Degenerate when a direction of the translation is less sure than this, metres (1 sigma)."""
     max_sigma_rad: float = 0.05
+    """Degenerate when an axis of the rotation is less sure than this, radians (1 sigma)."""
     # Old key frames looked up again at every new one; 0 makes it a plain key-frame odometry.
     revisit: int = 2
 

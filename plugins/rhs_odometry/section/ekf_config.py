@@ -20,16 +20,20 @@ class SectionEkf:
 
     half_size_m: float = 1.0  # half the width of the corridor; the only thing that fixes the scale
     size_sigma: float = 0.005  # how well it is known, share (1 sigma of its logarithm)
+    """how well the size is known, share (1 sigma of its logarithm)"""
     aspect: float = 1.25  # height over width of the section
     speed_mps: float = 0.5  # speed expected at the start
     speed_sigma_mps: float = 0.12  # how wrong that may be (1 sigma)
+    """how wrong the expected speed may be (1 sigma)"""
     drift_sigma_mps: float = 0.03  # how fast it may move sideways or up and down at the start (1 sigma)
+    """how fast the camera may move sideways or up and down at the start (1 sigma)"""
     speed_walk_mps: float = 0.04  # change of speed per view (1 sigma)
     turn_walk_radps: float = 0.04  # change of turn rate per view (1 sigma)
     start_error_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # start wrongly: forward, left, up
     start_error_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # start wrongly: roll, pitch, yaw
     start_sigma_m: float = 0.05  # how wrong the filter thinks its start may be (1 sigma)
     start_sigma_deg: float = 2.0  # the same for each angle
+    """how wrong the filter thinks each start angle may be (1 sigma)"""
     pixel_sigma_px: float = 0.7  # noise of a followed point (1 sigma)
     iterations: int = 1  # linearisations per view: 1 is the thesis; 3 forgets a wrong start of 10 degrees sooner
     pairs: int = 60  # points used per view at most: the state stays as it is, the time grows

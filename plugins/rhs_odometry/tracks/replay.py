@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api import settings
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, planar, se2, wrap
 from rhs.api.records import Revision, Tracking, Wall
 from rhs.api.trajectory import read_tum
-from rhs.api.errors import ConfigError
-from rhs.config import settings
 from rhs.estimation.filters.kalman import nees
 
 from ..corridor.ekf import corridor_core

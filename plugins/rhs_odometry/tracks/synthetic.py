@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.geometry import Camera, camera_from_fov, inverse, se2, transform, wrap
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera, camera_from_fov, inverse, se2, transform, wrap
 
 from .track_frames import TrackFrame, Tracks
 

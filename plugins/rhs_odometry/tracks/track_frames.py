@@ -14,9 +14,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from rhs.api.errors import RecordingError
 from rhs.api.geometry import Camera
 from rhs.api.records import Observation
-from rhs.api.errors import RecordingError
 
 FORMAT = 1
 NO_TRAVEL = np.full(3, np.nan)

@@ -8,27 +8,23 @@ row.json. Stored views stand at their true poses, so that the score is that of r
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import FeatureSettings
 from rhs.api.files import replacing
-from rhs.api.geometry import planar, se2
+from rhs.api.geometry import planar
 from rhs.api.records import Knowing, Motion, Observation, Step, Tracking, View
-from rhs.api.errors import ConfigError
-from rhs.config.compose import RunConfig, identity
-from rhs.config.parts import Parts, build
+from rhs.api.task import Parts, TaskContext, Value
+from rhs.estimation.survey import ViewCollector, draw, revise
 from rhs.estimation.views.features import features
 from rhs.estimation.views.place_files import save
 from rhs.estimation.views.place_memory import Memory, memory_of
-from rhs.patrol.loop import Led, steps
-from rhs.patrol.survey import ViewCollector, draw, revise
-from rhs.patrol.task_row import run_task
-from rhs.reports.calibration_pictures import precision_recall_picture
 
+from .settings import Recognition
 from .trial import (
     ABSTAINED,
     CORRECT,
@@ -51,57 +47,46 @@ COLUMNS = {"loc": f"{OFF_ROUTE}: votes", "loc_check": f"{OFF_ROUTE}: vlad+check"
 STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
 
 
-def run_places_config(config: RunConfig, folder: Path) -> dict[str, Any]:
-    """Run the task and return its row, written whatever the outcome; the cause of a failure stands under `_cause`."""
-    if "driving" not in config.source.settings.provides:
-        raise ConfigError("task=places needs a simulated world; type source=simulator")
-    return run_task(identity(config), config, folder, lambda: run_places(config, folder))
+class PlacesJob:
+    """Survey, query, judge."""
+
+    def __init__(self, settings: Recognition, context: TaskContext) -> None:
+        self.settings, self.context = settings, context
+
+    def run(self) -> Mapping[str, Value]:
+        """The columns of the row; places.csv and precision_recall.csv hold the tables."""
+        settings, folder, seed = self.settings, self.context.folder, self.context.seed
+        stored, parts = lap(self.context, settings, seed=seed)
+        queried, _ = lap(self.context, settings, seed=seed + QUERY_SEED, off_route=True)
+        views = [replace(v, features=v.features if k % settings.every == 0 else None) for k, (v, _) in enumerate(stored)]
+        memory = memory_of(views)
+        save(memory, folder / "places.npz")
+        asked = [step for k, step in enumerate(queried) if k % settings.ask_every == 0]
+        queries = [Query(view.features, view.camera, view.map_from_body) for view, _ in asked if view.features is not None]
+        rest = [self.query(view, step) for k, (view, step) in enumerate(stored) if views[k].features is None]
+        answers = named(SAME_LAP, trial(memory, rest, checks=settings.checks, seed=seed, kinds=("votes", "vlad")))
+        answers |= named(OFF_ROUTE, trial(memory, queries, checks=settings.checks, seed=seed))
+        answers["sequence"] = sequences(parts, views, queried, settings)
+        write_tables(folder, answers)
+        return columns(memory, answers)
+
+    def query(self, view: View, step: Step) -> Query:
+        """A view as it was taken: what the odometry said about walls later is not known to it."""
+        return Query(features(step.observation, self.context.features), view.camera, view.map_from_body)
 
 
-def run_places(config: RunConfig, folder: Path) -> dict[str, Any]:
-    """Survey, query, judge; the columns of the row."""
-    stored, parts = lap(config, folder, seed=config.seed)
-    queried, _ = lap(config, folder, seed=config.seed + QUERY_SEED, off_route=True)
-    views = [replace(v, features=v.features if k % config.places.every == 0 else None) for k, (v, _) in enumerate(stored)]
-    memory = memory_of(views)
-    save(memory, folder / "places.npz")
-    asked = [step for k, step in enumerate(queried) if k % config.places.ask_every == 0]
-    queries = [Query(view.features, view.camera, view.map_from_body) for view, _ in asked if view.features is not None]
-    rest = [_query(view, step, config) for k, (view, step) in enumerate(stored) if views[k].features is None]
-    checks, seed = config.places.checks, config.seed
-    answers = named(SAME_LAP, trial(memory, rest, checks=checks, seed=seed, kinds=("votes", "vlad")))
-    answers |= named(OFF_ROUTE, trial(memory, queries, checks=checks, seed=seed))
-    answers["sequence"] = sequences(parts, views, queried, config)
-    write_tables(folder, answers)
-    precision_recall_picture(folder)
-    return columns(memory, answers)
-
-
-def _query(view: View, step: Step, config: RunConfig) -> Query:
-    """A view as it was taken: what the odometry said about walls later is not known to it."""
-    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
-    return Query(features(step.observation, shared), view.camera, view.map_from_body)
-
-
-def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) -> tuple[list[tuple[View, Step]], Parts]:
+def lap(context: TaskContext, settings: Recognition, *, seed: int, off_route: bool = False,
+        ) -> tuple[list[tuple[View, Step]], Parts]:
     """One led lap as (view at its true pose, step) pairs, key-points in every view, and the parts it was led with.
 
     off_route: led `places.off_route_m` rms beside the route and `places.off_route_deg` off its heading; its views are
-    queries and stay as they were taken. The others are stored: with one eye their key-points get the depths of the walls
-    that the odometry settled on, errors and all."""
-    from rhs.worlds.world import load_world
-
-    chosen = dict(config.chosen())
-    if off_route:
-        places, led_as = config.places, chosen["source"].settings
-        wobbling = replace(led_as, wobble_m=places.off_route_m, wobble_deg=places.off_route_deg)
-        chosen["source"] = replace(chosen["source"], settings=wobbling)
-    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
-    parts = build(chosen, seed=seed, world=load_world(config.world), folder=folder, features=shared)
+    queries and stay as they were taken. The others are stored: with a single camera their key-points get the depths of the
+    walls that the odometry settled on, errors and all."""
+    wobble = {"source": {"wobble_m": settings.off_route_m, "wobble_deg": settings.off_route_deg}}
+    parts = context.parts(seed=seed, changes=wobble if off_route else {})
     try:
-        collector = ViewCollector(1, shared, features)
-        led = Led(se2(*parts.source.facts.start), parts.mapper)
-        taken = list(collector.watch(steps(parts.source, parts.sensor, parts.odometry, led)))
+        collector = ViewCollector(1, context.features, features)
+        taken = list(collector.watch(context.lead(parts)))
     finally:
         parts.source.close()
     views = collector.views if off_route else revise(collector.views, parts.odometry)[0]
@@ -112,17 +97,18 @@ def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) 
     return out, parts
 
 
-def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]], config: RunConfig) -> list[Answered]:
+def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]],
+              settings: Recognition) -> list[Answered]:
     """The localiser started from nothing at many views of the queried lap and led for `places.sequence_m`: right, or wrong
     and sure of it, or (abstained) honest about not knowing."""
     parts.localiser.learn(views, draw(tuple(views), parts.mapper))
     out = []
     last = len(queried) - 1
-    for begin in np.linspace(0, 0.9 * last, config.places.sequences).astype(int):
+    for begin in np.linspace(0, 0.9 * last, settings.sequences).astype(int):
         parts.localiser.start(None)
         way_m, k = 0.0, int(begin)
         belief = parts.localiser.update(_seen(queried[k][1]), STILL)
-        while way_m < config.places.sequence_m and k < last:
+        while way_m < settings.sequence_m and k < last:
             k += 1
             step = queried[k][1]
             way_m += float(np.hypot(*planar(step.motion.previous_from_body)[:2]))
@@ -159,10 +145,3 @@ def write_tables(folder: Path, answers: dict[str, list[Answered]]) -> None:
     for name, text in (("places.csv", lines), ("precision_recall.csv", curve)):
         with replacing(folder / name) as file:
             file.write("".join(text))
-
-
-def told(folder: Path) -> str:
-    """places.csv as text, with the thesis's figures above ours."""
-    rows = [line.split(",") for line in (folder / "places.csv").read_text(encoding="utf-8").splitlines()]
-    rows.insert(1, ["thesis (votes)", "-", "0.80", "0.08", "0.12", "-", "-"])
-    return "\n".join(f"{row[0]:<28}" + "".join(f"{cell:>11}" for cell in row[1:]) for row in rows)

@@ -23,7 +23,7 @@ from rhs.api.geometry import Camera
 
 from .bending import KNOT, Profile, Winding
 from .mosaic import Mosaic, shift_between
-from .settings import Unroll
+from .settings import Unrolling
 from .unrolling import ALONG, ENOUGH, REMEMBERED, SEEN_SIZES, STRAYS, Unroller, View, seen_from
 
 BASE = 0.8  # sizes between the views of a pair: less shows little relief, more and the near wall is no longer the same
@@ -40,7 +40,7 @@ PLACES = len(EARLIER) + len(LATER)
 class BendFinder:
     """Look at views in order; `winding` is the tube they show."""
 
-    def __init__(self, settings: Unroll, camera: Camera) -> None:
+    def __init__(self, settings: Unrolling, camera: Camera) -> None:
         self._settings, self._camera = settings, camera
         self.profile = Profile()
         self.profile.reach(SEEN_SIZES + 2.0)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 
-from .settings import Unroll
+from .settings import Unrolling
 
 KINDS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
@@ -20,7 +20,7 @@ class Folder:
     """Iterates over gray pictures (H, W) uint8; `camera` is the one of the settings. Every picture is read once before
     anything is unrolled. Raises ConfigError in words."""
 
-    def __init__(self, settings: Unroll) -> None:
+    def __init__(self, settings: Unrolling) -> None:
         folder = Path(settings.path).expanduser()
         if not folder.is_dir():
             found = "a file" if folder.exists() else "nothing"

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from rhs.api.files import write_whole
-from rhs.reports.charts import new_figure, save
+from rhs.plots import new_figure, save
 
-from .settings import Unroll
+from .settings import Unrolling
 
 
-def overview(folder: Path, settings: Unroll, row: dict[str, Any]) -> Path:
+def overview(folder: Path, settings: Unrolling, row: dict[str, Any]) -> Path:
     """overview.png of a run folder of the task."""
     from matplotlib.image import imread
 
@@ -45,7 +45,7 @@ def _fits(axes: Any, folder: Path) -> None:
     axes.set_xlabel("where the view was taken [m along the tube]; red: not registered", fontsize=8)
 
 
-def _title(settings: Unroll, row: dict[str, Any]) -> str:
+def _title(settings: Unrolling, row: dict[str, Any]) -> str:
     words = [f"{settings.shape} section, {row['strips']} strips, pose {settings.pose}, stitched by {settings.stitch}"]
     if row.get("mosaic_correlation") == row.get("mosaic_correlation") and "mosaic_correlation" in row:
         words.append(f"correlation with the true texture {row['mosaic_correlation']:.3f}")

@@ -3,49 +3,56 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.api.task import Job, TaskContext
 
 
 @dataclass
-class Unroll:
-    """The unrolling task: the wall of a tube or corridor as one flat picture."""
+class Unrolling:
+    """How the wall of a tube or corridor becomes one flat picture."""
 
-    # folder of pictures in the order of their names (png, jpg); empty: the views of the source
     path: str = ""
-    # of the camera that took them: [fx,fy,cx,cy] in pixels
+    """folder of pictures in the order of their names (png, jpg); empty: the views of the source"""
     intrinsics: list[float] = field(default_factory=list)
-    # and of its lens: k1, k2, p1, p2, k3 as OpenCV has them; empty: none
+    """of the camera that took them: [fx,fy,cx,cy] in pixels"""
     distortion: list[float] = field(default_factory=list)
-    # the section: round or rectangular
+    """and of its lens: k1, k2, p1, p2, k3 as OpenCV has them; empty: none"""
     shape: str = "round"
-    # its radius, or half its width, metres
+    """the section: round or rectangular"""
     size_m: float = 0.25
-    # height over width of a rectangular section
+    """its radius, or half its width, metres"""
     aspect: float = 1.0
-    # how it bends from the first view on: metres of a piece and its bend in degrees (left positive), one after the other
+    """height over width of a rectangular section"""
     pieces: list[float] = field(default_factory=list)
-    # the bend: told (by `pieces`; straight if they are empty), or found from the views, which are looked at twice for it
-    bend: str = "told"
-    # where the camera is at the first view, left of and above the middle of the section, metres; it looks along the tube
+    """how it bends from the first view on: metres of a piece and its bend in degrees (left positive), one after the
+    other"""
+    bend: str = "given"
+    """the bend: given (by `pieces`; straight if they are empty), or found from the views, which are looked at twice for
+    it"""
     start_left_m: float = 0.0
+    """where the camera is at the first view, left of and above the middle of the section, metres; it looks along the
+    tube"""
     start_up_m: float = 0.0
-    # a strip begins so many sizes ahead of the camera ...
+    """where the camera is at the first view, left of and above the middle of the section, metres; it looks along the
+    tube"""
     near_sizes: float = 1.2
-    # ... and ends so many ahead; further away a pixel covers too much wall
+    """a strip begins so many sizes ahead of the camera ..."""
     far_sizes: float = 3.5
-    # side of a pixel of the mosaic, share of size_m
+    """... and ends so many ahead; further away a pixel covers too much wall"""
     pixel_share: float = 0.02
-    # where each strip is seen from: fitted (to the mosaic so far), or centred on the axis as in the thesis
+    """side of a pixel of the mosaic, share of size_m"""
     pose: str = "fitted"
-    # a strip is put on the mosaic by: homography (thesis), or where its pose says (none)
+    """where each strip is seen from: fitted (to the mosaic so far), or centred on the axis as in the thesis"""
     stitch: str = "homography"
+    """a strip is put on the mosaic by: homography (thesis), or where its pose says (none)"""
 
     def __post_init__(self) -> None:
         check_choice("unroll", "shape", self.shape, ("round", "rectangular"))
-        check_choice("unroll", "bend", self.bend, ("told", "found"))
+        check_choice("unroll", "bend", self.bend, ("given", "found"))
         if self.bend == "found" and self.pieces:
-            raise ConfigError("unroll.bend=found leaves nothing to tell; type unroll.pieces=[] or unroll.bend=told")
+            raise ConfigError("unroll.bend=found leaves nothing to give; type unroll.pieces=[] or unroll.bend=given")
         check_choice("unroll", "pose", self.pose, ("fitted", "centred"))
         check_choice("unroll", "stitch", self.stitch, ("homography", "none"))
         check_range("unroll", "size_m", self.size_m, low=1e-3, high=100.0, unit="m")
@@ -73,3 +80,19 @@ class Unroll:
             check_range("unroll", "distortion", value, low=-10.0, high=10.0)
         if self.path and not self.intrinsics:
             raise ConfigError("unroll.path needs the camera that took the pictures; type unroll.intrinsics=[fx,fy,cx,cy]")
+
+
+@dataclass
+class Unroll:
+    """The wall of a tube or corridor as one flat picture (thesis section 4.3)."""
+
+    unroll: Unrolling = field(default_factory=Unrolling)
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+    kinds: ClassVar[tuple[str, ...]] = ("source", "sensor")
+
+    def build(self, context: TaskContext) -> Job:
+        from .task import UnrollJob
+
+        return UnrollJob(self.unroll, context)

@@ -9,80 +9,72 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import FeatureSettings
-from rhs.api.files import replacing
-from rhs.api.floorplan import World
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
-from rhs.config.compose import RunConfig, identity
-from rhs.config.parts import Parts, build
+from rhs.api.files import replacing
+from rhs.api.geometry import Camera
+from rhs.api.task import Parts, TaskContext, Value
 from rhs.estimation.views.features import gray, write_image
-from rhs.patrol.task_row import run_task
 
 from .bend_finder import BendFinder
 from .bending import Winding
 from .folder import Folder
 from .mosaic import correlation
-from .settings import Unroll
-from .truth import TextureJudge, judge_of
+from .pictures import overview
+from .settings import Unrolling
+from .truth import DepthJudge, TextureJudge
 from .unrolling import Stitched, Unroller
 
 
-def run_unroll_config(config: RunConfig, folder: Path) -> dict[str, Any]:
-    """Run the task and return its row, written whatever the outcome; the cause of a failure stands under `_cause`.
+class UnrollJob:
+    """The views of the source, or the pictures of a folder, unrolled."""
 
-    Raises ConfigError before anything ran, for what can be refused."""
-    pictures = Folder(config.unroll) if config.unroll.path else None
-    row = run_task(identity(config), config, folder,
-                   lambda: from_folder(pictures, config.unroll, folder) if pictures else from_source(config, folder))
-    if row["_cause"] is None:
-        from .pictures import overview
+    def __init__(self, settings: Unrolling, context: TaskContext) -> None:
+        self.settings, self.folder = settings, context.folder
+        self.pictures = Folder(settings) if settings.path else None
+        self.parts = None if self.pictures else context.parts()
+        self.knows_texture = not self.pictures and "texture" in context.settings("source").provides
 
-        overview(folder, config.unroll, row)
-    return row
+    def run(self) -> Mapping[str, Value]:
+        """The columns of the row; mosaic.png, strips.csv and overview.png lie in the folder."""
+        row = self.from_folder(self.pictures) if self.pictures else self.from_source(self.parts)
+        overview(self.folder, self.settings, row)
+        return row
 
+    def from_folder(self, pictures: Folder) -> dict[str, Any]:
+        """Columns of a run over pictures of which nothing else is known."""
+        unroller, strips, cpu_ms = unrolled(iter(pictures), pictures.camera, self.settings)
+        write_image(self.folder / "mosaic.png", shown(unroller.mosaic.picture()))
+        write_strips(self.folder, strips)
+        return columns(unroller, strips, self.settings) | {"world": Path(self.settings.path).name, "unroll_ms": cpu_ms}
 
-def from_folder(pictures: Folder, settings: Unroll, folder: Path) -> dict[str, Any]:
-    """Columns of a run over pictures of which nothing else is known."""
-    unroller, strips, cpu_ms = unrolled(iter(pictures), pictures.camera, settings)
-    write_image(folder / "mosaic.png", shown(unroller.mosaic.picture()))
-    write_strips(folder, strips)
-    return columns(unroller, strips, settings) | {"world": Path(settings.path).name, "unroll_ms": cpu_ms}
-
-
-def from_source(config: RunConfig, folder: Path) -> dict[str, Any]:
-    """Columns of a run over the views of the source, judged by its true texture."""
-    settings, parts = config.unroll, parts_of(config, folder)
-    try:
-        judge = judge_of(config, parts)
-        unroller, strips, cpu_ms = unrolled(watched(parts, judge), parts.source.camera, settings)
+    def from_source(self, parts: Parts) -> dict[str, Any]:
+        """Columns of a run over the views of the source, judged by its true texture."""
+        judge = (TextureJudge if self.knows_texture else DepthJudge)(self.settings, parts.source)
+        unroller, strips, cpu_ms = unrolled(watched(parts, judge), parts.source.camera, self.settings)
         truth = judge.texture(unroller.mosaic)
-    finally:
-        parts.source.close()
-    picture = unroller.mosaic.picture()
-    write_image(folder / "mosaic.png", shown(picture))
-    write_strips(folder, strips)
-    both = np.isfinite(picture) & np.isfinite(truth)
-    if both.any():
-        write_image(folder / "truth.png", shown(truth))
-    found = {
-        "world": parts.source.facts.name,
-        "mosaic_correlation": correlation(picture[both], truth[both]) if both.any() else float("nan"),
-        "along_error_pct": judge.along_error_percent(strips[-1].along_m),
-        "bend_error_deg": judge.heading_error_deg(unroller, strips[-1].along_m),
-        "unroll_ms": cpu_ms,
-    }
-    return columns(unroller, strips, settings) | found
+        picture = unroller.mosaic.picture()
+        write_image(self.folder / "mosaic.png", shown(picture))
+        write_strips(self.folder, strips)
+        both = np.isfinite(picture) & np.isfinite(truth)
+        if both.any():
+            write_image(self.folder / "truth.png", shown(truth))
+        return columns(unroller, strips, self.settings) | {
+            "world": parts.source.facts.name,
+            "mosaic_correlation": correlation(picture[both], truth[both]) if both.any() else float("nan"),
+            "along_error_pct": judge.along_error_percent(strips[-1].along_m),
+            "bend_error_deg": judge.heading_error_deg(unroller, strips[-1].along_m),
+            "unroll_ms": cpu_ms,
+        }
 
 
-def unrolled(views: Iterator[np.ndarray], camera: Camera, settings: Unroll) -> tuple[Unroller, list[Stitched], float]:
+def unrolled(views: Iterator[np.ndarray], camera: Camera, settings: Unrolling) -> tuple[Unroller, list[Stitched], float]:
     """All views (H, W) gray unrolled in order, after one look at all of them if the bend is to be found; CPU milliseconds
     per view."""
     tube, first_look_ms = None, 0.0
@@ -99,7 +91,7 @@ def unrolled(views: Iterator[np.ndarray], camera: Camera, settings: Unroll) -> t
     return unroller, strips, float(np.median(cost)) + first_look_ms
 
 
-def found_tube(views: list[np.ndarray], camera: Camera, settings: Unroll) -> tuple[Winding, float]:
+def found_tube(views: list[np.ndarray], camera: Camera, settings: Unrolling) -> tuple[Winding, float]:
     """The tube as the views show it to bend; CPU milliseconds per view (mean)."""
     begin, finder = time.process_time(), BendFinder(settings, camera)
     for view in views:
@@ -107,7 +99,7 @@ def found_tube(views: list[np.ndarray], camera: Camera, settings: Unroll) -> tup
     return finder.winding, 1e3 * (time.process_time() - begin) / max(len(views), 1)
 
 
-def columns(unroller: Unroller, strips: list[Stitched], settings: Unroll) -> dict[str, Any]:
+def columns(unroller: Unroller, strips: list[Stitched], settings: Unrolling) -> dict[str, Any]:
     """What can be said without a truth."""
     picture = unroller.mosaic.picture()
     agreement = np.array([strip.agreement for strip in strips[1:]])
@@ -123,7 +115,7 @@ def columns(unroller: Unroller, strips: list[Stitched], settings: Unroll) -> dic
     }
 
 
-def turned_deg(unroller: Unroller, settings: Unroll, along_m: float) -> float:
+def turned_deg(unroller: Unroller, settings: Unrolling, along_m: float) -> float:
     """How far the tube has turned to the left up to there, as it was told or found."""
     forward = unroller.tube.pose(along_m / settings.size_m)[:2, 0]
     return float(np.degrees(np.arctan2(forward[1], forward[0])))
@@ -145,14 +137,6 @@ def shown(picture: np.ndarray) -> np.ndarray:
     out = np.repeat(grey[:, :, None], 3, axis=2)
     out[~np.isfinite(picture)] = (70, 90, 130)
     return out
-
-
-def parts_of(config: RunConfig, folder: Path) -> Parts:
-    from rhs.worlds.world import load_world
-
-    world: World | None = load_world(config.world) if "driving" in config.source.settings.provides else None
-    shared = FeatureSettings(config.features.count, config.features.contrast, config.features.ratio)
-    return build(config.chosen(), seed=config.seed, world=world, folder=folder, features=shared)
 
 
 def watched(parts: Parts, judge: TextureJudge) -> Iterator[np.ndarray]:

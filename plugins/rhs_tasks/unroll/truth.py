@@ -7,25 +7,17 @@ from typing import Any
 import numpy as np
 
 from rhs.api.geometry import inverse
-from rhs.config.compose import RunConfig
-from rhs.config.parts import Parts
 from rhs.estimation.views.features import gray
 
 from .mosaic import Mosaic
-from .settings import Unroll
+from .settings import Unrolling
 from .unrolling import Unroller, tube_of
-
-
-def judge_of(config: RunConfig, parts: Parts) -> TextureJudge:
-    """The judge for this source: it knows its texture, or its true depth and poses paint one."""
-    known = "texture" in config.source.settings.provides
-    return (TextureJudge if known else DepthJudge)(config.unroll, parts.source)
 
 
 class TextureJudge:
     """Knows the texture from the source itself (one that provides `texture`)."""
 
-    def __init__(self, settings: Unroll, source: Any) -> None:
+    def __init__(self, settings: Unrolling, source: Any) -> None:
         self._settings, self._source = settings, source
         self._tube, self._unit_m = tube_of(settings), settings.size_m
         if hasattr(source, "tube"):  # who has a texture may know its tube, too: then that is the truth, whatever was told
@@ -72,7 +64,7 @@ class DepthJudge(TextureJudge):
 
     REACH = 0.15  # a pixel counts when it lies this near the wall of the section (sizes): not beyond doors and corners
 
-    def __init__(self, settings: Unroll, source: Any) -> None:
+    def __init__(self, settings: Unrolling, source: Any) -> None:
         super().__init__(settings, source)
         self._points: list[np.ndarray] = []  # (N, 4) along, around, grey, weight
 

@@ -21,7 +21,7 @@ from rhs.worlds.tubes import RectangularSection, RoundSection, Tube
 
 from .bending import Winding
 from .mosaic import Mosaic, Strip, follow, homography, sample, shift_between
-from .settings import Unroll
+from .settings import Unrolling
 
 # A place: along the tube, left of and above the middle (sizes), turned by a rotation vector against the section (rad).
 # All lengths here are in sizes of the section.
@@ -63,7 +63,7 @@ class Stitched:
 class Unroller:
     """Takes gray views in order; `mosaic` grows."""
 
-    def __init__(self, settings: Unroll, camera: Camera, tube: Tube | Winding | None = None) -> None:
+    def __init__(self, settings: Unrolling, camera: Camera, tube: Tube | Winding | None = None) -> None:
         """tube: in sizes of the section; None: as the settings have it."""
         self._settings, self._camera, self._size_m = settings, camera, settings.size_m
         self.tube = tube or tube_of(settings)
@@ -76,7 +76,7 @@ class Unroller:
         self._last: np.ndarray | None = None
 
     def add(self, picture: np.ndarray) -> Stitched:
-        """Unroll one (H, W) gray view and stitch it on."""
+        """Unrolling one (H, W) gray view and stitch it on."""
         place, points, residual = self.place, 0, np.nan
         if self._last is not None:
             place, points, residual = self._moved(picture, self._last)
@@ -202,7 +202,7 @@ def seen_from(tube: Tube | Winding, camera: Camera, values: np.ndarray, wall: np
     return camera.project(body @ BODY_FROM_OPTICAL)
 
 
-def tube_of(settings: Unroll) -> Tube:
+def tube_of(settings: Unrolling) -> Tube:
     """The tube of the settings in sizes of its section."""
     section = RoundSection(1.0) if settings.shape == "round" else RectangularSection(1.0, settings.aspect)
     pairs = zip(settings.pieces[::2], settings.pieces[1::2], strict=True)

@@ -36,6 +36,18 @@ class FakeSource:
 
 
 @dataclass
+class FakeImuSource(FakeSource):
+    """The same with an inertial measurement unit: five readings between two views."""
+
+    provides: ClassVar[frozenset[str]] = FakeSource.provides | {"imu"}
+
+    def build(self, context: Any) -> Any:
+        from .room import ImuRoom
+
+        return ImuRoom(self, context)
+
+
+@dataclass
 class FakeSensor:
     """Passes on the wheel with a little noise."""
 
@@ -75,6 +87,31 @@ class FakeEye(FakeOdometry):
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan"})
+
+
+@dataclass
+class FakeInertial(FakeOdometry):
+    """Turns as the gyroscope says."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"imu"})
+
+    def build(self, context: Any) -> Any:
+        from .room import Inertial
+
+        return Inertial()
+
+
+@dataclass
+class FakeSlam:
+    """Counts wheels, and knows the room: a map, a trajectory and a belief in one part."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
+    provides: ClassVar[frozenset[str]] = NOTHING
+
+    def build(self, context: Any) -> Any:
+        from .slam import WheelSlam
+
+        return WheelSlam(context)
 
 
 @dataclass
@@ -218,11 +255,15 @@ class FakePlanner:
     samples: int = 100
     step_m: float = 0.5  # longest edge, metres
     mode: str = "fast"
+    """a word"""
     smooth: bool = True
+    """a switch"""
     # numbers of several kinds
     weights: list[float] = field(default_factory=lambda: [1.0, 2.0])
     limit: float | None = None
+    """a number or none"""
     norm: Literal["l1", "l2"] = "l2"
+    """one of two words"""
 
     def __post_init__(self) -> None:
         check_range("planner.fake", "samples", self.samples, low=1, high=1_000_000)

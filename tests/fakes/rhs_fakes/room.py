@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,17 @@ class Room:
         self.closed = True
 
 
+class ImuRoom(Room):
+    """The room with an IMU: (5, 7) rows of time, angular velocity and acceleration."""
+
+    def _move(self, forward_m: float, turn_rad: float, duration_s: float) -> Capture:
+        capture = super()._move(forward_m, turn_rad, duration_s)
+        imu = np.zeros((5, 7))
+        imu[:, 0] = self.stamp_s - duration_s * np.linspace(0.8, 0.0, 5)
+        imu[:, 3] = turn_rad / duration_s
+        return replace(capture, extras={"imu": imu})
+
+
 class Wheel:
     def __init__(self, context: Any) -> None:
         self.camera, self.rng = context.camera, context.rng
@@ -74,6 +86,18 @@ class Counter:
 
     def revise(self) -> None:
         return None
+
+
+class Inertial(Counter):
+    """Distance by the wheel, heading by the gyroscope."""
+
+    def update(self, observation: Observation) -> Motion:
+        motion = super().update(observation)
+        if "imu" not in observation.extras or observation.index == 1:
+            return motion
+        seconds = 5 * float(np.diff(observation.extras["imu"][:2, 0])[0])
+        turn_rad = float(observation.extras["imu"][:, 3].mean()) * seconds
+        return replace(motion, previous_from_body=se2(motion.previous_from_body[0, 3], 0.0, turn_rad))
 
 
 class Closer:

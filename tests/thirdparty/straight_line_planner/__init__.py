@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from rhs.api.contracts import Context
-from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.api.errors import check_range
+from rhs.api.records import Path, PlanningProblem, PlanReason
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Make a valid path shorter without leaving the free cells: string pulling, the same for every planner.
+"""Make a free path shorter without leaving the free cells: string pulling, the same for every planner's path.
 
 Drop points that can be skipped, then slide every bend towards its neighbours as far as sight allows (rope shortening,
 after Geraerts and Overmars, "Creating high-quality paths for motion planning", 2007, but without chance). The result
@@ -7,16 +7,54 @@ is nearly the shortest path that passes the obstacles on the same sides. No rand
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba as nb
 import numpy as np
 
 from rhs.api.jit import typed
+from rhs.api.records import Path, PlanningProblem
 
-from .line import GRID, NEW_POINTS, POINTS, polyline_free, segment_free
+from .line import GRID, NEW_POINTS, POINTS, polyline_free, scaled, segment_free
 
 _HALVINGS = 12  # bisection steps: a bend is placed to 2e-4 of its segment in one round, and better by the next
 _AHEAD = 4  # points looked ahead after a round: what comes into sight by it is near, and long looks cost most
 _ENOUGH = 1e-5  # stop when a round gains less than this share of the length
+_ROUNDS = 60  # of pulling at most; it stops by itself much earlier
+
+
+def shortened(path: Path, problem: PlanningProblem) -> Path:
+    """The path with points_m pulled tight and raw_m as the planner gave it; the same path where there is nothing to pull:
+    no path, one that is not free, or one whose shape its planner asks to keep."""
+    given = np.asarray(path.points_m, float)
+    short = given if path.keep_shape or not path.found else shorten_m(given, problem)
+    return replace(path, points_m=short, raw_m=given)
+
+
+def shorten_m(points_m: np.ndarray, problem: PlanningProblem) -> np.ndarray:
+    """(M, 2) metres: the polyline (N, 2) pulled tight between the same ends; unchanged if it is not free.
+
+    A start in a blocked cell stays joined to the first point in a free cell as it is; from there on it is pulled.
+    """
+    step, (x, y) = problem.resolution_m, problem.origin_m
+    grid = np.pad(np.asarray(problem.blocked, bool), 1, constant_values=True).astype(np.uint8)
+    cells = (np.asarray(points_m, float) - (x - step, y - step)) / step
+    near = np.rint(2.0 * cells) / 2.0  # borders and middles of cells are met exactly
+    cells = np.where(np.abs(cells - near) < 1e-9, near, cells)
+    column_row = np.floor(cells)
+    if not len(cells) or not ((column_row >= 0) & (column_row < grid.shape[::-1])).all():
+        return points_m
+    inside = column_row.astype(int)
+    begin = int(np.argmin(grid[inside[:, 1], inside[:, 0]]))  # the first point in a free cell
+    tail = np.ascontiguousarray(cells[begin:])
+    if not polyline_free(grid, tail):
+        return points_m
+    short = shorten(grid, tail, _ROUNDS)
+    if not polyline_free(grid, short):
+        return points_m
+    pulled = np.vstack([points_m[:begin], scaled(short, step, x - step, y - step)])
+    pulled[begin], pulled[-1] = points_m[begin], points_m[-1]
+    return pulled
 
 
 @typed(NEW_POINTS(GRID, POINTS, nb.int64))
@@ -108,20 +146,3 @@ def shorten(grid, points, rounds):
             best, before = trial, after
         best, flipped = best[::-1].copy(), not flipped
     return best[::-1].copy() if flipped else best
-
-
-@typed(NEW_POINTS(POINTS, nb.float64, nb.float64, nb.float64))
-def scaled(points, step, x, y):
-    """(N, 2) times step plus (x, y)."""
-    out = np.empty(points.shape)
-    for k in range(len(points)):
-        out[k, 0], out[k, 1] = points[k, 0] * step + x, points[k, 1] * step + y
-    return out
-
-
-@typed(nb.types.Tuple((NEW_POINTS, NEW_POINTS, nb.boolean))(GRID, POINTS, nb.int64, nb.types.UniTuple(nb.float64, 3)))
-def settled(grid, points, rounds, frame):
-    """The path shortened and as it was, both times frame[0] plus frame[1:], and whether both were free: one crossing."""
-    short = shorten(grid, points, rounds)
-    free = polyline_free(grid, points) and polyline_free(grid, short)
-    return scaled(short, frame[0], frame[1], frame[2]), scaled(points, frame[0], frame[1], frame[2]), free

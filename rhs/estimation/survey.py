@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import FeatureSettings, LoopCloser, Mapper, Odometry
-from rhs.api.frozen import seal, with_sealed_copies
+from rhs.api.frozen import seal
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Features, Observation, Step, View, Wall
-from rhs.base.errors import ContractError
+from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
 from rhs.estimation.scans.wall_rays import lift_on_walls
 
 
@@ -47,15 +47,14 @@ class ViewCollector:
             self.views[-1] = replace(self.views[-1], features=seal(self.features(self.last, self.settings)))
 
 
-def revise(views: list[View], odometry: Odometry) -> tuple[tuple[View, ...], tuple[Wall, ...]]:
+def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",
+           reach_m: float = FAR_M) -> tuple[tuple[View, ...], tuple[Wall, ...]]:
     """The views with the poses, scans and feature depths that the odometry settled on at the end, if it did; the walls it
-    found, in the frame of these poses."""
+    found, in the frame of these poses. who: the odometry as typed, for errors."""
     revision = odometry.revise()
     if revision is None:
         return tuple(views), ()
-    if len(revision.poses) != len(views) or len(revision.scans) != len(views):
-        raise ContractError(f"odometry {type(odometry).__name__}.revise() returned {len(revision.poses)} poses and "
-                            f"{len(revision.scans)} scans for {len(views)} views")
+    revision = check_revision(revision, len(views), who=who, reach_m=reach_m)
     begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
     revised = [replace(view, map_from_body=seal(begun @ pose), scan=seal(scan),
                        features=_lifted(view, pose, revision.walls))
@@ -96,23 +95,20 @@ def wall_rows(walls: tuple[Wall, ...]) -> list[dict[str, Any]]:
             for wall in walls]
 
 
-def close(views: tuple[View, ...], loop_closer: LoopCloser) -> tuple[tuple[View, ...], Closure]:
-    """The views moved to the poses the loop closer found."""
-    closure = loop_closer.close(views)
-    if closure.poses.shape != (len(views), 4, 4) or not np.all(np.isfinite(closure.poses)):
-        raise ContractError(f"loop closer {type(loop_closer).__name__} returned poses of shape {closure.poses.shape}, "
-                            f"expected finite ({len(views)}, 4, 4)")
-    closure = with_sealed_copies(closure, "poses")
+def close(views: tuple[View, ...], loop_closer: LoopCloser, *, who: str = "loop_closer",
+          reach_m: float = FAR_M) -> tuple[tuple[View, ...], Closure]:
+    """The views moved to the poses the loop closer found. who: the loop closer as typed, for errors."""
+    closure = check_closure(loop_closer.close(views), views, who=who, reach_m=reach_m)
     return tuple(replace(v, map_from_body=p) for v, p in zip(views, closure.poses, strict=True)), closure
 
 
-def draw(views: tuple[View, ...], mapper: Mapper) -> OccupancyGrid:
-    """The map, drawn anew from the corrected poses."""
+def draw(views: tuple[View, ...], mapper: Mapper, *, who: str = "mapper") -> OccupancyGrid:
+    """The map, drawn anew from the corrected poses. who: the mapper as typed, for errors."""
     mapper.reset()
     for view in views:
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
-    return with_sealed_copies(mapper.grid(), "probability")
+    return check_grid(mapper.grid(), who=who)
 
 
 def known_free(grid: OccupancyGrid, views: tuple[View, ...], radius_m: float) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 from rhs.api.geometry import camera_from_fov, inverse, se2
 from rhs.api.records import Closure, Motion, Revision, Tracking, View, Wall
-from rhs.patrol.loop import survey
+from rhs.estimation import survey
 
 CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
 

@@ -1,0 +1,54 @@
+"""Settings of the task that recognises single views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from rhs.api.errors import check_range
+from rhs.api.task import Job, TaskContext
+
+
+@dataclass
+class Recognition:
+    """Which views are stored, which are asked, and how far off the route the asked ones are taken."""
+
+    every: int = 3
+    """a view is stored every so many steps of the survey (thesis 5.2: 3)"""
+    ask_every: int = 3
+    """every so many views of the queried lap is asked"""
+    checks: int = 5
+    """candidates checked by geometry"""
+    off_route_m: float = 0.3
+    """rms distance of the queried lap from the surveyed route, metres"""
+    off_route_deg: float = 8.0
+    """rms of its heading against the route, degrees"""
+    sequences: int = 25
+    """so many times the localiser is started from nothing ..."""
+    sequence_m: float = 3.0
+    """... and led so far before it is judged, metres"""
+
+    def __post_init__(self) -> None:
+        check_range("places", "every", self.every, low=1, high=100_000)
+        check_range("places", "ask_every", self.ask_every, low=1, high=100_000)
+        check_range("places", "checks", self.checks, low=1, high=1000)
+        check_range("places", "off_route_m", self.off_route_m, low=0.0, high=0.3, unit="m")
+        check_range("places", "off_route_deg", self.off_route_deg, low=0.0, high=15.0, unit="degrees")
+        check_range("places", "sequences", self.sequences, low=1, high=100_000)
+        check_range("places", "sequence_m", self.sequence_m, low=0.0, high=1000.0, unit="m")
+
+
+@dataclass
+class Places:
+    """Recognise single views: one survey stored, other views asked one by one (thesis 5.2)."""
+
+    places: Recognition = field(default_factory=Recognition)
+
+    needs: ClassVar[frozenset[str]] = frozenset({"driving"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+    kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "mapper", "localiser")
+
+    def build(self, context: TaskContext) -> Job:
+        from .task import PlacesJob
+
+        return PlacesJob(self.places, context)

@@ -1,0 +1,56 @@
+"""Settings of the task that plans alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import ClassVar
+
+from rhs.api.errors import ConfigError, check_range
+from rhs.api.task import Job, TaskContext
+
+
+@dataclass
+class Problem:
+    """What is planned for."""
+
+    robot_radius_m: float | None = None
+    """the map is grown by this radius, metres; null: what the map or world says"""
+    scenario: int = 0
+    """which problem of a MovingAI .scen file, from 0"""
+    shorten: bool = True
+    """pull every planner's path tight before it is measured; the length it was found with stands beside"""
+    start_radius_m: float = 0.3
+    """a start in a blocked cell may be left over blocked cells this near, metres"""
+
+    def __post_init__(self) -> None:
+        check_range("planning", "start_radius_m", self.start_radius_m, low=0.0, high=10.0, unit="m")
+        if self.robot_radius_m is not None:
+            check_range("planning", "robot_radius_m", self.robot_radius_m, low=0.0, high=100.0, unit="m")
+        check_range("planning", "scenario", self.scenario, low=0, high=10_000_000)
+
+
+@dataclass
+class Planning:
+    """A planner alone on a map: its path is judged and stands beside the true shortest one."""
+
+    start: list[float] = field(default_factory=list)
+    """where to start, [x_m, y_m]; empty: the world's"""
+    goal: list[float] = field(default_factory=list)
+    """where to go, [x_m, y_m]; empty: the world's"""
+    planning: Problem = field(default_factory=Problem)
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+    kinds: ClassVar[tuple[str, ...]] = ("planner",)
+
+    def __post_init__(self) -> None:
+        for key in ("start", "goal"):
+            values = getattr(self, key)
+            if values and (len(values) != 2 or not all(map(isfinite, values))):
+                raise ConfigError(f"{key}={list(values)}: expected 2 finite numbers")
+
+    def build(self, context: TaskContext) -> Job:
+        from .task import PlanningJob
+
+        return PlanningJob(self, context)

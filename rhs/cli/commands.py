@@ -1,0 +1,107 @@
+"""`python -m rhs COMMAND ...`: what is not a run."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from importlib import import_module
+
+from rhs.base.errors import ConfigError, RhsError
+
+# command -> (module, what it does). Each module's main(arguments) returns the exit code.
+COMMANDS = {
+    "table": ("rhs.reports.table", "the table of run folders"),
+    "compare": ("rhs.cli.commands", "paired differences between the values of a part or setting: compare planner FOLDER"),
+    "report": ("rhs.reports.report", "pictures and pages of run and sweep folders"),
+    "evaluate": ("rhs.cli.evaluate", "the figures of a run again, or ATE and RPE of two trajectories"),
+    "convert": ("rhs.cli.convert", "recordings: recover a cut one, to and from TUM folders"),
+    "verify": ("rhs.cli.verify", "run it again and compare the rows"),
+    "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
+    "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),
+    "new": ("rhs.cli.new", "a package with a plugin to begin with: new planner my_planner"),
+    "help": ("rhs.cli.commands", "help columns | events | kinds | commands"),
+}
+
+
+def command(words: Sequence[str]) -> Callable[[], int] | None:
+    """What these words ask for, or None when they describe a run."""
+    if not words or words[0] not in COMMANDS:
+        return None
+    name, rest = words[0], list(words[1:])
+    if name == "help":
+        return lambda: show_help(rest)
+    if name == "compare":
+        return lambda: compare(rest)
+    return lambda: int(import_module(COMMANDS[name][0]).main(rest))
+
+
+def plugin_files(words: list[str]) -> tuple[list[str], list[str]]:
+    """(files after --plugin, the other words)."""
+    files, rest = [], []
+    waiting = iter(words)
+    for word in waiting:
+        if word == "--plugin":
+            files.append(next(waiting, ""))
+        elif word.startswith("--plugin="):
+            files.append(word.partition("=")[2])
+        else:
+            rest.append(word)
+    return files, rest
+
+
+def compare(words: Sequence[str]) -> int:
+    """`compare KEY FOLDER ...` is `table FOLDER ... --compare KEY`."""
+    from rhs.reports.table import main
+
+    if len(words) < 2 or words[0].startswith("-"):
+        raise ConfigError("compare: say what and where, for example: python -m rhs compare planner results/sweeps")
+    return main([*words[1:], "--compare", words[0]])
+
+
+def show_help(words: Sequence[str]) -> int:
+    """`help TOPIC`."""
+    from rhs.metrics.dictionary import lines
+
+    topic = words[0] if words else "commands"
+    if topic == "commands":
+        for name, (_, meaning) in COMMANDS.items():
+            sys.stdout.write(f"  python -m rhs {name:<10} {meaning}\n")
+        sys.stdout.write("  python -m rhs --help     options, plugins and settings of a run\n")
+        return 0
+    if topic == "kinds":
+        return _kinds()
+    wanted = {"columns": "Columns", "events": "Events", "statuses": "tatus"}.get(topic)
+    if wanted is None:
+        raise ConfigError(f"help {topic}: there is help columns, events, statuses, kinds and commands; "
+                          f"python -m rhs --help for plugins and settings")
+    section = ""
+    for title, name, meaning in lines():
+        if topic != "columns" and wanted not in title:
+            continue
+        if title != section:
+            sys.stdout.write(f"{'' if not section else chr(10)}{title}\n")
+            section = title
+        for number, line in enumerate(textwrap.wrap(meaning, 82) or [""]):
+            sys.stdout.write(f"  {name if number == 0 else '':<32}{line}\n")
+    return 0
+
+
+def _kinds() -> int:
+    from rhs.api.contracts import PLUGIN_KINDS
+    from rhs.config import registry
+
+    for kind in PLUGIN_KINDS:
+        sys.stdout.write(f"  {kind:<12}{', '.join(registry.names(kind)) or 'none registered'}\n")
+    return 0
+
+
+def run_command(ask: Callable[[], int]) -> int:
+    """Its exit code; what rhs foresaw is one line."""
+    try:
+        return ask()
+    except RhsError as error:
+        sys.stderr.write(f"rhs: {' '.join(str(error).split())}\n")
+        return error.exit_code
+    except BrokenPipeError:
+        return 1

@@ -1,0 +1,76 @@
+"""A SLAM as the chain sees it: one part in the place of odometry, loop closer, mapper and localiser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rhs.api.contracts import Slam
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Belief, Closure, Motion, Observation, Revision, Scan, View
+
+
+def in_place_of(slam: Slam) -> dict[str, Any]:
+    """The four parts that the SLAM takes the place of."""
+    return {"odometry": SlamOdometry(slam), "loop_closer": SlamCloser(slam), "mapper": SlamMapper(slam),
+            "localiser": SlamLocaliser(slam)}
+
+
+class SlamOdometry:
+    """Its motions."""
+
+    keeps_moving = None
+    scale_from = ""
+
+    def __init__(self, slam: Slam) -> None:
+        self._slam = slam
+
+    def update(self, observation: Observation) -> Motion:
+        return self._slam.update(observation)
+
+    def revise(self) -> Revision | None:
+        return None
+
+
+class SlamCloser:
+    """Its trajectory of now: what loops have moved is in it already."""
+
+    def __init__(self, slam: Slam) -> None:
+        self._slam = slam
+
+    def close(self, views: Sequence[View]) -> Closure:
+        return Closure(np.array(self._slam.trajectory(), float))
+
+
+class SlamMapper:
+    """Its map of now."""
+
+    def __init__(self, slam: Slam) -> None:
+        self._slam = slam
+
+    def update(self, map_from_body: np.ndarray, scan: Scan) -> None:
+        """The SLAM has seen it."""
+
+    def grid(self) -> OccupancyGrid:
+        return self._slam.grid()
+
+    def reset(self) -> None:
+        """The SLAM keeps its map."""
+
+
+class SlamLocaliser:
+    """Its belief of now: `update` of the odometry has seen this view."""
+
+    def __init__(self, slam: Slam) -> None:
+        self._slam = slam
+
+    def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
+        """The SLAM was there."""
+
+    def start(self, belief: Belief | None) -> None:
+        """The SLAM knows."""
+
+    def update(self, observation: Observation, motion: Motion) -> Belief:
+        return self._slam.belief()

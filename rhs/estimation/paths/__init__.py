@@ -1,0 +1,1 @@
+"""Paths over grids: is a line free, and how a path is made shorter."""

@@ -1,0 +1,169 @@
+"""The data dictionary: every column of a row and of steps.csv, every event and status, in words.
+
+Metrics say it themselves (rhs.api.metric); here stand the columns that are no metric, and the enumerations.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from rhs.api import contracts, records
+from rhs.api.contracts import PLUGIN_KINDS
+from rhs.config import registry
+
+from .evaluate import metrics
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column in words: name, unit as people write it, meaning, and where it comes from."""
+
+    name: str
+    unit: str
+    meaning: str
+    source: str
+
+
+def _rows(source: str, *columns: tuple[str, str, str]) -> tuple[Column, ...]:
+    return tuple(Column(name, unit, meaning, source) for name, unit, meaning in columns)
+
+
+RUN = _rows(
+    "the run",
+    ("status", "", "how the run ended: see statuses"),
+    ("reason", "", "why it did not end well, in one line"),
+    ("success", "", "1: the run did what was asked of it, 0: it did not; unknown where nothing was asked"),
+    ("failure", "", "why not, in words"),
+    ("task", "", "what was done: patrol, survey, planning, places, unroll, or a plugin's"),
+    ("world", "", "the world, map or recording"),
+    *((kind, "", f"the {kind} plugin") for kind in PLUGIN_KINDS if kind not in ("task", "metric", "engine")),
+    ("seed", "", "seed of every random number"),
+    ("config_hash", "", "10 hex digits of task, kinds it needs, their settings, world and seed"),
+    ("plugins", "", "plugins registered by hand, with their files' names and hashes"),
+    ("commit", "", "git commit of the checkout, + with changes"),
+    ("versions", "", "versions of Python and of the libraries that can change a number"),
+    ("renderer", "", "what drew the views of a simulated run"),
+    ("scale_from", "", "what fixes the scale of the odometry: depth, wheel, or a plugin's own words"),
+    ("lost", "", "what was lost of a damaged recording"),
+    ("views", "", "views taken in all"),
+    ("metric_failures", "", "metrics that failed, and how"),
+    ("picture_failures", "", "pictures that could not be drawn, and why"),
+    ("wall_ms", "ms", "time of the whole run on this machine"),
+    ("real_time_factor", "", "time the robot lived through per time the program took"),
+    ("peak_memory_mb", "MB", "most memory the process held"),
+)
+TASKS = _rows(
+    "rhs_tasks",
+    ("plan_learn_ms", "ms", "task=planning: CPU time to learn the map, before the first question"),
+    ("plan_ms", "ms", "task=planning: CPU time of the first question after learning"),
+    ("plan_again_ms", "ms", "task=planning: CPU time of the same question again"),
+    ("places_stored", "", "task=places: views stored"),
+    ("queries", "", "task=places: views asked off the route"),
+    *((f"loc{name}_{outcome}", "share", f"task=places: answers of {words} that were {outcome}")
+      for name, words in (("", "the plain vote, off the route"), ("_check", "vlad and geometric check, off the route"),
+                          ("_same_lap", "the plain vote, on the same lap"),
+                          ("_same_lap_check", "vlad and geometric check, on the same lap"),
+                          ("_sequence", "the localiser after a sequence of views"))
+      for outcome in ("correct", "near", "wrong", "abstained")),
+    ("strips", "", "task=unroll: views unrolled"),
+    ("strips_registered_share", "share", "task=unroll: views whose strip agreed with the mosaic so far"),
+    ("strip_agreement", "", "task=unroll: correlation of a strip with the mosaic under it, median"),
+    ("strip_agreement_least", "", "task=unroll: the same, least"),
+    ("along_m", "m", "task=unroll: believed way along the tube at the last view"),
+    ("bend_deg", "degrees", "task=unroll: how far the tube has turned to the left by then"),
+    ("mosaic_length_m", "m", "task=unroll: length of the mosaic"),
+    ("mosaic_known_share", "share", "task=unroll: pixels of the mosaic that were seen"),
+    ("mosaic_correlation", "", "task=unroll: correlation with the true texture"),
+    ("along_error_pct", "%", "task=unroll: error of the way along, share of the true one"),
+    ("bend_error_deg", "degrees", "task=unroll: largest error of the tube's direction"),
+    ("unroll_ms", "ms", "task=unroll: CPU time per view, median"),
+)
+STEPS = _rows(
+    "steps.csv",
+    ("index", "", "number of the view, survey and patrol counted on"),
+    ("phase", "", "survey or patrol"),
+    ("stamp_s", "s", "time of the view"),
+    ("mission", "", "number of the mission, 0 in the survey"),
+    ("event", "", "what happened, joined by +: see events"),
+    ("motion_status", "", "how far the motion can be trusted: see motion statuses"),
+    ("motion_reason", "", "why it is not ok, in the odometry's words"),
+    ("motion_replaced", "", "1: the gate put the wheels' motion in the place of the odometry's"),
+    ("belief_status", "", "whether the belief is a place or a hope: see belief statuses"),
+    ("belief_probability", "", "stated chance that the belief is right (0.25 m, 5 degrees)"),
+    ("x_m", "m", "believed position in the map"), ("y_m", "m", "believed position in the map"),
+    ("yaw_rad", "rad", "believed heading in the map, left positive"),
+    ("sigma_x_m", "m", "its standard deviation along x of the map"),
+    ("sigma_y_m", "m", "its standard deviation along y of the map"),
+    ("sigma_yaw_rad", "rad", "its standard deviation in heading"),
+    ("true_x_m", "m", "true position; unknown in most recordings"), ("true_y_m", "m", "true position"),
+    ("true_yaw_rad", "rad", "true heading"),
+    ("clearance_m", "m", "least true distance to anything since the last view; below 0: touched"),
+    ("collided", "", "1: the robot touched something since the last view"),
+    ("forward_mps", "m/s", "command that led to this view: forward"),
+    ("turn_radps", "rad/s", "command that led to this view: turn to the left"),
+    ("duration_s", "s", "command that led to this view: for how long"),
+    ("motion_*", "", "details the odometry tells (inliers, matches, ...)"),
+    ("belief_*", "", "details the localiser tells"),
+    ("*_ms", "ms", "time of a stage: capture, sense, odometry, localise, map, plan"),
+)
+STATUSES = {
+    "ok": "the run went to its end (what it achieved is `success`)",
+    "running": "under way, or its process has vanished without a word",
+    "failed": "something raised an error; `reason` says what",
+    "refused": "not usable, said before anything ran",
+    "interrupted": "ended by Ctrl-C or a signal; what was finished is kept",
+    "timeout": "a job of a sweep took longer than --timeout",
+    "killed": "the process was killed",
+}
+ENUMERATIONS: dict[str, type[StrEnum]] = {
+    "Events (steps.csv, event)": records.Event,
+    "Mission statuses (missions.json)": records.MissionStatus,
+    "Motion statuses (steps.csv, motion_status)": records.Tracking,
+    "Belief statuses (steps.csv, belief_status)": records.Knowing,
+    "Plan reasons (plan_reason, plans.json)": records.PlanReason,
+    "Answers to a blocked way (rhs.replan)": contracts.Blocked,
+}
+
+
+def columns() -> dict[str, Column]:
+    """Every column a row can have, by name, in the order of a table."""
+    known = {column.name: column for column in RUN}
+    for task in registry.names("task"):
+        for metric in metrics(task):
+            known.setdefault(metric.name, Column(metric.name, metric.unit, metric.meaning, metric.source))
+    return known | {column.name: column for column in TASKS if column.name not in known}
+
+
+def members(cls: type[StrEnum]) -> dict[str, str]:
+    """Value -> meaning of the members of an enumeration, from the text after each."""
+    body = ast.parse(textwrap.dedent(inspect.getsource(cls))).body[0]
+    assert isinstance(body, ast.ClassDef)
+    out: dict[str, str] = {}
+    for node, after in zip(body.body, [*body.body[1:], None], strict=True):
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            said = after.value if isinstance(after, ast.Expr) else None
+            text = said.value if isinstance(said, ast.Constant) else ""
+            out[cls[node.targets[0].id].value] = " ".join(str(text).split())
+    return out
+
+
+def lines() -> Iterator[tuple[str, str, str]]:
+    """(section, name, meaning) of everything, for help and documents."""
+    for column in columns().values():
+        yield "Columns of a row", column.name, _with_unit(column)
+    for column in STEPS:
+        yield "Columns of steps.csv", column.name, _with_unit(column)
+    for name, meaning in STATUSES.items():
+        yield "Statuses of a run", name, meaning
+    for title, cls in ENUMERATIONS.items():
+        for name, meaning in members(cls).items():
+            yield title, name, meaning
+
+
+def _with_unit(column: Column) -> str:
+    return f"{column.meaning} [{column.unit}] ({column.source})" if column.unit else f"{column.meaning} ({column.source})"

@@ -1,0 +1,54 @@
+"""The numbers of a run, from the files of its folder alone: every registered metric whose task it is.
+
+What is missing is NaN, never 0. A metric that fails costs its own column: the row says which and why.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rhs.api.metric import Metric
+from rhs.api.trajectory import ALIGNMENTS, read_tum
+from rhs.base.errors import check_choice, check_range
+from rhs.config import registry
+from rhs.runfolder.run import Run
+
+from .survey import TOLERANCE_S, trajectory_values
+
+Values = dict[str, float | int | str]
+
+
+def metrics(task: str) -> list[Metric]:
+    """The metrics of a task's rows, ours and everybody's, in the order of their names' groups."""
+    groups = sorted(registry.names("metric"), key=lambda name: (GROUPS.index(name) if name in GROUPS else len(GROUPS), name))
+    found = [metric for name in groups for metric in registry.load("metric", name)]  # type: ignore[attr-defined]
+    return [metric for metric in found if not metric.tasks or task in metric.tasks]
+
+
+GROUPS = ("survey", "patrol", "calibration", "map", "stages", "planning")
+
+
+def evaluate_folder(folder: Path) -> Values:
+    """The figures of a run folder again; its task is the one its row, or its configuration, names."""
+    run = Run(folder)
+    named = run.row if (folder / "row.json").exists() else run.config
+    return evaluate(folder, str(named.get("task", "patrol")))
+
+
+def evaluate_pair(estimate: Path, truth: Path, *, alignment: str = "se3", tolerance_s: float = TOLERANCE_S) -> Values:
+    """ATE, RPE and completeness of two trajectories in TUM format."""
+    check_choice("evaluate", "alignment", alignment, ALIGNMENTS)
+    check_range("evaluate", "tolerance", tolerance_s, low=0.0, high=10.0, unit="s")
+    return trajectory_values(read_tum(estimate), read_tum(truth), alignment=alignment, tolerance_s=tolerance_s)
+
+
+def evaluate(folder: Path, task: str = "patrol") -> Values:
+    """All columns that follow from the files of one run folder of a task."""
+    run, values, failures = Run(folder), Values(), []
+    for metric in metrics(task):
+        try:
+            values[metric.name] = metric.function(run)
+        except Exception as error:
+            values[metric.name] = metric.unknown
+            failures.append(f"{metric.name}: {type(error).__name__}: {error}")
+    return values | {"metric_failures": "; ".join(failures)[:2000]} if failures else values

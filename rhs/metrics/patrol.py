@@ -1,0 +1,152 @@
+"""What the patrol achieved, and what each stage of the loop cost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.grid import OccupancyGrid
+from rhs.api.metric import RunFiles, columns_of
+from rhs.api.trajectory import Trajectory
+
+from .accuracy import absolute_errors_m, pair, rmse
+from .survey import NAN, TOLERANCE_S, Values, _of
+
+# A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
+VISITED_M = 0.5
+# Each stage is timed where it does its work: elsewhere it only passes on.
+STAGES = {"capture_ms": ("survey", "patrol"), "sense_ms": ("survey", "patrol"), "odometry_ms": ("survey", "patrol"),
+          "localise_ms": ("patrol",), "map_ms": ("survey",)}
+
+
+def patrol_steps(run: RunFiles) -> list[dict[str, str]]:
+    """The lines of steps.csv that belong to the patrol."""
+    return [row for row in run.steps if row["phase"] == "patrol"]
+
+
+def patrol_values(run: RunFiles) -> Values:
+    """What the patrol achieved, by the simulator's word wherever there is one. All unknown where nothing was asked."""
+    facts = run.json("facts") or {}
+    places = [(place["x_m"], place["y_m"]) for place in facts.get("places", ())]
+    if not places:
+        return {metric.name: NAN for metric in PATROL}
+    patrol = patrol_steps(run)
+    missions = run.json("missions") or []
+    driven, believed = run.trajectory("truth_patrol"), run.trajectory("patrol")
+    clearances = np.array([float(row["clearance_m"] or "nan") for row in patrol])
+    errors = arrival_errors_m(missions, patrol)
+    return {
+        "patrol_steps": len(patrol), "places_total": len(places), "missions": len(missions),
+        "places_visited": int(np.sum(~(errors > VISITED_M))), "replans": sum(int(m["replans"]) for m in missions),
+        "collisions": _collisions(patrol) if np.isfinite(clearances).any() else NAN,
+        "clearance_min_m": _of(np.min, clearances[np.isfinite(clearances)]),
+        "arrival_error_max_m": _of(np.max, errors[np.isfinite(errors)]),
+        "patrol_rmse_m": _unaligned_rmse_m(believed, driven),
+        "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
+        "path_optimal_m": path_optimal_m(run, facts, patrol),
+        "path_optimal_informed_m": path_optimal_informed_m(run, facts, patrol),
+    }
+
+
+def _unaligned_rmse_m(believed: Trajectory | None, driven: Trajectory | None) -> float:
+    if believed is None or driven is None:
+        return NAN
+    return rmse(absolute_errors_m(pair(believed, driven, TOLERANCE_S), "none"))
+
+
+def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> np.ndarray:
+    """(N,) true distance to the place in each step in which the robot said it had arrived; NaN where nobody knows."""
+    said = [row for row in patrol if "arrived" in row["event"].split("+")]
+    goals = [m["goal_m"][:2] for m in missions if m["status"] == "arrived"]
+    at = [(float(row["true_x_m"] or "nan"), float(row["true_y_m"] or "nan")) for row in said]
+    count = min(len(at), len(goals))
+    return np.linalg.norm(np.reshape(at[:count], (-1, 2)) - np.reshape(goals[:count], (-1, 2)), axis=1)
+
+
+def _collisions(patrol: list[dict[str, str]]) -> int:
+    """Number of separate touches: a touch that lasts several steps counts once."""
+    touching = np.array([row["collided"] == "1" for row in patrol], dtype=int)
+    return int((np.diff(touching, prepend=0) == 1).sum())
+
+
+def path_optimal_m(run: RunFiles, facts: dict, patrol: list[dict[str, str]]) -> float:
+    """Length of the shortest way from where the patrol truly began through the places in order, on the true plan grown
+    by the robot's radius; NaN without a true plan or where a place cannot be reached."""
+    return _shortest_m(run.grid("true_map"), facts, patrol, _places(facts))
+
+
+def path_optimal_informed_m(run: RunFiles, facts: dict, patrol: list[dict[str, str]]) -> float:
+    """Length of the shortest way that learns of an unknown obstacle where this robot saw it: through the places it reached,
+    and the true poses at which a mission was broken off, in the order they happened, on the true plan with obstacles."""
+    plan = run.grid("true_map_patrol")
+    places, stops = _places(facts), []
+    for step in patrol:
+        events = step["event"].split("+")
+        if {"arrived", "gave_up"} & set(events) and places:
+            place = places.pop(0)
+            stops += [place] if "arrived" in events else []
+        stops += [_true_xy(step)] if "blocked" in events else []
+    return _shortest_m(run.grid("true_map") if plan is None else plan, facts, patrol, stops)
+
+
+def _shortest_m(plan: OccupancyGrid | None, facts: dict, patrol: list[dict[str, str]], stops: list) -> float:
+    """From where the patrol truly began through the stops, on the plan grown by the robot's radius."""
+    if plan is None or not patrol or not patrol[0]["true_x_m"]:
+        return NAN
+    from .path_judge import shortest_length_m
+
+    blocked = plan.blocked(float(facts["robot_radius_m"]))
+    return float(shortest_length_m(blocked, plan.resolution_m, plan.origin_m, np.array([_true_xy(patrol[0]), *stops])))
+
+
+def _places(facts: dict) -> list[tuple[float, float]]:
+    return [(place["x_m"], place["y_m"]) for place in facts["places"]]
+
+
+def _true_xy(step: dict[str, str]) -> tuple[float, float]:
+    return float(step["true_x_m"]), float(step["true_y_m"])
+
+
+def stage_values(run: RunFiles) -> Values:
+    """Median time of each stage per view; plan_ms: median time of one call of the planner."""
+    medians: Values = {}
+    for stage, phases in STAGES.items():
+        times = [float(row[stage]) for row in run.steps if row["phase"] in phases and row.get(stage)]
+        medians[stage] = float(np.median(times)) if times else NAN
+    calls = [float(plan["plan_ms"]) for plan in run.json("plans") or []]
+    return medians | {"plan_ms": float(np.median(calls)) if calls else NAN}
+
+
+PATROL = columns_of(
+    patrol_values,
+    ("patrol_steps", "", "views of the patrol", "steps.csv"),
+    ("places_total", "", "places to visit", "facts.json"),
+    ("missions", "", "missions begun: a place whose way was blocked counts again", "missions.json"),
+    ("places_visited", "",
+     "places at which the robot truly stood (within 0.5 m) when it said that it had arrived",
+     "steps.csv, truth"),
+    ("replans", "", "plans made anew because the way was blocked or left", "missions.json"),
+    ("collisions", "", "separate touches of anything in the patrol, by the simulator", "steps.csv, truth"),
+    ("clearance_min_m", "m", "least distance from the robot's body to anything in the patrol", "steps.csv, truth"),
+    ("arrival_error_max_m", "m",
+     "largest true distance to the place when the robot said that it had arrived",
+     "steps.csv, truth"),
+    ("patrol_rmse_m", "m",
+     "error of the belief in the patrol, root mean square, nothing aligned",
+     "patrol.tum, truth_patrol.tum"),
+    ("path_length_m", "m", "length of the way truly driven in the patrol", "truth_patrol.tum"),
+    ("path_optimal_m", "m",
+     "shortest way from where the patrol began through all places, on the true plan without obstacles",
+     "rhs.metrics.path_judge"),
+    ("path_optimal_informed_m", "m",
+     "shortest way that learns of obstacles where this robot saw them, through the places it reached",
+     "rhs.metrics.path_judge"),
+)
+STAGES_MS = columns_of(
+    stage_values,
+    ("capture_ms", "ms", "median time of rendering or reading a view", "steps.csv"),
+    ("sense_ms", "ms", "median time of the sensor", "steps.csv"),
+    ("odometry_ms", "ms", "median time of the odometry", "steps.csv"),
+    ("localise_ms", "ms", "median time of the localiser in the patrol", "steps.csv"),
+    ("map_ms", "ms", "median time of the mapper in the survey", "steps.csv"),
+    ("plan_ms", "ms", "median time of a call of the planner in the patrol", "plans.json"),
+)

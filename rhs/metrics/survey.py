@@ -1,0 +1,143 @@
+"""How good the survey is: accuracy before and after closing the loop, beside the share of it that was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from rhs.api.metric import RunFiles, columns_of
+from rhs.api.trajectory import Trajectory, aligned
+
+from .accuracy import Pairing, absolute_errors_m, apart, consecutive, pair, relative_errors, rmse
+
+NAN = float("nan")
+Values = dict[str, float | int | str]
+# Estimate and truth of one run carry the same stamps; a recording's truth is nearer than this at 30 Hz.
+TOLERANCE_S = 0.02
+STATUSES = {"tracked_share": "ok", "degenerate_share": "degenerate", "lost_share": "lost"}
+
+
+def survey_values(run: RunFiles) -> Values:
+    """Accuracy and completeness of the survey, before and after closing the loop."""
+    survey = [row for row in run.steps if row["phase"] == "survey"]
+    truth, online, closed = (run.trajectory(name) for name in ("truth_survey", "estimate", "corrected"))
+    closed = online if closed is None else closed
+    values: Values = {"survey_steps": len(survey), **_status_shares(survey)}
+    return values | trajectory_values(closed, truth) | _before_closing(online, truth)
+
+
+def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, alignment: str = "se3",
+                      tolerance_s: float = TOLERANCE_S) -> Values:
+    """ATE and RPE of an estimate against the truth, and how much of the truth they cover."""
+    if estimate is None or truth is None:
+        return _no_trajectory(truth)
+    both = pair(estimate, truth, tolerance_s)
+    errors = absolute_errors_m(both, alignment)
+    scaled = replace(both, estimate=aligned(both.estimate, both.truth, alignment))  # of weight for sim3 alone
+    per_step = relative_errors(scaled, consecutive(len(both.truth)))
+    per_metre = relative_errors(scaled, apart(both.truth.travelled_m, 1.0))
+    per_second = relative_errors(scaled, apart(both.truth.stamps_s, 1.0))
+    return {
+        "matched_share": both.matched_share, "covered_share": both.covered_share,
+        "distance_m": float(truth.travelled_m[-1]) if len(truth) else NAN,
+        "ate_alignment": alignment, "ate_tolerance_s": tolerance_s, "ate_rmse_m": rmse(errors),
+        "ate_mean_m": _of(np.mean, errors), "ate_median_m": _of(np.median, errors), "ate_max_m": _of(np.max, errors),
+        "ate_unaligned_m": rmse(absolute_errors_m(both, "origin")),
+        "rpe_trans_m": rmse(per_step[0]), "rpe_rot_rad": rmse(per_step[1]),
+        "rpe_trans_per_metre_m": rmse(per_metre[0]), "rpe_rot_per_metre_rad": rmse(per_metre[1]),
+        "rpe_trans_per_second_m": rmse(per_second[0]), "rpe_rot_per_second_rad": rmse(per_second[1]),
+        "end_error_m": end_error_m(both), "half_error_m": half_error_m(both),
+    }
+
+
+def _no_trajectory(truth: Trajectory | None) -> Values:
+    values: Values = dict.fromkeys(ACCURACY, NAN)
+    return values | {"ate_alignment": "", "matched_share": NAN if truth is None else 0.0,
+                     "distance_m": float(truth.travelled_m[-1]) if truth else NAN}
+
+
+def end_error_m(both: Pairing) -> float:
+    """Distance between the last paired poses when the first ones are made to agree."""
+    errors = absolute_errors_m(both, "origin")
+    return float(errors[-1]) if len(errors) else NAN
+
+
+def half_error_m(both: Pairing) -> float:
+    """The same half-way along the true path: on a closed loop a wrong scale cancels at the end, but not there."""
+    errors = absolute_errors_m(both, "origin")
+    travelled = both.truth.travelled_m
+    return float(errors[np.searchsorted(travelled, 0.5 * travelled[-1])]) if len(errors) else NAN
+
+
+def _before_closing(online: Trajectory | None, truth: Trajectory | None) -> Values:
+    """The same of the poses as they were believed while the survey went on; drift is their end error per distance."""
+    if online is None or truth is None:
+        return {"ate_before_closing_m": NAN, "end_error_before_closing_m": NAN, "drift_pct": NAN}
+    both = pair(online, truth, TOLERANCE_S)
+    end, distance = end_error_m(both), both.truth.travelled_m[-1] if len(both.truth) else 0.0
+    return {"ate_before_closing_m": rmse(absolute_errors_m(both, "se3")), "end_error_before_closing_m": end,
+            "drift_pct": float(100.0 * end / distance) if distance > 0 else NAN}
+
+
+def _status_shares(survey: list[dict[str, str]]) -> Values:
+    count = len(survey)
+    shares: Values = {name: sum(row["motion_status"] == status for row in survey) / count if count else NAN
+                      for name, status in STATUSES.items()}
+    gated = sum(row.get("motion_replaced") == "1" for row in survey)
+    return shares | {"gated_share": gated / count if count else NAN}
+
+
+def _of(function: Callable[[np.ndarray], float], values: np.ndarray) -> float:
+    return float(function(values)) if len(values) else NAN
+
+
+ACCURACY = (
+    "matched_share", "covered_share", "ate_tolerance_s", "ate_rmse_m", "ate_mean_m", "ate_median_m", "ate_max_m",
+    "ate_unaligned_m", "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad",
+    "rpe_trans_per_second_m", "rpe_rot_per_second_rad", "end_error_m", "half_error_m",
+)
+
+SURVEY = columns_of(
+    survey_values,
+    ("survey_steps", "", "views of the survey", "steps.csv"),
+    ("tracked_share", "share", "views of the survey whose motion was measured (status ok)", "steps.csv"),
+    ("degenerate_share", "share", "views in which some direction was not observed", "steps.csv"),
+    ("lost_share", "share", "views in which nothing was measured", "steps.csv"),
+    ("gated_share", "share",
+     "views whose motion the gate replaced, because it contradicted the wheels or leapt",
+     "rhs.patrol.gate"),
+    ("matched_share", "share", "poses of the truth that the estimate was compared with", "rhs.metrics.accuracy.pair"),
+    ("covered_share", "share",
+     "length of the true way between the first and the last pose compared",
+     "rhs.metrics.accuracy.pair"),
+    ("distance_m", "m", "length of the true way of the survey", "truth_survey.tum"),
+    ("ate_alignment", "", "alignment of the absolute trajectory error: se3, sim3, origin or none", "Sturm et al. 2012"),
+    ("ate_tolerance_s", "s", "most time between an estimate and the truth it is compared with", "Sturm et al. 2012"),
+    ("ate_rmse_m", "m", "absolute trajectory error after closing the loop, root mean square", "Sturm et al. 2012"),
+    ("ate_mean_m", "m", "absolute trajectory error, mean", "Sturm et al. 2012"),
+    ("ate_median_m", "m", "absolute trajectory error, median", "Sturm et al. 2012"),
+    ("ate_max_m", "m", "absolute trajectory error, largest", "Sturm et al. 2012"),
+    ("ate_unaligned_m", "m",
+     "absolute trajectory error with only the first poses made to agree, root mean square",
+     "Sturm et al. 2012"),
+    ("rpe_trans_m", "m", "relative pose error from view to view, root mean square", "Sturm et al. 2012"),
+    ("rpe_rot_rad", "rad", "the same of the rotation", "Sturm et al. 2012"),
+    ("rpe_trans_per_metre_m", "m",
+     "relative pose error over stretches of one metre, root mean square",
+     "Sturm et al. 2012"),
+    ("rpe_rot_per_metre_rad", "rad", "the same of the rotation", "Sturm et al. 2012"),
+    ("rpe_trans_per_second_m", "m",
+     "relative pose error over stretches of one second, root mean square",
+     "Sturm et al. 2012"),
+    ("rpe_rot_per_second_rad", "rad", "the same of the rotation", "Sturm et al. 2012"),
+    ("end_error_m", "m", "distance of the last poses when the first ones agree, after closing the loop", "thesis 3.5"),
+    ("half_error_m", "m",
+     "the same half-way along the true way: on a closed loop a wrong scale cancels at the end, not there",
+     "rhs.metrics.survey"),
+    ("ate_before_closing_m", "m", "absolute trajectory error as believed while the survey went on", "Sturm et al. 2012"),
+    ("end_error_before_closing_m", "m", "end error as believed while the survey went on", "thesis 3.5"),
+    ("drift_pct", "%", "end error before closing, share of the distance", "rhs.metrics.survey"),
+    words=("ate_alignment",),
+)

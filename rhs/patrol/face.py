@@ -1,0 +1,87 @@
+"""One run from Python: words or objects in, steps or a row out."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rhs.api import settings
+from rhs.api.contracts import PLUGIN_KINDS
+from rhs.api.records import Step
+from rhs.base.errors import ConfigError
+from rhs.config import registry
+from rhs.config.compose import Composer, RunConfig
+from rhs.config.overrides import GROUPS, Word, parse, plain_words
+from rhs.runfolder.folders import claim_run
+
+from .observers import bar, unwatched
+from .run import run_config, run_steps
+
+
+def run_words(words: Sequence[str] | Mapping[str, Any], *, quiet: bool = False) -> dict[str, Any]:
+    """rhs.run."""
+    config = config_of(words)
+    with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
+        row = run_config(config, claim.folder, unwatched if quiet else bar)
+        row.pop("_cause", None)
+        if not quiet:
+            show_in_notebook(claim.folder)
+        return row | {"folder": str(claim.folder)}
+
+
+def steps_of(words: Sequence[str] | Mapping[str, Any]) -> Iterator[Step]:
+    """rhs.steps. What ends the run is raised again when its row is written."""
+    config = config_of(words)
+    with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
+        row = yield from run_steps(config, claim.folder)
+        if row["_cause"] is not None:
+            raise row["_cause"]
+
+
+def config_of(words: Sequence[str] | Mapping[str, Any]) -> RunConfig:
+    """The checked configuration for words, or for a mapping whose values may be objects. Raises ConfigError."""
+    if isinstance(words, str):
+        raise ConfigError(f"'{words}' is one text; give a list of words, [\"key=value\", ...]")
+    found = words_of(words) if isinstance(words, Mapping) else plain_words(parse(list(words)))
+    return Composer().config(found)
+
+
+def words_of(values: Mapping[str, Any]) -> list[Word]:
+    """A mapping as words; a settings object of a part is registered by its class's name, if nobody knows it yet."""
+    out: list[Word] = []
+    for key, value in values.items():
+        if key in PLUGIN_KINDS and dataclasses.is_dataclass(value) and not isinstance(value, type):
+            name = _known_as(key, type(value))
+            out.append(Word(key, name, f"{key}={name}"))
+            out += [Word(f"{key}.{k}", v, f"{key}.{k}={v}") for k, v in settings.plain(value).items()]
+        else:
+            out.append(Word(key, settings.plain(value), f"{key}={value}"))
+    return [word for word in out if word.key in GROUPS] + [word for word in out if word.key not in GROUPS]
+
+
+def _known_as(kind: str, cls: type) -> str:
+    """The name by which this class is registered; it is registered now if it is not."""
+    for name in registry.names(kind):
+        if any(origin.value == f"{cls.__module__}:{cls.__qualname__}" for origin in registry.origins(kind, name)):
+            return name
+    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
+    registry.register(kind, name, cls)
+    return name
+
+
+def show_in_notebook(folder: Path) -> None:
+    """The overview picture, where somebody looks at a notebook."""
+    picture = folder / "overview.png"
+    if "IPython" not in sys.modules or not picture.exists():
+        return
+    from IPython import get_ipython  # type: ignore[import-not-found,unused-ignore]
+    from IPython.display import Image, display  # type: ignore[import-not-found,unused-ignore]
+
+    if get_ipython() is not None and hasattr(get_ipython(), "kernel"):
+        display(Image(filename=str(picture)))
+
+

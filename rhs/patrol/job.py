@@ -1,0 +1,121 @@
+"""The work of the tasks survey and patrol: lead, settle, close the loop, draw the map, patrol."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World
+from rhs.api.randomness import generator
+from rhs.api.records import Belief, Event, MissionStatus, Step
+from rhs.api.task import Parts, StepJob
+from rhs.api.trajectory import Trajectory, write_tum
+from rhs.api.validate import reach_of
+from rhs.base.errors import ConfigError, RhsError
+from rhs.estimation import survey as surveying
+from rhs.estimation.survey import Survey as Surveyed
+from rhs.estimation.survey import ViewCollector
+from rhs.estimation.views.features import features
+from rhs.worlds.maps import save_map
+
+from .gate import gated
+from .kidnap import Kidnapper
+from .loop import steps
+from .mission import turning
+from .observers import RunLog, closure_rows, plan_row, write_json
+from .run import RunContext
+from .sentinel import Sentinel
+from .tasks import Patrol, Survey
+
+START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
+
+
+class PatrolJob(StepJob):
+    """Survey, settle, close the loop, draw the map, patrol."""
+
+    def __init__(self, settings: Survey, context: RunContext, world: World | None) -> None:
+        self.settings, self.context, self.world = settings, context, world
+        self.parts = context.parts(world=world)
+        if "odometry" in context.config.parts:
+            self.parts.odometry = gated(self.parts.odometry, context.settings("odometry").needs, settings.gate,
+                                        self.parts.who["odometry"])
+
+    def steps(self) -> Iterator[Step]:
+        """Both phases; the row's columns follow from the files they leave."""
+        log = self.context.open_log(self.parts, self.world)
+        survey = yield from lead_survey(self.parts, self.context, self.settings, log)
+        if isinstance(self.settings, Patrol) and self.world is not None:
+            yield from patrol(self.parts, self.settings, survey, log, seed=self.context.seed)
+
+
+def with_obstacles(world: World, boxes: list[list[float]]) -> World:
+    """The world with boxes that the survey does not see. Raises ConfigError if one would be put on the waiting robot."""
+    end = np.array(world.route_m[-1])
+    for x, y, width, depth in boxes:
+        gap_m = float(np.hypot(*np.maximum(np.abs(end - (x, y)) - (width / 2, depth / 2), 0.0)))
+        if gap_m < world.robot_radius_m:
+            raise ConfigError(f"obstacles: the box at ({x:g}, {y:g}) would be put in {gap_m:.2f} m from the robot waiting "
+                              f"at ({end[0]:g}, {end[1]:g}); its radius is {world.robot_radius_m:g} m")
+    more = tuple(Box(f"obstacle_{i + 1}", (x, y), (width, depth, OBSTACLE_HEIGHT_M))
+                 for i, (x, y, width, depth) in enumerate(boxes))
+    return replace(world, obstacles=world.obstacles + more)
+
+
+def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog,
+                ) -> Generator[Step, None, Surveyed]:
+    """Lead, settle, close the loop, draw the map; the files of the survey are written here."""
+    collector = ViewCollector(settings.places.every, context.features, features)
+    yield from collector.watch(log.follow(context.lead(parts), "survey", parts.source.views_expected))
+    if not collector.views:
+        raise RhsError("the source handed out no view; expected at least one")
+    begin = time.perf_counter()
+    reach_m, who = reach_of(parts.source.facts), parts.who
+    revised, walls = surveying.revise(collector.views, parts.odometry, who=who["odometry"], reach_m=reach_m)
+    views, closure = surveying.close(revised, parts.loop_closer, who=who["loop_closer"], reach_m=reach_m)
+    grid = surveying.draw(views, parts.mapper, who=who["mapper"])
+    closing_ms = 1e3 * (time.perf_counter() - begin)
+    stamps = np.array([view.stamp_s for view in views])
+    write_tum(log.folder / "corrected.tum", Trajectory(stamps, closure.poses))
+    save_map(log.folder / "map", grid)
+    log.recorder.map(grid, float(stamps[-1]))
+    if walls:
+        write_json(log.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
+    write_json(log.folder / "closure.json", closure_rows(closure) | {"closing_ms": closing_ms})
+    return Surveyed(views, closure, grid)
+
+
+def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, seed: int) -> Iterator[Step]:
+    """Visit the places in order in the surveyed map."""
+    facts = parts.source.facts
+    parts.localiser.learn(survey.views, survey.grid)
+    last = survey.views[-1]
+    sure = np.clip(np.diag(last.covariance), 1e-6, START_VARIANCE)
+    parts.localiser.start(Belief(last.map_from_body, np.diag(sure)))
+    sentinel = Sentinel(parts, survey.grid, survey.views, places=facts.places, radius_m=facts.robot_radius_m,
+                        settings=turning(settings.mission, parts.odometry))
+    if settings.mission.kidnap:
+        sentinel.kidnapper = Kidnapper(generator(seed, "kidnapper"), survey.views)
+    loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views),
+                 after_s=last.stamp_s, who=parts.who)
+    try:
+        for step in log.follow(loop, "patrol", None):
+            if Event.ARRIVED in step.events:
+                take_picture(step, sentinel, log.folder / "places")
+            yield step
+    finally:
+        write_json(log.folder / "missions.json", sentinel.book.to_rows())
+        write_json(log.folder / "plans.json", [plan_row(number, plan) for number, plan in sentinel.plans])
+
+
+def take_picture(step: Step, sentinel: Sentinel, folder: Path) -> None:
+    """The picture the sentinel was sent for, named after the place."""
+    from rhs.estimation.views.features import write_image
+
+    arrived = [mission for mission in sentinel.book.missions if mission.status is MissionStatus.ARRIVED]
+    if step.observation.image is not None:
+        folder.mkdir(exist_ok=True)
+        write_image(folder / f"{len(arrived):02d}_{arrived[-1].place}.png", step.observation.image)

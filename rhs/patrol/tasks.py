@@ -1,0 +1,107 @@
+"""The two tasks that go through the loop: map a building (survey), and patrol what was mapped (patrol). Settings only;
+the work is in rhs.patrol.job."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING, ClassVar
+
+from rhs.base.errors import ConfigError, check_choice, check_range
+
+from .mission import MissionSettings
+
+if TYPE_CHECKING:
+    from .job import PatrolJob
+    from .run import RunContext
+
+
+@dataclass
+class StoredViews:
+    """Which views are kept as places."""
+
+    every: int = 3
+    """a view is stored every so many steps of the survey (thesis 5.2: 3)"""
+
+    def __post_init__(self) -> None:
+        check_range("places", "every", self.every, low=1, high=100_000)
+
+
+@dataclass
+class Gate:
+    """When vision is not believed."""
+
+    act: str = "contradiction"
+    """contradiction: wheels (or the last speed) replace a motion that contradicts them; off: an odometry is believed.
+    Only odometries that need depth are gated: those of one eye weave wheels and commands in themselves"""
+    probability: float = 0.999999
+    """chance that a good motion passes; the rest, one in a million, is replaced by the wheels"""
+    wheel_share: float = 0.1
+    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
+    stamps that do not fit and floors that are not flat"""
+    wheel_least_m: float = 0.02
+    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
+    stamps that do not fit and floors that are not flat"""
+    wheel_least_rad: float = 0.02
+    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
+    stamps that do not fit and floors that are not flat"""
+    slip_share: float = 0.5
+    """wheels that spin may count up to this share of their travel without moving the robot"""
+    patience: int = 10
+    """after so many contradictions on end the wheels are doubted, not vision"""
+    leap_mps: float = 3.0
+    """without wheels: greatest change of speed between two views, m/s and rad/s; hands and robots stay far below"""
+    leap_radps: float = 6.0
+    """without wheels: greatest change of speed between two views, m/s and rad/s; hands and robots stay far below"""
+
+    def __post_init__(self) -> None:
+        check_choice("gate", "act", self.act, ("contradiction", "off"))
+        check_range("gate", "probability", self.probability, low=0.5, high=1.0 - 1e-12)
+        check_range("gate", "wheel_share", self.wheel_share, low=0.0, high=1.0)
+        check_range("gate", "wheel_least_m", self.wheel_least_m, low=1e-6, high=10.0, unit="m")
+        check_range("gate", "wheel_least_rad", self.wheel_least_rad, low=1e-6, high=3.0, unit="rad")
+        check_range("gate", "slip_share", self.slip_share, low=0.0, high=1.0)
+        check_range("gate", "patience", self.patience, low=1, high=1_000_000)
+        check_range("gate", "leap_mps", self.leap_mps, low=0.01, high=1000.0, unit="m/s")
+        check_range("gate", "leap_radps", self.leap_radps, low=0.01, high=1000.0, unit="rad/s")
+
+
+@dataclass
+class Survey:
+    """Map only: the camera is led along its route, the loop closed, the map drawn."""
+
+    places: StoredViews = field(default_factory=StoredViews)
+    gate: Gate = field(default_factory=Gate)
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+    kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "loop_closer", "mapper")
+
+    def build(self, context: RunContext) -> PatrolJob:
+        from .job import PatrolJob
+
+        return PatrolJob(self, context, context.floor_plan())
+
+
+@dataclass
+class Patrol(Survey):
+    """Map, then visit the places of the world in order on the robot's own belief; of a recording the map alone."""
+
+    obstacles: list[list[float]] = field(default_factory=list)
+    """boxes the map does not know, put in when the patrol begins: [[x_m, y_m, width_m, depth_m], ...]"""
+    mission: MissionSettings = field(default_factory=MissionSettings)
+
+    kinds: ClassVar[tuple[str, ...]] = (*Survey.kinds, "planner", "localiser", "replan")
+
+    def __post_init__(self) -> None:
+        for box in self.obstacles:
+            if len(box) != 4 or not all(map(isfinite, box)):
+                raise ConfigError(f"obstacles={list(box)}: expected 4 finite numbers: x_m, y_m, width_m, depth_m")
+            check_range("obstacles", "width_m", box[2], low=0.01, high=1000.0, unit="m")
+            check_range("obstacles", "depth_m", box[3], low=0.01, high=1000.0, unit="m")
+
+    def build(self, context: RunContext) -> PatrolJob:
+        from .job import PatrolJob, with_obstacles
+
+        world = context.floor_plan()
+        return PatrolJob(self, context, None if world is None else with_obstacles(world, self.obstacles))
