@@ -89,7 +89,8 @@ def test_worlds_then_problems_then_runs_are_what_is_sampled():
     assert clusters(table({}, {"seed": 1}, {"world": "b"})).tolist() == ["b", "map1", "map1"]
     problems = clusters(table({"planning.scenario": 1}, {"planning.scenario": 1, "seed": 1}, {"planning.scenario": 2}))
     assert len(set(problems)) == 2
-    assert len(set(clusters(table({}, {"seed": 1})))) == 2
+    assert len(set(clusters(table({}, {"seed": 1, "ate_rmse_m": 1.0})))) == 2
+    assert len(set(clusters(table({}, {"seed": 1})))) == 1  # the same row again
     with pytest.raises(Exception, match="no such column"):
         clusters(table({}), "wrld")
 
