@@ -38,7 +38,8 @@ def first_blocked(points_m: np.ndarray, blocked: np.ndarray, resolution_m: float
 
 
 def _pieces(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The polyline cut where it meets grid lines: (K, 2) inner cuts and bends, (P, 2) middles and (P,) lengths of pieces."""
+    """The polyline cut where it meets grid lines: (K, 2) cuts and bends between its ends, (P, 2) middles and (P,) lengths
+    of the pieces."""
     a, b = xy[:-1], xy[1:]
     segments, shares = [np.arange(len(a)), np.arange(len(a))], [np.zeros(len(a)), np.ones(len(a))]
     for axis in (0, 1):
@@ -53,9 +54,10 @@ def _pieces(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     order = np.lexsort((share, segment))
     segment, share = segment[order], share[order]
     at = a[segment] + share[:, None] * (b - a)[segment]
-    same = segment[:-1] == segment[1:]
-    inner = at[1:-1]
-    return inner, 0.5 * (at[:-1] + at[1:])[same], np.linalg.norm(np.diff(at, axis=0), axis=1)[same]
+    length, same = np.linalg.norm(np.diff(at, axis=0), axis=1), segment[:-1] == segment[1:]
+    along = np.concatenate([[0.0], np.cumsum(length)])[:len(at)]
+    inner = at[(along > TOUCH) & (along < length.sum() - TOUCH)]
+    return inner, 0.5 * (at[:-1] + at[1:])[same], length[same]
 
 
 def _free(blocked: np.ndarray, xy: np.ndarray) -> np.ndarray:
