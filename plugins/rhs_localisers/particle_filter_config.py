@@ -15,35 +15,35 @@ class ParticleFilter:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Fewest particles, when the belief is sharp.
     particles_min: int = 500
-    # Most particles, when the robot may be anywhere.
+    """Fewest particles, when the belief is sharp."""
     particles_max: int = 4000
-    # Particles thrown over the whole map at each view, to notice that the robot has been carried away.
+    """Most particles, when the robot may be anywhere."""
     scouts: int = 100
-    # Exponent on the likelihood of a scan (0: scans are ignored); beams share their errors, so 1 is far too sure.
+    """Particles thrown over the whole map at each view, to notice that the robot has been carried away."""
     scan_trust: float = 0.25
-    # How much a view's likeness to the stored view nearest a particle counts (0: not at all).
+    """Exponent on the likelihood of a scan (0: scans are ignored); beams share their errors, so 1 is far too sure."""
     likeness_trust: float = 6.0
-    # Views between two geometric checks while the robot knows its place; while it does not, every view is checked.
+    """How much a view's likeness to the stored view nearest a particle counts (0: not at all)."""
     check_every: int = 3
-    # Candidates checked by geometry.
+    """Views between two geometric checks while the robot knows its place; while it does not, every view is checked."""
     checks: int = 5
-    # Key-points that must agree on one motion between the views.
+    """Candidates checked by geometry."""
     min_inliers: int = 15
-    # Chance that a verified place answer is right.
+    """Key-points that must agree on one motion between the views."""
     p_true: float = 0.9
-    # Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
-    # place (a logarithm, per view): something new may stand there. Places tell it when it was carried away.
+    """Chance that a verified place answer is right."""
     surprise: float = 1.0
-    # Chance per view that somebody carries the robot elsewhere.
+    """Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
+    place (a logarithm, per view): something new may stand there. Recognised places show when it was carried away."""
     kidnap_rate: float = 0.0001
-    # Odometry noise assumed besides its own covariance, share of the motion.
+    """Chance per view that somebody carries the robot elsewhere."""
     motion_share: float = 0.05
-    # Above this share of the weight in one heap the robot calls itself tracking ...
+    """Odometry noise assumed besides its own covariance, share of the motion."""
     tracking_above: float = 0.9
-    # ... and below this one lost.
+    """Above this share of the weight in one cluster the robot calls itself tracking."""
     lost_below: float = 0.5
+    """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter", self)
@@ -68,26 +68,26 @@ class ParticleFilterScan:
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Fewest particles, when the belief is sharp.
     particles_min: int = 500
-    # Most particles, when the robot may be anywhere; a scan says less than a view, so more than with places.
+    """Fewest particles, when the belief is sharp."""
     particles_max: int = 10000
-    # Particles thrown over the whole map at each view, to notice that the robot has been carried away.
+    """Most particles, when the robot may be anywhere; a scan says less than a view, so more than with places."""
     scouts: int = 100
-    # Exponent on the likelihood of a scan; beams share their errors, so 1 is far too sure.
+    """Particles thrown over the whole map at each view, to notice that the robot has been carried away."""
     scan_trust: float = 0.25
-    # Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
-    # place (a logarithm, per view): something new may stand there. 100: it counts in full, since
-    # nothing but scans can tell this filter.
+    """Exponent on the likelihood of a scan; beams share their errors, so 1 is far too sure."""
     surprise: float = 100.0
-    # Chance per view that somebody carries the robot elsewhere.
+    """Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
+    place (a logarithm, per view): something new may stand there. 100: it counts in full, since nothing but scans
+    can tell this filter."""
     kidnap_rate: float = 0.0001
-    # Odometry noise assumed besides its own covariance, share of the motion.
+    """Chance per view that somebody carries the robot elsewhere."""
     motion_share: float = 0.05
-    # Above this share of the weight in one heap the robot calls itself tracking ...
+    """Odometry noise assumed besides its own covariance, share of the motion."""
     tracking_above: float = 0.9
-    # ... and below this one lost.
+    """Above this share of the weight in one cluster the robot calls itself tracking."""
     lost_below: float = 0.5
+    """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter_scan", self)

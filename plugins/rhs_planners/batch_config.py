@@ -13,8 +13,10 @@ from .shared_config import PlannerSettings
 class BitStar(PlannerSettings):
     """BIT* (Gammell, Srinivasa, Barfoot 2015), by OMPL: best-first search over batches of samples."""
 
-    batch: int = 100  # samples per batch, OMPL's default
-    iterations: int = 20_000  # steps of the search, all of them used; 5000 miss the gap of map 4 in two seeds of five
+    batch: int = 100
+    """samples per batch, OMPL's default"""
+    iterations: int = 20_000
+    """steps of the search, all of them used; 5000 miss the gap of map 4 in two seeds of five"""
 
     def __post_init__(self):
         self.check("planner.bit_star")
@@ -32,8 +34,10 @@ class Fmt(PlannerSettings):
     """FMT*, fast marching tree (Janson, Schmerling, Clark, Pavone 2015), by OMPL: one batch, one sweep,
     then single samples where the sweep ended before the goal."""
 
-    samples: int = 2000  # in the one batch; 1000 miss the narrow passage of map 4 in a fifth of the seeds
-    iterations: int = 10_000  # samples and steps of the sweep together, before the budget is spent
+    samples: int = 2000
+    """in the one batch; 1000 miss the narrow passage of map 4 in a fifth of the seeds"""
+    iterations: int = 10_000
+    """samples and steps of the sweep together, before the budget is spent"""
 
     def __post_init__(self):
         self.check("planner.fmt")

@@ -14,7 +14,8 @@ class FastMarching(PlannerSettings):
     """Fast marching (Sethian 1996): the time a wave from the goal takes to every cell, a navigation function without
     local minima, descended from the start. Complete. Kept while goal and map stay the same."""
 
-    comfort_m: float = 0.0  # the wave is slower this near to blocked cells, so paths keep away; 0: shortest paths
+    comfort_m: float = 0.0
+    """the wave is slower this near to blocked cells, so paths keep away; 0: shortest paths"""
 
     def __post_init__(self):
         self.check("planner.fast_marching")

@@ -13,7 +13,8 @@ from .shared_config import PlannerSettings
 class AStar(PlannerSettings):
     """A* over eight neighbours without cutting corners (Hart, Nilsson, Raphael 1968): complete, shortest on the grid."""
 
-    expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
+    expansions: int = 100_000_000
+    """cells taken up before the budget is spent; above any map's number of cells"""
 
     def __post_init__(self):
         self.check("planner.astar")
@@ -29,7 +30,8 @@ class AStar(PlannerSettings):
 class ThetaStar(PlannerSettings):
     """Theta* (Nash, Daniel, Koenig, Felner 2007): A* whose paths may leave the grid's directions. Complete."""
 
-    expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
+    expansions: int = 100_000_000
+    """cells taken up before the budget is spent; above any map's number of cells"""
 
     def __post_init__(self):
         self.check("planner.theta_star")

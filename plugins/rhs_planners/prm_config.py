@@ -16,11 +16,16 @@ class _Roadmap(PlannerSettings):
     _word: ClassVar[str]
     _star: ClassVar[bool]
 
-    backend: str = "native"  # native: compiled, learns about eight times faster; ompl: the same method by OMPL
-    milestones: int = 500  # vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed
-    growth: int = 250  # vertices added when start and goal are not joined yet
-    growth_rounds: int = 20  # how often a query may add them before its budget is spent
-    links: int = 12  # vertices in sight that start and goal are joined to
+    backend: str = "native"
+    """native: compiled, learns about eight times faster; ompl: the same method by OMPL"""
+    milestones: int = 500
+    """vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed"""
+    growth: int = 250
+    """vertices added when start and goal are not joined yet"""
+    growth_rounds: int = 20
+    """how often a query may add them before its budget is spent"""
+    links: int = 12
+    """vertices in sight that start and goal are joined to"""
 
     def __post_init__(self):
         owner = f"planner.{self._word}"

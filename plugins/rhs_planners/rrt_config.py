@@ -13,9 +13,12 @@ from .shared_config import PlannerSettings
 class Rrt(PlannerSettings):
     """Rapidly-exploring random tree (LaValle 1998), by OMPL. Stops at the first path."""
 
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    goal_bias: float = 0.05  # share of samples that are the goal itself
-    iterations: int = 20_000  # samples before the budget is spent
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    goal_bias: float = 0.05
+    """share of samples that are the goal itself"""
+    iterations: int = 20_000
+    """samples before the budget is spent"""
 
     def __post_init__(self):
         _check_tree(self, "rrt")
@@ -31,9 +34,12 @@ class Rrt(PlannerSettings):
 class RrtConnect(PlannerSettings):
     """RRT-Connect (Kuffner and LaValle 2000): two trees that reach for each other. Stops at the first path."""
 
-    backend: str = "native"  # native: compiled whole, about five times faster; ompl: the same method by OMPL
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    iterations: int = 10_000  # samples before the budget is spent
+    backend: str = "native"
+    """native: compiled whole, about five times faster; ompl: the same method by OMPL"""
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    iterations: int = 10_000
+    """samples before the budget is spent"""
 
     def __post_init__(self):
         _check_tree(self, "rrt_connect")
@@ -53,10 +59,14 @@ class RrtConnect(PlannerSettings):
 class RrtStar(PlannerSettings):
     """RRT* (Karaman and Frazzoli 2011), by OMPL: goes on improving until its iterations are used up."""
 
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    goal_bias: float = 0.05  # share of samples that are the goal itself
-    iterations: int = 5000  # samples, all of them used
-    extensions: int = 4  # as many samples again, this often, while there is no path: narrow gaps take some seeds longer
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    goal_bias: float = 0.05
+    """share of samples that are the goal itself"""
+    iterations: int = 5000
+    """samples, all of them used"""
+    extensions: int = 4
+    """as many samples again, this often, while there is no path: narrow gaps take some seeds longer"""
 
     def __post_init__(self):
         _check_tree(self, "rrt_star")
@@ -73,10 +83,14 @@ class RrtStar(PlannerSettings):
 class InformedRrtStar(PlannerSettings):
     """Informed RRT* (Gammell, Srinivasa, Barfoot 2014), by OMPL: samples only where the path can still get shorter."""
 
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    goal_bias: float = 0.05  # share of samples that are the goal itself
-    iterations: int = 5000  # samples, all of them used
-    extensions: int = 4  # as many samples again, this often, while there is no path: narrow gaps take some seeds longer
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    goal_bias: float = 0.05
+    """share of samples that are the goal itself"""
+    iterations: int = 5000
+    """samples, all of them used"""
+    extensions: int = 4
+    """as many samples again, this often, while there is no path: narrow gaps take some seeds longer"""
 
     def __post_init__(self):
         _check_tree(self, "informed_rrt_star")

@@ -15,8 +15,10 @@ class PlannerSettings:
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    start_radius_m: float = 0.3  # a start in a blocked cell is set off to a free one this near; one robot radius
-    shorten_rounds: int = 60  # rounds of string pulling after planning, 0 for none; it stops by itself much earlier
+    start_radius_m: float = 0.3
+    """a start in a blocked cell is set off to a free one this near; one robot radius"""
+    shorten_rounds: int = 60
+    """rounds of string pulling after planning, 0 for none; it stops by itself much earlier"""
 
     def check(self, owner: str) -> None:
         """Refuse shared settings out of range."""

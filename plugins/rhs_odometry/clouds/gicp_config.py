@@ -16,15 +16,16 @@ class Gicp(CloudSettings):
 
     name: ClassVar[str] = "gicp"
 
-    # Clouds are thinned to one point per cube of this side, metres.
     voxel_m: float = 0.05
-    # A new key cloud is taken after moving or turning this far from it, metres and degrees.
+    """Clouds are thinned to one point per cube of this side, metres."""
     keep_move_m: float = 0.4
+    """A new key cloud is taken after moving this far from it, metres."""
     keep_turn_deg: float = 12.0
-    # Points are neighbours up to this distance, metres.
+    """A new key cloud is taken after turning this far from it, degrees."""
     reach_m: float = 0.3
-    # Most iterations of one alignment.
+    """Points are neighbours up to this distance, metres."""
     iterations: int = 30
+    """Most iterations of one alignment."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

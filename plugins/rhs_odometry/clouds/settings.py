@@ -16,22 +16,23 @@ class CloudSettings:
     provides: ClassVar[frozenset[str]] = frozenset()
     name: ClassVar[str] = "cloud"
 
-    # Where an alignment starts: motion (wheels, else the command, else the last motion) or last (the last motion).
     guess: str = "motion"
-    # One point per square of this side, pixels.
+    """Where an alignment starts: motion (wheels, else the command, else the last motion) or last (the last motion)."""
     stride_px: int = 4
-    # Depths outside this range are not used, metres.
+    """One point per square of this side, pixels."""
     min_range_m: float = 0.3
+    """Depths nearer than this are not used, metres."""
     max_range_m: float = 8.0
-    # Fewer points than this are no cloud: lost.
+    """Depths beyond this are not used, metres."""
     min_points: int = 100
-    # Degenerate when a smaller share of the points holds the weakest direction. A bare corner is seen by up to 0.024, small
-    # relief by 0.048 or more (simulated squares, seeds 100 to 102).
+    """Fewer points than this are no cloud: lost."""
     min_support: float = 0.025
-    # Along a direction that is not held: report what the alignment says, or take the guess (wheels, command) there.
+    """Degenerate when a smaller share of the points holds the weakest direction. A bare corner is seen by up to
+    0.024, small relief by 0.048 or more (simulated squares, seeds 100 to 102)."""
     slipping: str = "report"
-    # The camera stands on a robot: keep the motion on the floor; no effect when it is hand-held.
+    """Along a direction that is not held: report what the alignment says, or take the guess (wheels, command) there."""
     planar: bool = True
+    """The camera stands on a robot: keep the motion on the floor; no effect when it is hand-held."""
 
     def __post_init__(self) -> None:
         owner = f"odometry.{self.name}"

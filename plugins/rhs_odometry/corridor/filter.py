@@ -34,9 +34,12 @@ class FilterSettings:
     window: int = 12
     pixel_sigma: float = 1.0
     tilt_sigma_rad: float = 1e-4
-    linearisations: int = 1  # passes over the tracks of a view
-    width_known: bool = True  # the width may set the scale of everything at the first pair
+    linearisations: int = 1
+    """passes over the tracks of a view"""
+    width_known: bool = True
+    """the width may set the scale of everything at the first pair"""
     rules: WallRules = field(default_factory=WallRules)
+    """the width may set the scale of everything at the first pair"""
 
 
 @dataclass(frozen=True)

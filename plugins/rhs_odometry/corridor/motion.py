@@ -18,13 +18,20 @@ STILL_PX = 0.4  # a picture that moves less than this stands still
 class MotionNoise:
     """How wrong the expectation may be, per step; one standard deviation each."""
 
-    forward: float = 0.03  # share of the distance
-    forward_floor_m: float = 0.002  # and never less than this
+    forward: float = 0.03
+    """share of the distance"""
+    forward_floor_m: float = 0.002
+    """and never less than this"""
     left_m: float = 0.002
-    turn: float = 0.06  # share of the turn
+    """and never less than this"""
+    turn: float = 0.06
+    """share of the turn"""
     turn_floor_rad: float = 0.005
-    speed_walk_mps: float = 0.08  # change of speed per step, without input only
-    turn_walk_radps: float = 0.16  # change of turn rate per step, without input only
+    """share of the turn"""
+    speed_walk_mps: float = 0.08
+    """change of speed per step, without input only"""
+    turn_walk_radps: float = 0.16
+    """change of turn rate per step, without input only"""
 
     def covariance(self, forward_m: float, turn_rad: float) -> np.ndarray:
         """(3, 3) of forward, left, turn."""

@@ -17,22 +17,37 @@ from .state import BIN_M, CorridorState, Plane
 class WallRules:
     """Thresholds of attaching, finding and merging; lengths in metres. They were chosen on one world and direction."""
 
-    agree_sigmas: float = 1.5  # a track lies on a wall if its own depth agrees within this many sigmas
-    walls_before_floor: int = 1  # points are put on the floor once so many walls are known: before a wall right ahead,
-    # points at its foot pass for floor further away, and the scale comes out a quarter too large
-    reach_m: float = 1.0  # how far beyond its seen extent a wall may be hit
-    slot_m: float = 0.16  # points of a new wall lie in a slot this thick
-    points: int = 12  # least number of points of a new wall
-    spread_m: float = 0.9  # least extent along the wall
-    bins: int = 4  # least number of 0.2 m stretches along the wall with points
-    heights: int = 3  # least number of 0.15 m height bands with points: a wall, not a row of skirting-board corners
-    near_m: float = 0.15  # a point this near to a known wall belongs to it
-    offset_sigma_m: float = 0.5  # first uncertainty of a new wall: big on purpose, its points fix it within five views
-    angle_sigma_rad: float = 0.003  # how far walls may be from the right angle: the prior that holds the heading
-    memory: int = 60  # views a point without a wall is remembered
-    merge_m: float = 0.4  # parallel walls nearer than this may be one
-    merge_gap_m: float = 4.0  # if they overlap, or at most this much lies between them
-    merge_chi2: float = 12.0  # and their states must agree within this
+    agree_sigmas: float = 1.5
+    """a track lies on a wall if its own depth agrees within this many sigmas"""
+    walls_before_floor: int = 1
+    """points are put on the floor once so many walls are known: before a wall right ahead,"""
+    reach_m: float = 1.0
+    """points at its foot pass for floor further away, and the scale comes out a quarter too large how far beyond its
+    seen extent a wall may be hit"""
+    slot_m: float = 0.16
+    """points of a new wall lie in a slot this thick"""
+    points: int = 12
+    """least number of points of a new wall"""
+    spread_m: float = 0.9
+    """least extent along the wall"""
+    bins: int = 4
+    """least number of 0.2 m stretches along the wall with points"""
+    heights: int = 3
+    """least number of 0.15 m height bands with points: a wall, not a row of skirting-board corners"""
+    near_m: float = 0.15
+    """a point this near to a known wall belongs to it"""
+    offset_sigma_m: float = 0.5
+    """first uncertainty of a new wall: big on purpose, its points fix it within five views"""
+    angle_sigma_rad: float = 0.003
+    """how far walls may be from the right angle: the prior that holds the heading"""
+    memory: int = 60
+    """views a point without a wall is remembered"""
+    merge_m: float = 0.4
+    """parallel walls nearer than this may be one"""
+    merge_gap_m: float = 4.0
+    """if they overlap, or at most this much lies between them"""
+    merge_chi2: float = 12.0
+    """and their states must agree within this"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,12 +17,17 @@ class Orb(Procrustes):
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    features: int = 500  # key-points per view; twice as many cost a third more time
-    ratio: float = 0.85  # ratio test; binary descriptors are coarse, so it is looser than SIFT's
-    hypotheses: int = 100  # RANSAC: half of procrustes's, for speed
-    # patches: matched points are looked up again by their patches, to a tenth of a pixel; features: as ORB places them.
+    features: int = 500
+    """key-points per view; twice as many cost a third more time"""
+    ratio: float = 0.85
+    """ratio test; binary descriptors are coarse, so it is looser than SIFT's"""
+    hypotheses: int = 100
+    """RANSAC: half of procrustes's, for speed"""
     placing: str = "patches"
-    pixel_sigma_px: float = 0.7  # how well a point is placed, pixels (1 sigma); 1.5 when ORB places it
+    """patches: matched points are looked up again by their patches, to a tenth of a pixel; features: as ORB places
+    them."""
+    pixel_sigma_px: float = 0.7
+    """how well a point is placed, pixels (1 sigma); 1.5 when ORB places it"""
 
     def __post_init__(self) -> None:
         super().__post_init__()

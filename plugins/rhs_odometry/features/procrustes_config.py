@@ -18,18 +18,27 @@ class Procrustes:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    refine: str = "reprojection"  # none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth
-    planar: bool = True  # the camera stands on a robot: keep the motion on the floor; no effect when it is hand-held
-    hypotheses: int = 200  # RANSAC: three-point motions tried per view
-    gate_sigma: float = 4.0  # a pair of points further off than this many sigmas is an outlier; 3 loses good ones on blur
-    pixel_sigma_px: float = 0.5  # how well a key-point is placed, pixels (1 sigma), as measured in the simulator
-    # Depth noise: sigma_z = constant + quadratic * (z - 0.4 m)^2, metres; more than a Kinect's 0.0012 (Nguyen 2012),
-    # because colour and depth are never quite registered.
+    refine: str = "reprojection"
+    """none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth"""
+    planar: bool = True
+    """the camera stands on a robot: keep the motion on the floor; no effect when it is hand-held"""
+    hypotheses: int = 200
+    """RANSAC: three-point motions tried per view"""
+    gate_sigma: float = 4.0
+    """a pair of points further off than this many sigmas is an outlier; 3 loses good ones on blur"""
+    pixel_sigma_px: float = 0.5
+    """how well a key-point is placed, pixels (1 sigma), as measured in the simulator"""
     depth_constant_m: float = 0.002
-    depth_quadratic_per_m: float = 0.0019  # the same, 1/m (Nguyen 2012, Kinect)
-    min_inliers: int = 12  # fewer agreeing pairs than this and the view is lost
-    max_sigma_m: float = 0.05  # degenerate when a direction of the translation is less sure than this, metres
-    max_sigma_rad: float = 0.05  # degenerate when an axis of the rotation is less sure than this, radians
+    """Depth noise: sigma_z = constant + quadratic * (z - 0.4 m)^2, metres; more than a Kinect's 0.0012 (Nguyen
+    2012), because colour and depth are never quite registered."""
+    depth_quadratic_per_m: float = 0.0019
+    """Depth noise: the quadratic part of sigma_z, 1/m (Nguyen 2012, Kinect); see depth_constant_m."""
+    min_inliers: int = 12
+    """fewer agreeing pairs than this and the view is lost"""
+    max_sigma_m: float = 0.05
+    """degenerate when a direction of the translation is less sure than this, metres"""
+    max_sigma_rad: float = 0.05
+    """degenerate when an axis of the rotation is less sure than this, radians"""
 
     def __post_init__(self) -> None:
         owner = "odometry.procrustes"

@@ -18,22 +18,27 @@ class Fused:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Sigmas of what procrustes and gicp say are multiplied by this: errors of neighbouring views go together.
     picture_widening: float = 1.5
+    """Sigmas of what procrustes says are multiplied by this: errors of neighbouring views go together."""
     shape_widening: float = 2.0
-    # The command's distance and turn may be wrong by this share, and never by less than this (1 sigma).
+    """Sigmas of what gicp says are multiplied by this: errors of neighbouring views go together."""
     command_forward_share: float = 0.04
+    """The command's distance may be wrong by this share of it (1 sigma)."""
     command_turn_share: float = 0.06
+    """The command's turn may be wrong by this share of it (1 sigma)."""
     command_floor_m: float = 0.003
+    """The command's distance is never surer than this, metres (1 sigma)."""
     command_floor_rad: float = 0.003
-    # An estimate further from the others than this (chi-square, 3 degrees of freedom) is left out.
+    """The command's turn is never surer than this, radians (1 sigma)."""
     disagreement: float = 30.0
-    # The direction of the walls, known to a quarter turn, tells the heading: 1 sigma of one view's reading, degrees ...
+    """An estimate further from the others than this (chi-square, 3 degrees of freedom) is left out."""
     walls_sigma_deg: float = 0.5
-    # ... of how far walls stray from right angles ...
+    """The direction of the walls, known to a quarter turn, gives the heading: 1 sigma of one view's reading,
+    degrees."""
     right_angle_sigma_deg: float = 0.3
-    # ... and the share of the upright surfaces that must agree on it; 1.01 leaves it out.
+    """How far walls stray from right angles, degrees (1 sigma)."""
     walls_share: float = 0.6
+    """Share of the upright surfaces that must agree on the direction of the walls; 1.01 leaves it out."""
 
     def __post_init__(self) -> None:
         owner = "odometry.fused"

@@ -15,12 +15,14 @@ class Wheel:
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # One-sigma error as a share of the distance and of the turn since the last view.
     distance_share: float = 0.05
+    """One-sigma error as a share of the distance since the last view."""
     turn_share: float = 0.05
-    # Least error of a reading, metres and radians.
+    """One-sigma error as a share of the turn since the last view."""
     least_m: float = 0.001
+    """Least error of a reading of distance, metres."""
     least_rad: float = 0.001
+    """Least error of a reading of turn, radians."""
 
     def __post_init__(self) -> None:
         owner = "odometry.wheel"

@@ -15,33 +15,37 @@ class Keyframe:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Points followed at a time; more cost time in proportion and gain little.
     points: int = 400
-    # Side of the patch that Lucas-Kanade matches, pixels.
+    """Points followed at a time; more cost time in proportion and gain little."""
     window_px: int = 15
-    # Deviation of one sighting, pixels. Measured 0.15 on sharp images, 0.2 in the simulator, more when a hand shakes.
+    """Side of the patch that Lucas-Kanade matches, pixels."""
     pixel_sigma: float = 0.6
-    # Deviation of one inverse depth, 1/m, averaged over a window: measured 0.0006 in the simulator, 0.001 of a still
-    # PrimeSense, 0.004 of a shaken Kinect; 0.002 means sigma_z = 0.002 z^2.
+    """Deviation of one sighting, pixels. Measured 0.15 on sharp images, 0.2 in the simulator, more when a hand
+    shakes."""
     inverse_depth_sigma: float = 0.002
-    # A hand shakes: how far the motion while an image is read (Camera.readout_s) differs from the motion between the
-    # images, metres and degrees per image interval. No effect on a global shutter.
+    """Deviation of one inverse depth, 1/m, averaged over a window: measured 0.0006 in the simulator, 0.001 of a
+    still PrimeSense, 0.004 of a shaken Kinect; 0.002 means sigma_z = 0.002 z^2."""
     shake_m: float = 0.003
+    """A hand shakes: how far the motion while an image is read (Camera.readout_s) differs from the motion between the
+    images, metres per image interval. No effect on a global shutter."""
     shake_deg: float = 0.5
-    # A new key frame is made when fewer than this share of the last one's points is still followed ...
+    """A hand shakes: the same for the turn, degrees per image interval. No effect on a global shutter."""
     keep_share: float = 0.6
-    # ... or after turning or moving this far from it, degrees and metres.
+    """A new key frame is made when fewer than this share of the last one's points is still followed."""
     keep_turn_deg: float = 15.0
+    """A new key frame is made after turning this far from the last one, degrees."""
     keep_move_m: float = 0.2
-    # Fewer inliers than this is no measurement: lost.
+    """A new key frame is made after moving this far from the last one, metres."""
     min_inliers: int = 12
-    # The camera stands on a robot on a floor: keep the motion in the plane. No effect on a hand-held camera.
+    """Fewer inliers than this is no measurement: lost."""
     planar: bool = True
-    # Degenerate when a direction of the translation or an axis of the rotation is less sure than this.
+    """The camera stands on a robot on a floor: keep the motion in the plane. No effect on a hand-held camera."""
     max_sigma_m: float = 0.05
+    """Degenerate when a direction of the translation is less sure than this, metres (1 sigma)."""
     max_sigma_rad: float = 0.05
-    # Old key frames looked up again at every new one; 0 makes it a plain key-frame odometry.
+    """Degenerate when an axis of the rotation is less sure than this, radians (1 sigma)."""
     revisit: int = 2
+    """Old key frames looked up again at every new one; 0 makes it a plain key-frame odometry."""
 
     def __post_init__(self) -> None:
         owner = "odometry.keyframe"

@@ -18,24 +18,42 @@ class SectionEkf:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "walls"})
 
-    half_size_m: float = 1.0  # half the width of the corridor; the only thing that fixes the scale
-    size_sigma: float = 0.005  # how well it is known, share (1 sigma of its logarithm)
-    aspect: float = 1.25  # height over width of the section
-    speed_mps: float = 0.5  # speed expected at the start
-    speed_sigma_mps: float = 0.12  # how wrong that may be (1 sigma)
-    drift_sigma_mps: float = 0.03  # how fast it may move sideways or up and down at the start (1 sigma)
-    speed_walk_mps: float = 0.04  # change of speed per view (1 sigma)
-    turn_walk_radps: float = 0.04  # change of turn rate per view (1 sigma)
-    start_error_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # start wrongly: forward, left, up
-    start_error_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # start wrongly: roll, pitch, yaw
-    start_sigma_m: float = 0.05  # how wrong the filter thinks its start may be (1 sigma)
-    start_sigma_deg: float = 2.0  # the same for each angle
-    pixel_sigma_px: float = 0.7  # noise of a followed point (1 sigma)
-    iterations: int = 1  # linearisations per view: 1 is the thesis; 3 forgets a wrong start of 10 degrees sooner
-    pairs: int = 60  # points used per view at most: the state stays as it is, the time grows
-    points: int = 130  # points followed at most
-    save_tracks: bool = False  # write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry
-    scan_range_m: float = 8.0  # the walls are put into the scan up to this distance
+    half_size_m: float = 1.0
+    """half the width of the corridor; the only thing that fixes the scale"""
+    size_sigma: float = 0.005
+    """how well the size is known, share (1 sigma of its logarithm)"""
+    aspect: float = 1.25
+    """height over width of the section"""
+    speed_mps: float = 0.5
+    """speed expected at the start"""
+    speed_sigma_mps: float = 0.12
+    """how wrong the expected speed may be (1 sigma)"""
+    drift_sigma_mps: float = 0.03
+    """how fast the camera may move sideways or up and down at the start (1 sigma)"""
+    speed_walk_mps: float = 0.04
+    """change of speed per view (1 sigma)"""
+    turn_walk_radps: float = 0.04
+    """change of turn rate per view (1 sigma)"""
+    start_error_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """start wrongly: forward, left, up"""
+    start_error_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """start wrongly: roll, pitch, yaw"""
+    start_sigma_m: float = 0.05
+    """how wrong the filter thinks its start may be (1 sigma)"""
+    start_sigma_deg: float = 2.0
+    """how wrong the filter thinks each start angle may be (1 sigma)"""
+    pixel_sigma_px: float = 0.7
+    """noise of a followed point (1 sigma)"""
+    iterations: int = 1
+    """linearisations per view: 1 is the thesis; 3 forgets a wrong start of 10 degrees sooner"""
+    pairs: int = 60
+    """points used per view at most: the state stays as it is, the time grows"""
+    points: int = 130
+    """points followed at most"""
+    save_tracks: bool = False
+    """write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry"""
+    scan_range_m: float = 8.0
+    """the walls are put into the scan up to this distance"""
 
     owner: ClassVar[str] = "odometry.section_ekf"
     shape: ClassVar[str] = "rectangular"
@@ -67,7 +85,8 @@ class SectionEkf:
 class TubeEkf(SectionEkf):
     """The thesis's filter (chapter 4): constant velocity and one straight round tube with logarithmic radius."""
 
-    half_size_m: float = 1.12  # radius of the tube; that of a circle with the perimeter's mean for a 2 x 2.5 m corridor
+    half_size_m: float = 1.12
+    """radius of the tube; that of a circle with the perimeter's mean for a 2 x 2.5 m corridor"""
 
     owner: ClassVar[str] = "odometry.tube_ekf"
     shape: ClassVar[str] = "round"

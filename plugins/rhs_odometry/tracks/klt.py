@@ -22,15 +22,24 @@ from .track_frames import TrackFrame, travel_of
 class KltSettings:
     """Front end settings; sizes in pixels for a 320x240 image, scaled with the image width."""
 
-    points: int = 130  # tracked at most; more costs time and gained nothing in the notes
-    floor_points: int = 40  # of these, kept for the lower third of the image
-    quality: float = 0.008  # weakest corner relative to the best one, upper two thirds
-    floor_quality: float = 0.02  # the same in the lower third, where weak corners are rendering noise
-    distance_px: float = 7.0  # least distance between two points
-    window_px: int = 13  # side of the patch that is followed
-    levels: int = 3  # pyramid levels above the image itself
-    check_px: float = 0.6  # largest disagreement between following forward and back
-    patches: PatchRules | None = field(default_factory=PatchRules)  # None: followed from view to view only, there and back
+    points: int = 130
+    """tracked at most; more costs time and gained nothing in the notes"""
+    floor_points: int = 40
+    """of these, kept for the lower third of the image"""
+    quality: float = 0.008
+    """weakest corner relative to the best one, upper two thirds"""
+    floor_quality: float = 0.02
+    """the same in the lower third, where weak corners are rendering noise"""
+    distance_px: float = 7.0
+    """least distance between two points"""
+    window_px: int = 13
+    """side of the patch that is followed"""
+    levels: int = 3
+    """pyramid levels above the image itself"""
+    check_px: float = 0.6
+    """largest disagreement between following forward and back"""
+    patches: PatchRules | None = field(default_factory=PatchRules)
+    """None: followed from view to view only, there and back"""
 
 
 class KltTracker:

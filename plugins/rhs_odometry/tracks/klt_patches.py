@@ -17,12 +17,18 @@ from .klt_kernels import MARGIN_PX, PARAMETERS, SIDE, find_again, remember
 @dataclass(frozen=True)
 class PatchRules:
     iterations: int = 4
-    least_px: float = 0.02  # steps shorter than this end the search
-    views: int = 12  # a look is taken afresh after so many views
-    stretch: float = 1.5  # or when its size has changed by this factor
-    misfit: float = 0.5  # a found patch differs from the first look by no more than this share of its contrast
-    noise: float = 2.0  # grey levels that are forgiven beside
-    leap_px: float = 2.0  # and lies no further from where the point was followed to
+    least_px: float = 0.02
+    """steps shorter than this end the search"""
+    views: int = 12
+    """a look is taken afresh after so many views"""
+    stretch: float = 1.5
+    """or when its size has changed by this factor"""
+    misfit: float = 0.5
+    """a found patch differs from the first look by no more than this share of its contrast"""
+    noise: float = 2.0
+    """grey levels that are forgiven beside"""
+    leap_px: float = 2.0
+    """and lies no further from where the point was followed to"""
 
 
 class Patches:
