@@ -18,8 +18,8 @@ class PoseGraph:
     min_way_m: float = 5.0
     """Two views closer than this along the way are neighbours, not a loop, metres."""
     min_turn_deg: float = 90.0
-    """Two views between which the camera looked away by less than this are neighbours, not a loop, degrees: a hand
-    hardly moves on."""
+    """Views closer than min_way_m are a loop all the same when the camera looked away by more than this between them
+    and back, degrees: a hand hardly moves on."""
     checks: int = 60
     """So many pairs of views, the likeliest ones, are checked by geometry: about 8 ms each at 320x240."""
     min_inliers: int = 20

@@ -1,6 +1,6 @@
 """The text of --help, made from what is registered: every plugin, every setting, its meaning, type and default.
 
-The meaning of a setting is the comment above it, or behind it, in its settings dataclass: one home for each fact.
+The meaning of a setting is the string literal after it in its settings dataclass: one home for each fact.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rhs.base.data_dirs import data_dir
 from rhs.base.errors import PluginError
 from rhs.base.strict_yaml import load_yaml
 from rhs.config import registry, settings
-from rhs.config.documented import comments, summary
+from rhs.config.documented import field_docs, summary
 
 WIDTH = 118
 
@@ -102,7 +102,7 @@ def _core_settings() -> Iterator[str]:
 
 def _settings(cls: type, owner: str, skip: Sequence[str] = ()) -> Iterator[str]:
     """One entry per setting: `key=default`, meaning, type; nested settings follow."""
-    hints, meanings, values = typing.get_type_hints(cls), comments(cls), settings.defaults(cls)
+    hints, meanings, values = typing.get_type_hints(cls), field_docs(cls), settings.defaults(cls)
     for item in dataclasses.fields(cls):
         if not item.init or item.name in skip:
             continue

@@ -20,7 +20,7 @@ from typing import Any
 
 from rhs.api.contracts import KINDS
 from rhs.base.errors import ConfigError
-from rhs.config.documented import comments, summary
+from rhs.config.documented import field_docs, summary
 
 from . import estimators as testing_estimators
 from . import planners as testing_planners
@@ -55,9 +55,9 @@ def says_what_it_is(settings: Any, folder: Path) -> None:
 
 
 def says_what_every_setting_means(settings: Any, folder: Path) -> None:
-    meanings = comments(type(settings))
+    meanings = field_docs(type(settings))
     silent = [f.name for f in dataclasses.fields(settings) if f.init and not meanings.get(f.name)]
-    assert not silent, f"these settings have no comment above or behind them: {', '.join(silent)}"
+    assert not silent, f"write a string literal after each of these settings saying what it means: {', '.join(silent)}"
 
 
 def declares_what_it_needs_and_provides(settings: Any, folder: Path) -> None:

@@ -12,7 +12,7 @@ from installing import FAKES, environment, installed
 from rhs.api.contracts import KINDS
 from rhs.cli.help_text import help_text
 from rhs.config import registry, settings
-from rhs.config.documented import comments
+from rhs.config.documented import field_docs
 
 HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "hydra", "gtsam")
 
@@ -27,18 +27,25 @@ def test_every_plugin_and_every_setting_is_listed_with_its_default():
                     assert f"    {kind}.{key}=" in text
 
 
-def test_the_meaning_of_a_setting_is_its_comment_above_or_behind():
-    @dataclasses.dataclass
-    class Both:
-        # first half,
-        # second half
-        above: int = 1
-        behind: float = 2.0  # metres
-        with_it: float = 3.0
+@dataclasses.dataclass
+class Base:
+    inherited: int = 1
+    """from the base,
+    on two lines"""
+    replaced: float = 2.0
+    """as the base has it"""
 
-        none: str = ""
 
-    assert comments(Both) == {"above": "first half, second half", "behind": "metres", "with_it": "metres", "none": ""}
+@dataclasses.dataclass
+class Derived(Base):
+    replaced: float = 3.0
+    """as the derived class has it"""
+    silent: str = ""
+
+
+def test_the_meaning_of_a_setting_is_the_string_literal_after_it_base_classes_included():
+    assert field_docs(Derived) == {"inherited": "from the base, on two lines", "replaced": "as the derived class has it",
+                                   "silent": ""}
 
 
 def test_a_plugin_that_cannot_be_imported_is_listed_with_the_reason():

@@ -20,10 +20,10 @@ class WallRules:
     agree_sigmas: float = 1.5
     """a track lies on a wall if its own depth agrees within this many sigmas"""
     walls_before_floor: int = 1
-    """points are put on the floor once so many walls are known: before a wall right ahead,"""
+    """points are put on the floor once so many walls are known: before a wall right ahead, points at its foot pass for
+    floor further away, and the scale comes out a quarter too large"""
     reach_m: float = 1.0
-    """points at its foot pass for floor further away, and the scale comes out a quarter too large how far beyond its
-    seen extent a wall may be hit"""
+    """how far beyond its seen extent a wall may be hit"""
     slot_m: float = 0.16
     """points of a new wall lie in a slot this thick"""
     points: int = 12
@@ -45,9 +45,9 @@ class WallRules:
     merge_m: float = 0.4
     """parallel walls nearer than this may be one"""
     merge_gap_m: float = 4.0
-    """if they overlap, or at most this much lies between them"""
+    """they overlap, or at most this much lies between them"""
     merge_chi2: float = 12.0
-    """and their states must agree within this"""
+    """the states of two walls that are one agree within this (chi-square of two numbers)"""
 
 
 @dataclass(frozen=True, eq=False)
