@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
+
+from .advanced import ParticleAdvanced, ScanAdvanced
 
 
 @dataclass
@@ -44,6 +46,7 @@ class ParticleFilter:
     """Above this share of the weight in one cluster the robot calls itself tracking."""
     lost_below: float = 0.5
     """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
+    advanced: ParticleAdvanced = field(default_factory=ParticleAdvanced)
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter", self)
@@ -88,6 +91,7 @@ class ParticleFilterScan:
     """Above this share of the weight in one cluster the robot calls itself tracking."""
     lost_below: float = 0.5
     """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
+    advanced: ScanAdvanced = field(default_factory=ScanAdvanced)
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter_scan", self)

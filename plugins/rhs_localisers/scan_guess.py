@@ -23,11 +23,10 @@ def laid_on_map(guess: Guess, scan: Scan, matcher: ScanMatcher) -> Guess:
     return Guess(pose, covariance, guess.weight)
 
 
-STEADY_M = 5.0  # drift keeps its sign for about so long
-
-
-def drifted(covariance: np.ndarray, previous_from_body: np.ndarray, per_m: float, rad_per_m: float) -> np.ndarray:
-    """The (6, 6) covariance of a motion widened by a drift that keeps its sign for STEADY_M of way, which the covariance
-    of single motions does not say: after L metres it has grown to per_m sqrt(L STEADY_M)."""
+def drifted(
+    covariance: np.ndarray, previous_from_body: np.ndarray, per_m: float, rad_per_m: float, steady_m: float = 5.0
+) -> np.ndarray:
+    """The (6, 6) covariance of a motion widened by a drift that keeps its sign for steady_m of way, which the covariance
+    of single motions does not say: after L metres it has grown to per_m sqrt(L steady_m)."""
     way_m = float(np.hypot(*previous_from_body[:2, 3]))
-    return covariance + STEADY_M * way_m * np.diag([per_m**2] * 2 + [0.0] * 3 + [rad_per_m**2])
+    return covariance + steady_m * way_m * np.diag([per_m**2] * 2 + [0.0] * 3 + [rad_per_m**2])

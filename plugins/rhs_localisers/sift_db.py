@@ -21,18 +21,17 @@ from rhs.api.records import Belief, Knowing, Motion, Observation, Scan, View
 from rhs.estimation.filters.pose_hypotheses import Claim, Guesses, Trust, begin, carried, confirms, predict, silent, update
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import features
-from rhs.estimation.views.motion_consistency import CARRIED, Continuity
-from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, PlaceSettings, Recognised, shares
+from rhs.estimation.views.motion_consistency import Continuity
+from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, Recognised, shares
 from rhs.estimation.views.place_memory import memory_of
-from rhs.estimation.views.view_pose import SightingSettings
-from rhs.estimation.views.view_support import SILENCE, expected
+from rhs.estimation.views.settings import PlaceSettings, SightingSettings
+from rhs.estimation.views.view_support import expected
 
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
-from .vouching import STRONG, Rumour, Vouching, fits, possible
+from .vouching import Rumour, Vouching, fits, possible
 from .watching import Watching
 
-WEAK = 0.5  # chance that a place named with little support is right
 NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of not knowing, square metres and square radians
 
 
@@ -41,7 +40,8 @@ class PlaceLocaliser:
 
     def __init__(self, settings: SiftDb, context: Context) -> None:
         self._settings, self._context = settings, context
-        self._trust = Trust(p_true=settings.p_true, kidnap=settings.kidnap_rate)
+        a = self._advanced = settings.advanced
+        self._trust = Trust(settings.p_true, settings.kidnap_rate, a.gate_probability, a.keep, a.floor)
         self._state: Guesses = begin(None, None)
         self._database: PlaceDatabase | None = None
         self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
@@ -49,17 +49,18 @@ class PlaceLocaliser:
         self._steps = 0
         self._contradicted = False
         self._last = np.eye(4)
-        self._watching = Watching(context.features, None)
-        self._vouching, self._rumour = Vouching(False), Rumour()
+        self._watching = Watching(context.features, None, a.continuity, smooth_share=a.smooth_share)
+        self._vouching, self._rumour = Vouching(False, a.confirmation), Rumour(a.confirmation)
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the surveyed views as places."""
-        sighting = SightingSettings(min_inliers=self._settings.min_inliers, ratio=self._context.features.ratio)
-        settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting=sighting)
+        a = self._advanced
+        sighting = SightingSettings(self._settings.min_inliers, a.min_coverage, self._context.features.ratio, a.ransac)
+        settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting, a.places)
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
-        self._walls = ScanMatcher(grid) if grid is not None else None
-        self._watching = Watching(self._context.features, self._walls)
+        self._walls = ScanMatcher(grid, a.match) if grid is not None else None
+        self._watching = Watching(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
         self._matcher = self._walls if self._settings.match_every > 0 else None
         self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
 
@@ -67,8 +68,8 @@ class PlaceLocaliser:
         """Begin from a belief, or anywhere."""
         self._steps, self._contradicted = 0, False
         self._watching.begin()
-        self._rumour = Rumour()
-        self._vouching = Vouching(belief is not None and belief.probability > 0.9)
+        self._rumour = Rumour(self._advanced.confirmation)
+        self._vouching = Vouching(belief is not None and belief.probability > 0.9, self._advanced.confirmation)
         if belief is None:
             self._state = begin(None, None)
         else:
@@ -78,14 +79,15 @@ class PlaceLocaliser:
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Predict by the motion, ask the places when it is time, and say how sure this is."""
         s = self._settings
-        noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m)
+        noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m,
+                        s.advanced.steady_m)
         self._state = predict(self._state, motion.previous_from_body, noise, self._trust)
         self._watch(observation, motion)
         details: dict[str, float] = {}
         scan = observation.scan if observation.scan is not None else motion.scan
         if self._due():
             answer = self._ask(observation)
-            self._hear(possible(answer, self._walls), observation, scan)
+            self._hear(possible(answer, self._walls, s.advanced.confirmation), observation, scan)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
         if self._matcher is not None and scan is not None and self._steps % s.match_every == 0:
             self._state = replace(
@@ -101,7 +103,7 @@ class PlaceLocaliser:
         self._vouching.travel(motion.previous_from_body, seen)
         self._rumour.move(motion.previous_from_body)
         if seen is Continuity.BROKEN:
-            self._state, self._contradicted = carried(self._state, CARRIED, self._trust), True
+            self._state, self._contradicted = carried(self._state, self._advanced.continuity.carried, self._trust), True
 
     def _hear(self, places: list[Recognised], observation: Observation, scan: Scan | None) -> None:
         """Named places confirm the belief, speak against it, or put another in its stead."""
@@ -109,14 +111,15 @@ class PlaceLocaliser:
         if not places:
             self._contradicted = self._expects(observation)
             if self._contradicted and self._vouching.silent():
-                self._state = silent(self._state, SILENCE, self._trust)
+                self._state = silent(self._state, self._advanced.places.explain.silence, self._trust)
         else:
-            claims = [Claim(r.map_from_body, r.covariance, float(s)) for r, s in zip(places, shares(places), strict=True)]
+            weights = shares(places, self._advanced.places)
+            claims = [Claim(r.map_from_body, r.covariance, float(w)) for r, w in zip(places, weights, strict=True)]
             self._contradicted = not confirms(self._state, claims, self._trust)
-            strong = places[0].score >= STRONG
+            strong = places[0].score >= self._advanced.confirmation.strong
             if not self._heeds(claims, strong, scan):
                 return
-            trust = self._trust if strong else replace(self._trust, p_true=WEAK)
+            trust = self._trust if strong else replace(self._trust, p_true=self._advanced.weak)
             self._state = update(self._state, claims, self._areas, trust)
         if before.best is not None and self._state.best is not None:
             self._vouching.follow(planar(before.best.map_from_body), planar(self._state.best.map_from_body))
@@ -139,7 +142,8 @@ class PlaceLocaliser:
 
     def _fits(self, scan: Scan | None) -> bool:
         best = self._state.best
-        return best is not None and fits(scan, self._walls, planar(best.map_from_body))
+        return best is not None and fits(
+            scan, self._walls, planar(best.map_from_body), self._advanced.confirmation)
 
     def _due(self) -> bool:
         sure = 1.0 - self._state.elsewhere >= self._settings.tracking_above
@@ -155,7 +159,8 @@ class PlaceLocaliser:
         """Whether the best guess says that this view ought to be recognised."""
         assert self._database is not None, "learn() comes before update()"
         best, seen = self._state.best, features(observation, self._context.features)
-        return best is not None and expected(self._database.memory, seen, best.map_from_body)
+        return best is not None and expected(
+            self._database.memory, seen, best.map_from_body, self._advanced.places.explain)
 
     def _belief(self, details: dict[str, float]) -> Belief:
         best = self._state.best

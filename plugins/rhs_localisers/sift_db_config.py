@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_choice, check_range
+
+from .advanced import SiftDbAdvanced
 
 
 @dataclass
@@ -38,6 +40,7 @@ class SiftDb:
     """Above this chance of being right the robot calls itself tracking."""
     lost_below: float = 0.5
     """Below this chance of being right the robot calls itself lost."""
+    advanced: SiftDbAdvanced = field(default_factory=SiftDbAdvanced)
 
     def __post_init__(self) -> None:
         owner = "localiser.sift_db"

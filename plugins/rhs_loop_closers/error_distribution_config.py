@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_choice, check_range
+
+from .advanced import ErrorDistributionAdvanced
 
 
 @dataclass
@@ -35,6 +37,7 @@ class ErrorDistribution:
     max_drift_share: float = 0.15
     """A closure that moves the end by more than this share of the distance travelled (plus half a metre) is refused:
     visual odometry drifts by 1-4 %, in bad light by 10 %."""
+    advanced: ErrorDistributionAdvanced = field(default_factory=ErrorDistributionAdvanced)
 
     def __post_init__(self) -> None:
         owner = "loop_closer.error_distribution"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_range
+
+from .advanced import PoseGraphAdvanced
 
 
 @dataclass
@@ -49,6 +51,7 @@ class PoseGraph:
     """Odometry noise of the heading the graph assumes at least: radians per metre."""
     kernel_sigma: float = 3.0
     """Scale of the robust (Cauchy) kernel on loop edges, sigmas."""
+    advanced: PoseGraphAdvanced = field(default_factory=PoseGraphAdvanced)
 
     def __post_init__(self) -> None:
         owner = "loop_closer.pose_graph"

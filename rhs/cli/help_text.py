@@ -24,7 +24,7 @@ WIDTH = 118
 TOP = """\
 python -m rhs [options] key=value ...     one run: map a world, then patrol it
 python -m rhs -m key=value1,value2 ...    a sweep: one run for every combination
-python -m rhs planner=prm --help          one part in full
+python -m rhs planner=prm --help          one part in full, with its advanced thresholds
 python -m rhs.table FOLDER ...            the table of all runs in these folders
 
 Options
@@ -48,7 +48,7 @@ def help_text(words: Sequence[str] = ()) -> str:
     """All of it, or only the parts that the words `kind=name` choose."""
     wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in KINDS and "=" in word]
     if wanted:
-        return "\n".join("\n".join(_plugin(kind, name, is_default=False)) for kind, name in wanted)
+        return "\n".join("\n".join(_plugin(kind, name, is_default=False, full=True)) for kind, name in wanted)
     lines = [TOP, "Experiments and stacks", *_folder_lines(), "", "Settings of a run", *_core_settings(), ""]
     chosen = _defaults()
     for kind in KINDS:
@@ -76,7 +76,7 @@ def _first_comment(path: Path) -> str:
     return next((line for line in comments if line and not line.startswith("@")), "")
 
 
-def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
+def _plugin(kind: str, name: str, *, is_default: bool, full: bool = False) -> list[str]:
     try:
         cls = registry.load(kind, name)
         registry.check_requirements(kind, name, cls)
@@ -89,9 +89,7 @@ def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
                                ) if note]
     told = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
     lines = list(_entry(f"  {kind}={name}", told))
-    for line in _settings(cls, kind):
-        lines.append(line)
-    return lines
+    return lines + list(_settings(cls, kind, skip=() if full else ("advanced",)))
 
 
 def _core_settings() -> Iterator[str]:
@@ -100,15 +98,16 @@ def _core_settings() -> Iterator[str]:
     yield from _settings(RunConfig, "", skip=KINDS)
 
 
-def _settings(cls: type, owner: str, skip: Sequence[str] = ()) -> Iterator[str]:
-    """One entry per setting: `key=default`, meaning, type; nested settings follow."""
-    hints, meanings, values = typing.get_type_hints(cls), field_docs(cls), settings.defaults(cls)
+def _settings(cls: type, owner: str, skip: Sequence[str] = (), values: dict[str, Any] | None = None) -> Iterator[str]:
+    """One entry per setting: `key=default`, meaning, type; nested settings follow, with the defaults (`values`) that the
+    class above gives them."""
+    hints, meanings, values = typing.get_type_hints(cls), field_docs(cls), values or settings.defaults(cls)
     for item in dataclasses.fields(cls):
         if not item.init or item.name in skip:
             continue
         key = settings.dotted(owner, item.name)
         if dataclasses.is_dataclass(hints[item.name]):
-            yield from _settings(hints[item.name], key)  # type: ignore[arg-type]
+            yield from _settings(hints[item.name], key, values=values[item.name])  # type: ignore[arg-type]
             continue
         kind = settings.type_name(hints[item.name])
         yield from _entry(f"    {key}={show(values[item.name])}", f"{meanings.get(item.name, '')} [{kind}]".strip())

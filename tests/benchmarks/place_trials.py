@@ -28,7 +28,7 @@ from rhs.api.geometry import planar
 from rhs.api.records import Knowing
 from rhs.config.compose import compose_config
 from rhs.config.parts import generator
-from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
+from rhs.estimation.views.place_database import PlaceDatabase, PlaceRules, PlaceSettings
 from rhs.estimation.views.place_memory import memory_of
 from rhs.patrol.survey import draw
 from rhs.reports.calibration_pictures import precision_recall_picture
@@ -104,7 +104,7 @@ def kept_rows(table: Path) -> list[str]:
 
 def misses(seed: int, memory, asked: Taken, which: list[int], protocol: str) -> list[str]:
     """A line per query that VLAD with the check did not answer rightly; what a query costs goes to the screen."""
-    settings = PlaceSettings(faint_checks=SECOND_LOOK)
+    settings = PlaceSettings(rules=PlaceRules(faint_checks=SECOND_LOOK))
     database, out, spent_s, count = PlaceDatabase(memory, settings, np.random.default_rng(seed)), [], 0.0, 0
     for k in which:
         begin = time.process_time()

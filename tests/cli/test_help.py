@@ -10,6 +10,7 @@ import pytest
 from installing import FAKES, environment, installed
 
 from rhs.api.contracts import KINDS
+from rhs.base.errors import ConfigError
 from rhs.cli.help_text import help_text
 from rhs.config import registry, settings
 from rhs.config.documented import field_docs
@@ -24,7 +25,28 @@ def test_every_plugin_and_every_setting_is_listed_with_its_default():
             assert f"  {kind}={name}" in text
             if registry.failure(kind, name) is None:
                 for key in settings.defaults(registry.load(kind, name)):
-                    assert f"    {kind}.{key}=" in text
+                    assert (f"    {kind}.{key}=" in text) == (key != "advanced")
+
+
+def test_advanced_thresholds_stand_in_the_help_of_their_own_part_only():
+    assert "localiser.advanced." not in help_text()
+    one = help_text(["localiser=sift_db"])
+    assert "    localiser.advanced.places.rival_share=0.85" in one
+    assert "    localiser.advanced.places.explain.near_deg=40.0" in one
+
+
+def test_a_nested_threshold_out_of_range_names_its_whole_key():
+    cls = registry.load("localiser", "sift_db")
+    made = settings.make(cls, {"advanced": {"places": {"tie": 0.2}}}, "localiser")
+    assert made.advanced.places.tie == 0.2 and made.advanced.places.slope == 12.0
+    with pytest.raises(ConfigError, match=r"^localiser\.advanced\.places\.tie=3\.0 is outside"):
+        settings.make(cls, {"advanced": {"places": {"tie": 3.0}}}, "localiser")
+
+
+def test_what_is_not_said_of_a_nested_group_is_as_the_part_has_it():
+    cls = registry.load("loop_closer", "pose_graph")
+    made = settings.make(cls, {"advanced": {"scan_loops": {"match": {"beams": 40}}}}, "loop_closer")
+    assert (made.advanced.scan_loops.match.beams, made.advanced.scan_loops.match.sigma_m) == (40, 0.05)
 
 
 @dataclasses.dataclass

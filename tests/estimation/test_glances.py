@@ -9,10 +9,11 @@ from painted_survey import CAMERA, FEATURES, look, ring, survey
 from rhs.api.geometry import se2
 from rhs.api.records import Features, Glance, Observation
 from rhs.estimation.views.features import features, glance
-from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
+from rhs.estimation.views.place_database import PlaceDatabase, PlaceRules, PlaceSettings
 from rhs.estimation.views.place_memory import memory_of
 from rhs.estimation.views.thumbnail_kernels import sampled
-from rhs.estimation.views.thumbnails import STANDING, Fit, blocks, fit, outdoes
+from rhs.estimation.views.settings import ThumbnailSettings
+from rhs.estimation.views.thumbnails import Fit, blocks, fit, outdoes
 
 BESIDE = se2(1.3, 0.3, 1.9)
 
@@ -61,7 +62,7 @@ def test_a_picture_fits_in_other_light_and_from_beside_the_way(memory):
 
 def test_the_evidence_of_one_pose_against_another_is_the_one_computed_by_hand():
     ones, twos = Fit(np.ones(1600), np.ones(1600)), Fit(np.full(1600, 2.0), np.ones(1600))
-    assert outdoes(ones, twos) == pytest.approx(0.5 * np.log(4.0) / np.sqrt(16 / 1600 + STANDING**2))
+    assert outdoes(ones, twos) == pytest.approx(0.5 * np.log(4.0) / np.sqrt(16 / 1600 + ThumbnailSettings().standing**2))
     assert outdoes(twos, ones) == -outdoes(ones, twos)
     assert ones.misfit == 1.0 and twos.misfit == 4.0
     nothing = Fit(np.full(1600, np.nan), np.full(1600, np.nan))
@@ -70,7 +71,7 @@ def test_the_evidence_of_one_pose_against_another_is_the_one_computed_by_hand():
 
 def test_by_chance_one_of_two_equally_right_poses_seldom_outdoes_the_other():
     rng = np.random.default_rng(0)
-    worse = np.exp(STANDING * rng.standard_normal(2000))  # the root of what one mean square exceeds the other by
+    worse = np.exp(ThumbnailSettings().standing * rng.standard_normal(2000))  # the root of what one mean square exceeds the other by
     pairs = [[Fit(by * np.repeat(rng.standard_normal(150), 16), np.ones(2400)) for by in (1.0, w)] for w in worse]
     assert np.mean([outdoes(a, b) > 2.33 for a, b in pairs]) == pytest.approx(0.01, abs=0.007)
 
@@ -92,7 +93,7 @@ def test_a_few_key_points_are_enough_where_the_picture_fits(memory):
     query = features(look(BESIDE), FEATURES)
     rows = np.arange(0, len(query.pixels), len(query.pixels) // 14)
     faint = Features(query.pixels[rows], query.descriptors[rows], query.points[rows], query.glance)
-    once, twice = (PlaceDatabase(memory, PlaceSettings(faint_checks=n), np.random.default_rng(0)) for n in (0, 6))
+    once, twice = (PlaceDatabase(memory, PlaceSettings(rules=PlaceRules(faint_checks=n)), np.random.default_rng(0)) for n in (0, 6))
     assert once.ask(faint, CAMERA).abstained and twice.ask(replace(faint, glance=None), CAMERA).abstained
     answer = twice.ask(faint, CAMERA)
     assert answer.best.sighting.inliers < 15
@@ -107,6 +108,6 @@ def test_a_place_of_few_key_points_whose_picture_is_another_is_no_answer(memory)
     query = features(look(BESIDE), FEATURES)
     noise = np.random.default_rng(0).integers(0, 255, query.glance.grey.shape).astype(np.uint8)
     other = replace(query, glance=Glance(noise, query.glance.depth))
-    answer = PlaceDatabase(memory, PlaceSettings(misfit_inliers=10_000), np.random.default_rng(0)).ask(other, CAMERA)
+    answer = PlaceDatabase(memory, PlaceSettings(rules=PlaceRules(misfit_inliers=10_000)), np.random.default_rng(0)).ask(other, CAMERA)
     assert answer.reason == "the picture does not look like the place"
     assert not PlaceDatabase(memory, PlaceSettings(), np.random.default_rng(0)).ask(other, CAMERA).abstained

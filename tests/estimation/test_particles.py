@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
-from rhs.estimation.filters.clusters import Caution, heaps, resampled_by_heaps, reweighted_by_heaps
+from rhs.estimation.filters.clusters import ClusterSettings, heaps, resampled_by_heaps, reweighted_by_heaps
 from rhs.estimation.filters.particles import (
     Cloud,
     SizeLaw,
@@ -113,11 +113,11 @@ def test_heaps_are_told_apart_also_across_the_half_turn():
 def test_between_heaps_a_small_advantage_is_no_evidence_and_a_large_one_is():
     states = np.concatenate([np.zeros((2, 3)), np.full((2, 3), 5.0)])
     labels = np.array([0, 0, 1, 1])
-    small, _ = reweighted_by_heaps(even(states), np.array([-1.0, -1.0, -1.9, -1.9]), labels, Caution(1.0, 0.3))
+    small, _ = reweighted_by_heaps(even(states), np.array([-1.0, -1.0, -1.9, -1.9]), labels, ClusterSettings(1.0, 0.3))
     np.testing.assert_allclose(small.weights, 0.25)
-    large, _ = reweighted_by_heaps(even(states), np.array([0.0, 0.0, -11.0, -11.0]), labels, Caution(1.0, 0.3))
+    large, _ = reweighted_by_heaps(even(states), np.array([0.0, 0.0, -11.0, -11.0]), labels, ClusterSettings(1.0, 0.3))
     assert large.weights[:2].sum() == pytest.approx(1 / (1 + np.exp(-3.0)))
-    within, _ = reweighted_by_heaps(even(states), np.array([0.0, -np.log(3), 0.0, 0.0]), labels, Caution(1.0, 0.3))
+    within, _ = reweighted_by_heaps(even(states), np.array([0.0, -np.log(3), 0.0, 0.0]), labels, ClusterSettings(1.0, 0.3))
     assert within.weights[0] / within.weights[1] == pytest.approx(3.0)
 
 

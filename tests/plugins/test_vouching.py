@@ -10,9 +10,10 @@ from rhs.api.records import Belief, Features, Knowing, Motion, Observation, Scan
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import share
 from rhs.estimation.views.motion_consistency import Continuity
+from rhs_localisers.advanced import ConfirmationRules
 from rhs_localisers.particle_filter_config import ParticleFilter
 from rhs_localisers.sift_db_config import SiftDb
-from rhs_localisers.vouching import AGAINST_M, Rumour, Vouching, fits
+from rhs_localisers.vouching import Rumour, Vouching, fits
 from rhs_localisers.watching import Watching
 
 STILL, ON = np.eye(4), se2(0.26, 0.0, 0.0)
@@ -100,7 +101,7 @@ def test_silence_tells_a_robot_that_may_have_been_carried_at_once_and_one_that_w
     assert not watching.vouched
 
 
-@pytest.mark.parametrize("held, metres", [(True, AGAINST_M), (False, 0.5)])
+@pytest.mark.parametrize("held, metres", [(True, ConfirmationRules().against_m), (False, 0.5)])
 def test_places_named_elsewhere_convince_a_robot_that_watched_its_way_only_after_three_metres(held, metres):
     rumour, named, way_m = Rumour(), se2(4.0, 2.0, 1.0), 0.0
     assert rumour.convinces([np.array([9.0, 9.0, 0.0])], against=False, held=held)

@@ -9,24 +9,24 @@ using clustered particle filtering (AAAI 2002).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from rhs.api.geometry import se2
 from rhs.api.jit import compiled
 
 from .particles import Cloud, SizeLaw, even, low_variance, needed, reweighted
+from .settings import ClusterSettings
 
-LIGHTEST = 1e-5  # heaps below this weight are dropped
-MOST_HEAPS = 12  # heavier ones that are kept alive whatever their weight
+USUAL = ClusterSettings()
 
 
-def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cells: int = 400_000) -> np.ndarray:
-    """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / turns) are of one heap.
+
+def heaps(states: np.ndarray, s: ClusterSettings = USUAL, *, most_cells: int = 400_000) -> np.ndarray:
+    """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / headings) are of one heap.
 
     States spread over more than `most_cells` bins count as one heap."""
-    at, size = _bins(np.ascontiguousarray(states), cell_m, turns)
+    turns = s.headings
+    at, size = _bins(np.ascontiguousarray(states), s.cell_m, turns)
     heading = at[:, 2]
     if max(size[0], size[1]) <= 2 and heading.max() - heading.min() <= 1:  # touching bins only
         return np.zeros(len(states), int)
@@ -35,18 +35,8 @@ def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cell
     return _touching(at, (size[0], size[1], turns))
 
 
-@dataclass(frozen=True)
-class Caution:
-    """How evidence counts between separate heaps. Maps and memories are a little wrong in the same way view after view,
-    so a heap is not made less likely by being `margin` (in logarithms) worse than the best, and beyond that only a
-    `share` of the difference counts. Within a heap evidence counts in full."""
-
-    margin: float = 1.0
-    share: float = 0.3
-
-
 def reweighted_by_heaps(
-    cloud: Cloud, log_likelihood: np.ndarray, labels: np.ndarray, caution: Caution
+    cloud: Cloud, log_likelihood: np.ndarray, labels: np.ndarray, caution: ClusterSettings
 ) -> tuple[Cloud, float]:
     """`reweighted` within each heap (labels (N,), see `heaps`), and cautiously between them. The second value is, as
     there, the logarithm of the mean likelihood under the whole cloud."""
@@ -76,18 +66,18 @@ def _log_sum(values: np.ndarray) -> float:
     return top + float(np.log(np.exp(values - top).sum()))
 
 
-def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, least: int = 60) -> Cloud:
+def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, s: ClusterSettings = USUAL) -> Cloud:
     """Low-variance resampling within each heap, to the size its own spread asks for; heaps keep their weights.
 
-    The MOST_HEAPS heaviest heaps above LIGHTEST live on with at least `least` particles each; the others are resampled
+    The `most` heaviest heaps above `lightest` live on with at least `least_particles` each; the others are resampled
     together, in proportion to their weight."""
-    labels = heaps(cloud.states)
+    labels, least = heaps(cloud.states, s), s.least_particles
     weights = cloud.weights
     mass = np.bincount(labels, weights=weights)
     order = np.argsort(-mass, kind="stable")
-    order = order[mass[order] >= LIGHTEST]
-    rest = np.isin(labels, order[MOST_HEAPS:])
-    groups = [labels == heap for heap in order[:MOST_HEAPS]] + ([rest] if rest.any() else [])
+    order = order[mass[order] >= s.lightest]
+    rest = np.isin(labels, order[s.most :])
+    groups = [labels == heap for heap in order[: s.most]] + ([rest] if rest.any() else [])
     states, logs = [], []
     for inside in groups:
         share = float(weights[inside].sum())
@@ -101,9 +91,9 @@ def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, 
     return Cloud(np.concatenate(states), log_weights - _log_sum(log_weights))
 
 
-def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:
+def believed(cloud: Cloud, s: ClusterSettings = USUAL, *, most: int = 3) -> list[np.ndarray]:
     """Mean poses (4x4) of the heaviest heaps of a cloud."""
-    labels = heaps(cloud.states)
+    labels = heaps(cloud.states, s)
     weights = cloud.weights
     mass = np.bincount(labels, weights=weights)
     out = []

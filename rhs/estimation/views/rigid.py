@@ -13,6 +13,8 @@ import numpy as np
 
 from rhs.api.geometry import align, exp_se3, orthonormal, transform
 
+from .settings import RansacSettings
+
 HUBER = 2.0  # sigmas beyond which a pair pulls no harder
 
 
@@ -49,14 +51,6 @@ class PointNoise:
         out[:, 0, 0] += across
         out[:, 1, 1] += across
         return out
-
-
-@dataclass(frozen=True)
-class RansacSettings:
-    """hypotheses: three-point motions tried. gate_sigma: a pair further off than this many sigmas is an outlier."""
-
-    hypotheses: int = 200
-    gate_sigma: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)
