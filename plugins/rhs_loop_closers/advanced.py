@@ -82,7 +82,8 @@ class PoseGraphAdvanced(ClosingAdvanced):
     turn_share: float = 0.05
     """odometry may turn by this share too much or too little"""
     edge_sigma_m: float = 0.02
-    """a loop is trusted to this much at best, metres (1 sigma): the check's own covariance leaves out what its points share"""
+    """a loop is trusted to this much at best, metres (1 sigma): the check's own covariance leaves out what its
+    points share"""
     edge_sigma_rad: float = 0.005
     """and its heading, radians (1 sigma)"""
     gate_probability: float = 0.999

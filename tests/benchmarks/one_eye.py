@@ -35,8 +35,9 @@ from rhs.estimation.scans.wall_rays import cast_on_walls
 from rhs.worlds.world import load_world
 from rhs_mappers.occupancy import OccupancyMapper
 from rhs_mappers.occupancy_config import Occupancy
-from rhs_odometry.tracks.klt import KltSettings, KltTracker
+from rhs_odometry.tracks.klt import KltTracker
 from rhs_odometry.tracks.replay import Replay, figures, replay
+from rhs_odometry.tracks.settings import KltSettings
 from rhs_odometry.tracks.track_frames import Tracks, load_tracks, save_tracks
 
 COMMAND: dict[str, Any] = {}

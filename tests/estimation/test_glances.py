@@ -46,10 +46,10 @@ def test_a_picture_is_read_between_its_pixels():
 
 def test_a_stored_view_laid_over_itself_leaves_nothing_unexplained(memory):
     seen = blocks(features(look(ring(24)[3]), FEATURES).glance, CAMERA)
-    here = fit(memory, seen, memory.poses[3], views=1)
+    here = fit(memory, seen, memory.poses[3], ThumbnailSettings(views=1))
     assert here.misfit < 1e-6
-    assert fit(memory, seen, memory.poses[3] @ se2(0.0, 0.1, 0.0), views=1).misfit > 1.0
-    assert outdoes(here, fit(memory, seen, memory.poses[9], views=1)) > 10.0
+    assert fit(memory, seen, memory.poses[3] @ se2(0.0, 0.1, 0.0), ThumbnailSettings(views=1)).misfit > 1.0
+    assert outdoes(here, fit(memory, seen, memory.poses[9], ThumbnailSettings(views=1))) > 10.0
 
 
 def test_a_picture_fits_in_other_light_and_from_beside_the_way(memory):

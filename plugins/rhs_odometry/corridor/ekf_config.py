@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
+
+from .advanced import CorridorAdvanced
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context
@@ -54,6 +56,7 @@ class CorridorEkf:
     """write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry"""
     scan_range_m: float = 8.0
     """walls are put into the scan up to this distance"""
+    advanced: CorridorAdvanced = field(default_factory=CorridorAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.corridor_ekf"
@@ -71,6 +74,8 @@ class CorridorEkf:
         check_range(owner, "pixel_sigma_px", self.pixel_sigma_px, low=0.05, high=20.0, unit="px")
         check_range(owner, "points", self.points, low=20, high=400)
         check_range(owner, "scan_range_m", self.scan_range_m, low=0.5, high=50.0, unit="m")
+        if self.advanced.least_views > self.window:
+            raise ConfigError(f"{owner}.advanced.least_views={self.advanced.least_views} is above window={self.window}")
         if self.motion == "none" and not self.height_known and self.width_m == 0.0:
             raise ConfigError(f"{owner}: nothing fixes the scale with motion=none, height_known=false and width_m=0; "
                               "give one of them")

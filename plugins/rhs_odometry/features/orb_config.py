@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_choice, check_range
 
-from .procrustes_config import Procrustes
+from ..advanced import PatchSearch, SurfaceSettings
+from .procrustes_config import Procrustes, ProcrustesAdvanced
+
+
+@dataclass
+class OrbAdvanced(ProcrustesAdvanced):
+    """Thresholds of `odometry=orb`."""
+
+    patches: PatchSearch = field(default_factory=PatchSearch)
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
 
 
 @dataclass
@@ -28,6 +37,7 @@ class Orb(Procrustes):
     them."""
     pixel_sigma_px: float = 0.7
     """how well a point is placed, pixels (1 sigma); 1.5 when ORB places it"""
+    advanced: OrbAdvanced = field(default_factory=OrbAdvanced)
 
     def __post_init__(self) -> None:
         super().__post_init__()

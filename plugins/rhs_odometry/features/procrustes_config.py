@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from rhs.api.errors import check_choice, check_range
+from rhs.api.errors import check_choice, check_range, check_ranges
+
+from ..advanced import GuessNoise
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context
+
+
+@dataclass
+class ProcrustesAdvanced:
+    """Thresholds of `odometry=procrustes`."""
+
+    reference_age: int = 5
+    """a reference view is given up after so many lost views: by then the robot looks at something else"""
+    guess: GuessNoise = field(default_factory=GuessNoise)
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, reference_age=(0, 10_000))
 
 
 @dataclass
@@ -39,6 +53,7 @@ class Procrustes:
     """degenerate when a direction of the translation is less sure than this, metres"""
     max_sigma_rad: float = 0.05
     """degenerate when an axis of the rotation is less sure than this, radians"""
+    advanced: ProcrustesAdvanced = field(default_factory=ProcrustesAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.procrustes"

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_range
+
+from ..advanced import GuessNoise
+
+
+@dataclass
+class WheelAdvanced:
+    """What is taken where a view came without wheel travel."""
+
+    guess: GuessNoise = field(default_factory=GuessNoise)
 
 
 @dataclass
@@ -23,6 +32,7 @@ class Wheel:
     """Least error of a reading of distance, metres."""
     least_rad: float = 0.001
     """Least error of a reading of turn, radians."""
+    advanced: WheelAdvanced = field(default_factory=WheelAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.wheel"
@@ -54,7 +64,7 @@ class WheelOdometry:
             self._begun = True
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view")
         if observation.wheel is None or not np.isfinite(observation.wheel).all():
-            name, pose, covariance = guess_motion(observation, np.eye(4))
+            name, pose, covariance = guess_motion(observation, np.eye(4), self._settings.advanced.guess)
             return Motion(pose, covariance, Tracking.LOST, f"no wheel travel with this view; took {name}")
         s = self._settings
         sigma_m = s.least_m + s.distance_share * float(np.hypot(*observation.wheel[:2]))

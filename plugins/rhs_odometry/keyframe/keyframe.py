@@ -26,12 +26,7 @@ from .keyframe_map import Edge, KeyframeMap
 from .reprojection import PoseFit
 from .tracker import Look, Tracker
 
-MIN_EDGE = 20  # inliers that make a relative pose worth an edge
-RESCUE_FEATURES = 600  # ORB key-points compared when following fails
 FIRST = 1e-12 * np.eye(6)
-# The points of one view err together (blur, lens, depth calibration), so a fit is not as sure as its many points say.
-CORRELATED = 4.0
-LEAST = np.diag([1e-3] * 3 + [3e-4] * 3) ** 2  # no edge is better than a millimetre and a fiftieth of a degree
 
 
 class KeyframeOdometry:
@@ -43,8 +38,10 @@ class KeyframeOdometry:
         cv2.setNumThreads(1)
         camera = context.camera
         self._settings, self._camera, self._rng = settings, camera, context.rng
+        a = self._advanced = settings.advanced
+        self._least = np.diag([a.least_edge_m] * 3 + [a.least_edge_rad] * 3) ** 2
         self._on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
-        self._map = KeyframeMap(settings.inverse_depth_sigma)
+        self._map = KeyframeMap(settings.inverse_depth_sigma, a)
         self._tracker = Tracker(settings, camera, self._map)
         self._previous: Observation | None = None
         self._motion = np.eye(4)  # previous_from_body of the last step
@@ -61,7 +58,7 @@ class KeyframeOdometry:
             self._tracker.restart(look, np.eye(4))
             self._new_keyframe(look, [])
             return self._report(observation, FIRST, Tracking.OK, "first view")
-        name, body_motion, wide = guess_motion(observation, self._motion)
+        name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
         guess = self._tracker.pose @ self._in_camera(body_motion)
         fit = self._fit(look, guess, previous)
         if fit is None:
@@ -101,18 +98,19 @@ class KeyframeOdometry:
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
     def _trusted(self, fit: PoseFit, followed: int) -> bool:
-        enough = max(2 * self._settings.min_inliers, 0.25 * followed)
+        enough = max(2 * self._settings.min_inliers, self._advanced.trusted_share * followed)
         return bool(fit.inliers.sum() >= enough)
 
     def _rescue(self, previous: Observation) -> np.ndarray | None:
         """previous_from_camera by matching ORB features with depth, however far the camera moved."""
-        now = vision.orb_features(self._previous, RESCUE_FEATURES)
-        then = vision.orb_features(previous, RESCUE_FEATURES)
-        rows = vision.match(now, then, 0.85)
+        a = self._advanced
+        now, then = (vision.orb_features(view, a.rescue_features) for view in (self._previous, previous))
+        rows = vision.match(now, then, a.rescue_ratio)
         p, q = now.points[rows[:, 0]].astype(float), then.points[rows[:, 1]].astype(float)
         known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
-        noise = PointNoise(float(self._camera.fx), 2.0)
-        found = ransac_rigid(p[known], q[known], noise=noise, rng=self._rng, settings=RansacSettings(200, 3.0))
+        noise = PointNoise(float(self._camera.fx), a.rescue_px)
+        tries = RansacSettings(a.rescue_hypotheses, a.rescue_gate_sigma)
+        found = ransac_rigid(p[known], q[known], noise=noise, rng=self._rng, settings=tries)
         return found.a_from_b if found is not None and found.count >= self._settings.min_inliers else None
 
     def _wants_keyframe(self) -> bool:
@@ -142,13 +140,13 @@ class KeyframeOdometry:
 
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
-        few = fit.inliers.sum() < MIN_EDGE or fit.inliers.mean() < 0.4
+        few = fit.inliers.sum() < self._advanced.min_edge or fit.inliers.mean() < self._advanced.edge_share
         return [] if few or self._weakness(_covariance(fit)) else [self._measured(fit, int(a), k, loop=loop)]
 
     def _measured(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> Edge:
         """The edge that a fit measures, on the floor when the camera stands on a robot."""
         a_from_k = inverse(self._map.poses[a]) @ inverse(fit.camera_from_map)
-        covariance = CORRELATED * _covariance(fit) + LEAST
+        covariance = self._advanced.correlated * _covariance(fit) + self._least
         if self._on_floor:
             b = self._camera.body_from_camera
             there, back = adjoint(b), adjoint(inverse(b))
@@ -159,12 +157,12 @@ class KeyframeOdometry:
 
     def _revisit(self, look: Look, k: int) -> list[Edge]:
         """Look for old key frames that should be in view again; their points are followed from now on."""
-        tracker, edges = self._tracker, []
+        tracker, edges, least = self._tracker, [], self._advanced.min_edge
         anchors, counts = np.unique(self._map.anchor[tracker.ids], return_counts=True)
-        followed = {int(a) for a in anchors[counts >= MIN_EDGE]}
+        followed = {int(a) for a in anchors[counts >= least]}
         candidates = self._map.overlap(tracker.pose, look, self._camera, exclude=followed | {k})
         for a, ids in candidates[: self._settings.revisit]:
-            if len(ids) < 2 * MIN_EDGE:
+            if len(ids) < 2 * least:
                 break
             ids, pixels = tracker.seek(look, ids, tracker.pose)
             fit = tracker.fit(look, ids, pixels, inverse(tracker.pose))

@@ -14,25 +14,27 @@ from rhs.api.geometry import Camera, inverse, log_se3
 from rhs.api.records import Observation
 from rhs_odometry.tracks import tracks
 
+from ..advanced import SurfaceSettings
 from .keyframe_map import KeyframeMap
 from .patches import find_patches
 from .reprojection import Noise, PoseFit, at_middle, fit_pose
 from .surface import surfaces
 
-SPACING = 0.03  # least distance between followed points, share of the image height
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """One image made ready: pyramid of its gray picture, its depth in metres, seconds since the one before."""
+    """One image made ready: pyramid of its gray picture, its depth in metres, seconds since the one before; how surfaces are
+    fitted to the depth."""
 
     picture: list[np.ndarray]
     depth: np.ndarray
     interval_s: float
+    surface: SurfaceSettings = SurfaceSettings()
 
     def depth_at(self, pixels: np.ndarray) -> np.ndarray:
         """(N,) metres at pixels (N, 2); NaN where unknown or over an edge."""
-        return 1.0 / surfaces(self.depth, pixels)[0]
+        return 1.0 / surfaces(self.depth, pixels, self.surface)[0]
 
 
 class Tracker:
@@ -41,7 +43,8 @@ class Tracker:
     def __init__(self, settings, camera: Camera, keyframes: KeyframeMap) -> None:
         self._settings, self._camera, self._map = settings, camera, keyframes
         self._focal = float(np.sqrt(camera.fx * camera.fy))
-        self._noise = Noise(settings.pixel_sigma, settings.inverse_depth_sigma)
+        a = self._advanced = settings.advanced
+        self._noise = Noise(settings.pixel_sigma, settings.inverse_depth_sigma, a.gate, student_dof=a.student_dof)
         self._expected = np.zeros(6)  # shutter twist to expect in this view
         self._stamp = -np.inf
         self.shutter = np.zeros(6)  # twist while the last view was read
@@ -50,12 +53,14 @@ class Tracker:
         self.pose = np.eye(4)
         self.ids = np.zeros(0, int)
         self.pixels = np.zeros((0, 2), np.float32)
+        self._moving_unknown, self._interval_s = False, 1.0  # see restart, _expect
 
     def ready(self, observation: Observation) -> Look:
         interval_s = observation.stamp_s - self._stamp
         self._stamp = observation.stamp_s
         picture = tracks.pyramid(tracks.gray(observation.image))
-        return Look(picture, np.asarray(observation.depth, np.float32), interval_s if 0.0 < interval_s < 1.0 else 1.0)
+        depth = np.asarray(observation.depth, np.float32)
+        return Look(picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0, self._advanced.surface)
 
     def follow(self, look: Look, guess: np.ndarray) -> PoseFit:
         """Follow the points into the view from a guess of its map_from_camera, and fit its pose."""
@@ -121,7 +126,7 @@ class Tracker:
 
     @property
     def _spacing(self) -> int:
-        return max(int(SPACING * self._camera.height), 4)
+        return max(int(self._advanced.spacing_share * self._camera.height), 4)
 
     def top_up(self, look: Look, keyframe: int) -> None:
         """Follow new corners where none are followed, anchored to a key frame that is this view."""
@@ -129,7 +134,7 @@ class Tracker:
         pixels = tracks.corners(look.picture[0], self.pixels, count=count, spacing_px=self._spacing)
         seen = self._seen(look, pixels)
         known = np.isfinite(seen).all(axis=1)
-        slopes = surfaces(look.depth, pixels[known])[1]
+        slopes = surfaces(look.depth, pixels[known], look.surface)[1]
         ids = self._map.add_points(keyframe, pixels[known], seen[known], slopes)
         self.add(ids, pixels[known])
 
@@ -160,6 +165,7 @@ class Tracker:
             pixels[mine], found[mine] = find_patches(
                 self._map.pictures[a], look.picture,
                 pixels=self._map.pixels[ids[mine]], warps=warps[mine], guess=guess[mine],
+                s=self._advanced.patches,
             )
         return ids[found], pixels[found].astype(np.float32)
 

@@ -5,10 +5,52 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+from rhs.api.errors import ConfigError, check_range, check_ranges
+
+from ..tracks.settings import AlarmSettings, FollowOnly
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context
+
+
+@dataclass
+class SectionAdvanced:
+    """Thresholds of `odometry=section_ekf` and `odometry=tube_ekf`."""
+
+    spin_sigma_radps: float = 0.1
+    """turn rate at the start, rad/s (1 sigma)"""
+    centre_sigma_m: float = 0.01
+    """where the middle of the section is at the start, metres (1 sigma)"""
+    axis_sigma_rad: float = 0.005
+    """its direction at the start, radians (1 sigma)"""
+    centre_walk_m: float = 0.002
+    """change of the section's middle per view, metres (1 sigma): keeps it adjustable"""
+    axis_walk_rad: float = 0.0005
+    """change of its direction per view, radians (1 sigma)"""
+    farthest_m: float = 15.0
+    """points further along the tube are not used, metres: they say little and are the first to lie on something else"""
+    gate_probability: float = 0.99
+    """chance that a true point passes its chi-square gate"""
+    line_m: float = 12.0
+    """the sketch draws the walls that far ahead and behind, metres (thesis 5.7: two parallel lines per step)"""
+    alarm_views: int = 12
+    """views a point is followed before its own depth is compared with the section's"""
+    strong_share: float = 0.1
+    """a point has a depth of its own when its inverse depth is known better than this share of it (1 sigma)"""
+    stray_sigmas: float = 3.0
+    """it does not lie on the section when it is off by more than so many sigmas"""
+    stray_share: float = 0.1
+    """and this share of its inverse depth"""
+    doubt: float = 10.0
+    """where the section ends the filter's sigmas count so many times"""
+    alarm: AlarmSettings = field(default_factory=AlarmSettings)
+    follow: FollowOnly = field(default_factory=FollowOnly)
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, spin_sigma_radps=(1e-6, 10.0), centre_sigma_m=(1e-6, 10.0), axis_sigma_rad=(1e-6, 3.0),
+                     centre_walk_m=(0.0, 10.0), axis_walk_rad=(0.0, 3.0), farthest_m=(0.1, 1e4),
+                     gate_probability=(0.5, 1.0 - 1e-12), line_m=(0.1, 1000.0), alarm_views=(4, 100),
+                     strong_share=(0.0, 10.0), stray_sigmas=(0.0, 1000.0), stray_share=(0.0, 10.0), doubt=(1.0, 1000.0))
 
 
 @dataclass
@@ -54,6 +96,7 @@ class SectionEkf:
     """write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry"""
     scan_range_m: float = 8.0
     """the walls are put into the scan up to this distance"""
+    advanced: SectionAdvanced = field(default_factory=SectionAdvanced)
 
     owner: ClassVar[str] = "odometry.section_ekf"
     shape: ClassVar[str] = "rectangular"

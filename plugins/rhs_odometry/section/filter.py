@@ -22,7 +22,6 @@ from rhs.estimation.filters.kalman import correct, gate, numeric_jacobian, propa
 POSITION, TURN, SPEED, SPIN, CENTRE, AXIS = (slice(3 * i, 3 * i + 3) for i in range(6))
 SIZE = 18
 ERROR_STATES = 19
-FARTHEST_M = 15.0  # points further along the tube say little and are the first to lie on something else
 
 
 class Section(Protocol):
@@ -86,7 +85,8 @@ class SectionState:
 @dataclass(frozen=True)
 class SectionNoise:
     """pixel_sigma px; changes per view (1 sigma): speed m/s, spin rad/s, centre of the section m, its axis rad.
-    iterations: 1 is the extended filter of the thesis; more linearise the same view again (Bell and Cathey 1993)."""
+    iterations: 1 is the extended filter of the thesis; more linearise the same view again (Bell and Cathey 1993).
+    farthest_m: points further along the tube are not used. gate_probability: chance that a true point passes its chi-square gate."""
 
     pixel_sigma: float = 0.7
     iterations: int = 1
@@ -94,6 +94,8 @@ class SectionNoise:
     spin: float = 0.04
     centre_m: float = 0.002
     axis_rad: float = 0.0005
+    farthest_m: float = 15.0
+    gate_probability: float = 0.99
 
 
 class SectionFilter:
@@ -126,7 +128,7 @@ class SectionFilter:
     def _correct(self, before: np.ndarray, after: np.ndarray, seconds: float) -> None:
         rays = self._camera.rays(before)
         distance = np.linalg.norm(self.back_project(self.state, rays) - self.state.position, axis=1)
-        usable = (distance < FARTHEST_M) & np.isfinite(self.predicted(self.state, rays, seconds)).all(1)
+        usable = (distance < self._noise.farthest_m) & np.isfinite(self.predicted(self.state, rays, seconds)).all(1)
         self.accepted = float("nan")
         if usable.sum() < 4:
             return
@@ -152,10 +154,10 @@ class SectionFilter:
         return np.where(whole[:, None, None], jacobian, 0.0), np.where(whole[:, None], residual, 0.0)
 
     def _gated(self, jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """(M,) bool: each point on its own agrees with the state at 99 %."""
+        """(M,) bool: each point on its own agrees with the state."""
         spread = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2) + self._noise.pixel_sigma**2 * np.eye(2)
         normalised = (residual * np.linalg.solve(spread, residual[..., None])[..., 0]).sum(1)
-        return normalised < gate(2)
+        return normalised < gate(2, self._noise.gate_probability)
 
     def _predict(self, seconds: float) -> None:
         """Constant velocity (eq. 4.5); the section stays, but for a little noise that keeps it adjustable."""

@@ -12,6 +12,7 @@ import numpy as np
 from rhs.api.geometry import Camera, inverse, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
+from .settings import AlarmSettings
 from .track_frames import TrackFrame
 
 FEW_TRACKS = 8  # fewer followed points than this and the view says nothing
@@ -91,27 +92,26 @@ class OneEye:
 class StructureAlarm:
     """Says when the structure ends: many points with a depth of their own that lie on no known wall.
 
-    The share is over the last ten views; it must stay above the threshold for five (notes, section 6: plain corridor at
-    most 0.26, lobby 0.30 to 0.46, corner 0.42 to 0.85). The share of accepted measurements cannot tell: it stays at
-    0.95 while the thesis's filter is four metres wrong.
+    The share over the last views must stay above the threshold for some. The share of accepted measurements cannot tell:
+    it stays at 0.95 while the thesis's filter is four metres wrong.
     """
 
-    def __init__(self, threshold: float = 0.3) -> None:
-        self._threshold = threshold
-        self._counts: deque[tuple[int, int]] = deque(maxlen=10)
+    def __init__(self, settings: AlarmSettings = AlarmSettings()) -> None:  # noqa: B008 (frozen)
+        self._settings = settings
+        self._counts: deque[tuple[int, int]] = deque(maxlen=settings.views)
         self._above = 0
 
     def watch(self, strays: int, strong: int) -> float:
         """Count one view; returns the present share, NaN where too few points have depth."""
         self._counts.append((strays, strong))
         total = sum(s for _, s in self._counts)
-        share = sum(s for s, _ in self._counts) / total if total >= 10 else float("nan")
-        self._above = self._above + 1 if share > self._threshold else 0
+        share = sum(s for s, _ in self._counts) / total if total >= self._settings.least else float("nan")
+        self._above = self._above + 1 if share > self._settings.threshold else 0
         return share
 
     @property
     def ringing(self) -> bool:
-        return self._above >= 5
+        return self._above >= self._settings.patience
 
 
 def embed(planar_covariance: np.ndarray, tilt_sigma_rad: float = 1e-3) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -12,8 +11,9 @@ import numpy as np
 from rhs.api.contracts import Context
 from rhs.api.geometry import se2
 
-from .klt import KltSettings, KltTracker
+from .klt import KltTracker
 from .monocular import OneEye, TrackFilter
+from .settings import KltSettings
 from .track_frames import TrackFrame, Tracks, save_tracks
 
 # Metres and degrees between views: nobody tells how far it went, so that points must be looked for where they were.
@@ -23,7 +23,7 @@ SHORT_STEPS = (0.125, 6.5)
 def one_eye(settings: Any, context: Context, core: TrackFilter, scale_from: str, follow: KltSettings) -> OneEye:
     """settings: a config with `points` and `save_tracks`. scale_from: what the filter's metres come from, for the row.
     follow: how points are followed."""
-    eye = OneEye(KltTracker(replace(follow, points=settings.points)), core, se2(*context.world.start))
+    eye = OneEye(KltTracker(follow, settings.points), core, se2(*context.world.start))
     eye.scale_from = scale_from
     if getattr(settings, "motion", "none") == "none":
         eye.keeps_moving = SHORT_STEPS
