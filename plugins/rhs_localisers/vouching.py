@@ -24,7 +24,6 @@ from .advanced import ConfirmationRules
 USUAL = ConfirmationRules()
 
 
-
 class Vouching:
     """Counts what speaks for the pose believed in. known: told where it is, or nothing is there to vouch.
 

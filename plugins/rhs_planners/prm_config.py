@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
-from rhs.api.errors import check_choice, check_range
+from rhs.api.errors import check_choice, check_range, check_ranges
 
 from .shared_config import PlannerSettings
+
+
+@dataclass
+class RoadmapAdvanced:
+    """Thresholds of the roadmap planners."""
+
+    other_map_share: float = 0.25
+    """more changed cells than this share are another map, not an obstacle: the roadmap is learnt anew"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, other_map_share=(0.0, 1.0))
 
 
 @dataclass
@@ -26,6 +37,7 @@ class _Roadmap(PlannerSettings):
     """how often a query may add them before its budget is spent"""
     links: int = 12
     """vertices in sight that start and goal are joined to"""
+    advanced: RoadmapAdvanced = field(default_factory=RoadmapAdvanced)
 
     def __post_init__(self):
         owner = f"planner.{self._word}"

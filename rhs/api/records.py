@@ -11,6 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from .errors import check_ranges
 from .geometry import Camera
 
 
@@ -147,16 +148,43 @@ class Belief:
 
 
 @dataclass(frozen=True)
-class FeatureSettings:
-    """Settings of the SIFT features that all parts share; see rhs.vision.
+class FeatureAdvanced:
+    """When the depth under a key-point is believed."""
 
-    count: strongest key-points kept per 320x240 pixels (four times as many at 640x480).
-    contrast: OpenCV's contrastThreshold, smaller keeps weaker ones.
-    ratio: Lowe's ratio between the nearest and the second nearest descriptor."""
+    window_half_px: int = 2
+    """half the side of the window of depth that a plane is fitted to, without its middle pixel. Pixels of the image as it is:
+    a window that grows with the image was tried on 60 recorded views of 640x480, the error of a step rose by a
+    tenth"""
+    window_known: float = 0.6
+    """share of the window that must be known"""
+    edge_per_m: float = 0.02
+    """inverse depths of the window lie this close to the plane, or the key-point hangs over an edge, 1/m (RMS)"""
+    occlusion_per_m: float = 0.03
+    """where inverse depth bends by more than this from pixel to pixel something stands in front of something else, 1/m: a
+    key-point whose patch holds such an edge sees two things that move apart, and is pulled along by the wrong one"""
+    patch_diameters: float = 1.5
+    """the patch that places a key-point reaches this many of its diameters from its centre"""
+    few_over_edges: float = 0.1
+    """key-points over edges are left without depth when they are at most this share: in a corridor they bend the path, in a
+    cluttered view they are too many to lose. Chosen on two places (half the drift in the square, a third more error on a
+    desk)"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, window_half_px=(1, 50), window_known=(0.0, 1.0), edge_per_m=(1e-6, 10.0),
+                     occlusion_per_m=(1e-6, 10.0), patch_diameters=(0.0, 100.0), few_over_edges=(0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """Settings of the SIFT features that all parts share (rhs.estimation.views.features)."""
 
     count: int = 300
+    """strongest key-points kept per 320x240 pixels (four times as many at 640x480)"""
     contrast: float = 0.02
+    """OpenCV's contrastThreshold, smaller keeps weaker ones"""
     ratio: float = 0.8
+    """Lowe's ratio between the nearest and the second nearest descriptor"""
+    advanced: FeatureAdvanced = FeatureAdvanced()
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,6 @@ from .settings import CloudAdvanced
 USUAL = CloudAdvanced()
 
 
-
 @dataclass(frozen=True, eq=False)
 class Cloud:
     """points (N, 3) in the body frame; normals (N, 3), NaN where the surface is not smooth; sigma (N,) metres.

@@ -13,7 +13,6 @@ from .gicp_config import Gicp
 from .odometry import CloudOdometry, within_reach
 
 
-
 class GicpRegistration:
     """Aligns each cloud with a key cloud, which is replaced when the body has gone on."""
 

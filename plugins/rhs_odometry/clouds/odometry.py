@@ -21,7 +21,6 @@ from .clouds import Cloud, CloudMaker, observability
 from .settings import CloudAdvanced
 
 
-
 class Registration(Protocol):
     """One way of aligning clouds: knows the cloud or map of the past."""
 

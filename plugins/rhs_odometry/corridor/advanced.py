@@ -168,6 +168,8 @@ class CorridorAdvanced:
 
     unknown_height_sigma_m: float = 0.5
     """height_known=false: how wrong the camera's height may be, metres (1 sigma)"""
+    few_tracks: int = 8
+    """fewer followed points than this and the view says nothing: lost"""
     least_views: int = 4
     """a track seen less often says too little to be worth its row"""
     gate_probability: float = 0.99
@@ -188,6 +190,6 @@ class CorridorAdvanced:
     follow: KltSettings = field(default_factory=KltSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, unknown_height_sigma_m=(1e-4, 100.0), least_views=(2, 40),
+        check_ranges("", self, unknown_height_sigma_m=(1e-4, 100.0), few_tracks=(0, 10_000), least_views=(2, 40),
                      gate_probability=(0.5, 1.0 - 1e-12), sways_deg=(0.0, 90.0), doubt=(1.0, 1000.0),
                      least_step_m=(1e-9, 1.0), least_turn_rad=(1e-9, 1.0))

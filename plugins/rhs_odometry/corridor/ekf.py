@@ -20,7 +20,6 @@ from .state import SCALE, WIDTH, CorridorState
 from .wall_map import walls_of
 
 
-
 def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
     core = corridor_core(settings, context.camera, np.array(context.world.start))
     return one_eye(settings, context, core, scale_from(settings), settings.advanced.follow)

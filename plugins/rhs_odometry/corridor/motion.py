@@ -16,7 +16,6 @@ from .state import BASE, SCALE, SPEED, TURN, BodyMotion
 USUAL = MotionRules()
 
 
-
 @dataclass(frozen=True)
 class MotionNoise:
     """How wrong the expectation may be, per step; one standard deviation each."""

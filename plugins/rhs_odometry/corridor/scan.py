@@ -21,7 +21,6 @@ from .advanced import DrawingRules
 USUAL = DrawingRules()
 
 
-
 @dataclass(frozen=True, eq=False)
 class Drawn:
     """A wall with the sides it was seen from: left and right of the way from its start to its end."""

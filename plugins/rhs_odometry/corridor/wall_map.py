@@ -20,7 +20,6 @@ from .state import BIN_M, Plane
 USUAL = DrawingRules()
 
 
-
 def walls_of(planes: Sequence[Plane], path_xy: np.ndarray, r: DrawingRules = USUAL) -> tuple[Drawn, ...]:
     """Segments of the upright planes with enough hits; path_xy (N, 2): where the robot has been."""
     upright = [p for p in planes if not p.is_floor and p.hits >= r.least_hits]

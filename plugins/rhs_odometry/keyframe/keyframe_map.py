@@ -20,7 +20,6 @@ from .surface import warps
 USUAL = KeyframeAdvanced()
 
 
-
 @dataclass(frozen=True, eq=False)
 class Edge:
     """Key frame b seen from key frame a: a_from_b (4x4) with the covariance (6x6) of its right perturbation.

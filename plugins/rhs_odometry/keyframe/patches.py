@@ -17,7 +17,6 @@ from ..advanced import PatchSearch
 USUAL = PatchSearch()
 
 
-
 def find_patches(
     then, now, *, pixels: np.ndarray, warps: np.ndarray, guess: np.ndarray, s: PatchSearch = USUAL
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,6 @@ from ..advanced import SurfaceSettings
 USUAL = SurfaceSettings()
 
 
-
 def surfaces(depth: np.ndarray, pixels: np.ndarray, s: SurfaceSettings = USUAL) -> tuple[np.ndarray, np.ndarray]:
     """Inverse depth (N,) in 1/m at sub-pixel positions (N, 2) of an (H, W) depth image in metres, and its slope (N, 2)
     in 1/m per pixel along u and v. NaN where too little is known, outside, or over an edge."""

@@ -21,7 +21,6 @@ from .reprojection import Noise, PoseFit, at_middle, fit_pose
 from .surface import surfaces
 
 
-
 @dataclass(frozen=True, eq=False)
 class Look:
     """One image made ready: pyramid of its gray picture, its depth in metres, seconds since the one before; how surfaces are

@@ -34,7 +34,6 @@ from .filter import (
 )
 
 
-
 def build_section_ekf(settings: SectionEkf, context: Context) -> OneEye:
     core = section_core(settings, context.camera, np.array(context.world.start))
     return one_eye(settings, context, core, f"half width {settings.half_size_m:g} m", settings.advanced.follow)

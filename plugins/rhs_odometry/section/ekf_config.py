@@ -31,6 +31,8 @@ class SectionAdvanced:
     """points further along the tube are not used, metres: they say little and are the first to lie on something else"""
     gate_probability: float = 0.99
     """chance that a true point passes its chi-square gate"""
+    few_tracks: int = 8
+    """fewer followed points than this and the view says nothing: lost"""
     line_m: float = 12.0
     """the sketch draws the walls that far ahead and behind, metres (thesis 5.7: two parallel lines per step)"""
     alarm_views: int = 12
@@ -49,7 +51,7 @@ class SectionAdvanced:
     def __post_init__(self) -> None:
         check_ranges("", self, spin_sigma_radps=(1e-6, 10.0), centre_sigma_m=(1e-6, 10.0), axis_sigma_rad=(1e-6, 3.0),
                      centre_walk_m=(0.0, 10.0), axis_walk_rad=(0.0, 3.0), farthest_m=(0.1, 1e4),
-                     gate_probability=(0.5, 1.0 - 1e-12), line_m=(0.1, 1000.0), alarm_views=(4, 100),
+                     gate_probability=(0.5, 1.0 - 1e-12), few_tracks=(0, 10_000), line_m=(0.1, 1000.0), alarm_views=(4, 100),
                      strong_share=(0.0, 10.0), stray_sigmas=(0.0, 1000.0), stray_share=(0.0, 10.0), doubt=(1.0, 1000.0))
 
 

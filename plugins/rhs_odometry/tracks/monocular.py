@@ -15,8 +15,6 @@ from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from .settings import AlarmSettings
 from .track_frames import TrackFrame
 
-FEW_TRACKS = 8  # fewer followed points than this and the view says nothing
-
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
@@ -48,10 +46,11 @@ class OneEye:
     """An odometry made of a front end and a filter.
 
     start (4x4): the map pose that others believe in at the first view. A filter that begins elsewhere (started wrongly on
-    purpose) shows that in its second motion, so that the sum of the motions is always the filter's own belief."""
+    purpose) shows that in its second motion, so that the sum of the motions is always the filter's own belief. few_tracks:
+    fewer followed points than this and the view says nothing."""
 
-    def __init__(self, front: FrontEnd | None, core: TrackFilter, start: np.ndarray) -> None:
-        self._front, self._filter = front, core
+    def __init__(self, front: FrontEnd | None, core: TrackFilter, start: np.ndarray, *, few_tracks: int = 8) -> None:
+        self._front, self._filter, self._few = front, core, few_tracks
         self._pose, self._begun = start, False
         self.keep: list[TrackFrame] | None = None  # a list here collects the frames of the survey
         self.scale_from = "nothing"  # for the row: what its metres come from
@@ -75,8 +74,8 @@ class OneEye:
         motion = orthonormal(inverse(self._pose) @ estimate.map_from_body)
         self._pose = estimate.map_from_body
         status, reason = Tracking.OK, ""
-        if len(frame.ids) < FEW_TRACKS:
-            status, reason = Tracking.LOST, f"{len(frame.ids)} points followed, {FEW_TRACKS} needed; went on blindly"
+        if len(frame.ids) < self._few:
+            status, reason = Tracking.LOST, f"{len(frame.ids)} points followed, {self._few} needed; went on blindly"
         elif not estimate.trusted:
             status, reason = Tracking.DEGENERATE, estimate.reason
         return Motion(motion, estimate.motion_covariance, status, reason, scan=self._filter.scan(), details=details)

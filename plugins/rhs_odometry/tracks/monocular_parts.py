@@ -23,7 +23,8 @@ SHORT_STEPS = (0.125, 6.5)
 def one_eye(settings: Any, context: Context, core: TrackFilter, scale_from: str, follow: KltSettings) -> OneEye:
     """settings: a config with `points` and `save_tracks`. scale_from: what the filter's metres come from, for the row.
     follow: how points are followed."""
-    eye = OneEye(KltTracker(follow, settings.points), core, se2(*context.world.start))
+    eye = OneEye(KltTracker(follow, settings.points), core, se2(*context.world.start),
+                 few_tracks=settings.advanced.few_tracks)
     eye.scale_from = scale_from
     if getattr(settings, "motion", "none") == "none":
         eye.keeps_moving = SHORT_STEPS

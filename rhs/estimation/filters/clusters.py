@@ -20,7 +20,6 @@ from .settings import ClusterSettings
 USUAL = ClusterSettings()
 
 
-
 def heaps(states: np.ndarray, s: ClusterSettings = USUAL, *, most_cells: int = 400_000) -> np.ndarray:
     """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / headings) are of one heap.
 
