@@ -59,9 +59,9 @@ class ParticleFilter:
 
     def build(self, context: Any) -> Any:
         from .particle_filter import ParticleLocaliser
-        from .particle_places import Places
+        from .particle_places import PlaceEvidence
 
-        return ParticleLocaliser(self, context, Places(self, context))
+        return ParticleLocaliser(self, context, PlaceEvidence(self, context))
 
 
 @dataclass

@@ -14,27 +14,27 @@ from rhs.api.jit import compiled
 from rhs.api.records import Observation, Scan, View
 from rhs.estimation.filters.particles import around
 from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.explainability import expected
 from rhs.estimation.views.features import features
 from rhs.estimation.views.place_database import PlaceDatabase, shares
 from rhs.estimation.views.place_memory import Memory, memory_of
 from rhs.estimation.views.retrieval import Vlad
 from rhs.estimation.views.settings import PlaceSettings, SightingSettings
-from rhs.estimation.views.view_support import expected
 
 from .advanced import ConfirmationRules, ParticleAdvanced
+from .confirmation import fits, possible, same_place
+from .continuity_watch import ContinuityWatch
 from .particle_filter_config import ParticleFilter
-from .vouching import fits, possible, same_place
-from .watching import Watching
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to this pose"
 
 
 @dataclass(frozen=True, eq=False)
-class Hearing:
+class NamedPlaces:
     """Verified places of one view. claims: (mean (3,), covariance (3, 3), share) each. areas: how many places could have
     been named; p_true: chance that a named place is right. Likelihoods are relative to that of a random naming. strong: the
-    best of them has so much support that it can vouch."""
+    best of them has so much support that it can confirm."""
 
     claims: tuple[tuple[np.ndarray, np.ndarray, float], ...]
     areas: float
@@ -76,22 +76,22 @@ class Hearing:
         )
 
 
-class Places:
+class PlaceEvidence:
     """Evidence from stored views. watching: whether each view goes on from the last."""
 
-    watching: Watching
+    watching: ContinuityWatch
 
     def __init__(self, settings: ParticleFilter, context: Context) -> None:
         self._settings, self._context = settings, context
         self._vlad: Vlad | None = None
         self._since_check = settings.check_every
-        self._heard: tuple[Observation, np.ndarray] | None = None
+        self._likenesses: tuple[Observation, np.ndarray] | None = None
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the views and tabulate which of them is nearest to any pose."""
         a = self._settings.advanced
         self._walls = ScanMatcher(grid, a.match)
-        self.watching = Watching(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
+        self.watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
         sighting = SightingSettings(self._settings.min_inliers, a.min_coverage, self._context.features.ratio, a.ransac)
         memory = memory_of(views)
         settings = PlaceSettings("vlad", self._settings.checks, sighting, a.places)
@@ -128,7 +128,7 @@ class Places:
         return expected(self._database.memory, features(observation, self._context.features), se2(*mean),
                         self._settings.advanced.places.explain)
 
-    def hear(self, observation: Observation, believed: Sequence[np.ndarray]) -> Hearing:
+    def named(self, observation: Observation, believed: Sequence[np.ndarray]) -> NamedPlaces:
         """Ask the database where this was seen; the poses believed in (4x4) are checked as well."""
         answer = self._database.ask(features(observation, self._context.features), observation.camera, believed)
         a = self._settings.advanced
@@ -138,18 +138,18 @@ class Places:
             for r, share in zip(places, shares(places, a.places), strict=True)
         )
         strong = bool(places) and places[0].score >= a.confirmation.strong
-        return Hearing(claims, self._areas, self._settings.p_true if strong else a.weak, strong, a.confirmation)
+        return NamedPlaces(claims, self._areas, self._settings.p_true if strong else a.weak, strong, a.confirmation)
 
     def fits(self, scan: Scan | None, pose: np.ndarray) -> bool:
         """Whether the scan could have been taken from a planar pose (3,)."""
         return fits(scan, self._walls, pose, self._settings.advanced.confirmation)
 
     def _likeness(self, observation: Observation) -> np.ndarray:
-        if self._heard is None or self._heard[0] is not observation:
+        if self._likenesses is None or self._likenesses[0] is not observation:
             assert self._vlad is not None
             seen = features(observation, self._context.features)
-            self._heard = (observation, self._vlad.likeness(seen.descriptors))
-        return self._heard[1]
+            self._likenesses = (observation, self._vlad.likeness(seen.descriptors))
+        return self._likenesses[1]
 
 
 class NearestView:

@@ -1,4 +1,5 @@
-"""A guess of the pose corrected by laying the scan onto the map (rhs.scanmatch), where no place is recognised."""
+"""A guess of the pose corrected by laying the scan onto the map (rhs.estimation.scans.scan_match), where no place is
+recognised."""
 
 from __future__ import annotations
 
@@ -7,11 +8,11 @@ import numpy as np
 from rhs.api.geometry import exp_se3, orthonormal, planar, se2
 from rhs.api.records import Scan
 from rhs.estimation.filters.kalman import correct_information
-from rhs.estimation.filters.pose_hypotheses import PLANE, Guess
+from rhs.estimation.filters.pose_hypotheses import PLANE, Hypothesis
 from rhs.estimation.scans.scan_match import ScanMatcher
 
 
-def laid_on_map(guess: Guess, scan: Scan, matcher: ScanMatcher) -> Guess:
+def laid_on_map(guess: Hypothesis, scan: Scan, matcher: ScanMatcher) -> Hypothesis:
     """The guess moved to where the scan fits, as far as the scan can tell; unchanged where it does not fit nearby."""
     state = planar(guess.map_from_body)
     found = matcher.match(scan, state, PLANE @ guess.covariance @ PLANE.T)
@@ -20,7 +21,7 @@ def laid_on_map(guess: Guess, scan: Scan, matcher: ScanMatcher) -> Guess:
     shift = planar(np.linalg.inv(se2(*state)) @ se2(*found.state))
     pose = orthonormal(guess.map_from_body @ exp_se3(PLANE.T @ shift))
     covariance = correct_information(guess.covariance, PLANE.T @ found.information @ PLANE, np.zeros(6)).covariance
-    return Guess(pose, covariance, guess.weight)
+    return Hypothesis(pose, covariance, guess.weight)
 
 
 def drifted(

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rhs.estimation.filters.clusters import heaps
-from rhs.estimation.filters.particles import Cloud, displaced
+from rhs.estimation.filters.clusters import cluster_labels
+from rhs.estimation.filters.particles import ParticleSet, displaced
 
 from .advanced import SearchSettings
 
@@ -28,9 +28,9 @@ def throws(area_m2: float, s: SearchSettings = USUAL) -> int:
 
 def summits(
     thrown: np.ndarray, log_likelihood: np.ndarray, score: Score, rng: np.random.Generator, s: SearchSettings = USUAL
-) -> Cloud:
+) -> ParticleSet:
     """The cloud round the places where states (N, 3) thrown over the map, with their log-likelihoods (N,), climb to: each
-    place (heap) has a weight by its best likelihood."""
+    place (cluster) has a weight by its best likelihood."""
     best = _best_of_each_bin(thrown, log_likelihood)[: s.climbers]
     states, value = thrown[best], log_likelihood[best]
     parent = np.tile(np.arange(len(states)), 1 + s.children)
@@ -42,15 +42,15 @@ def summits(
         tried, height = np.concatenate([states, visited[-1]]), np.concatenate([value, heights[-1]])
         highest = np.lexsort((-height, parent)).reshape(len(states), -1)[:, 0]
         states, value = tried[highest], height[highest]
-    tried, height = np.concatenate(visited), np.concatenate(heights)  # all of them: a corridor is one long heap
-    labels = heaps(tried)
+    tried, height = np.concatenate(visited), np.concatenate(heights)  # all of them: a corridor is one long cluster
+    labels = cluster_labels(tried)
     summit = np.full(labels.max() + 1, -np.inf)
     np.maximum.at(summit, labels, height)
     within = np.exp(height - summit[labels])
     standing = np.exp(np.minimum(summit - summit.max() + s.alike, 0.0)) / np.bincount(labels, weights=within)
     share = standing[labels] * within
     kept = share > 1e-9 * share.max()
-    return Cloud(tried[kept], np.log(share[kept] / share[kept].sum()))
+    return ParticleSet(tried[kept], np.log(share[kept] / share[kept].sum()))
 
 
 def _best_of_each_bin(states: np.ndarray, value: np.ndarray) -> np.ndarray:

@@ -1,14 +1,15 @@
 """Loop closer `pose_graph`: loops anywhere on the route, tested before one is believed, then least squares.
 
 1. Appearance: VLAD likeness of all pairs of stored views far apart along the way; which are checked: candidates.py.
-2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show (rhs.sighting).
+2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show
+   (rhs.estimation.views.view_pose).
 3. Odometry over a window: the loop moves and turns no pose further than the odometry, straightened by the walls seen on
    the way, can have drifted; neighbouring views close the same loop; all accepted loops agree pairwise round the cycles
-   they make (rhs.consistency).
+   they make (rhs.estimation.views.edge_consistency).
 4. Scans: where a corridor is walked back the other way round no camera recognises anything; its walls on the way there
-   and on the way back are laid onto one another (rhs.scanloops), which stand the same tests.
-5. Graph: after solving (rhs.posegraph), a loop that stays unhappy or bends the odometry between its neighbours is thrown
-   out and the rest is solved again.
+   and on the way back are laid onto one another (rhs.estimation.scans.scan_loops), which stand the same tests.
+5. Graph: after solving (rhs.estimation.filters.pose_graph), a loop that stays unhappy or bends the odometry between its
+   neighbours is thrown out and the rest is solved again.
 
 What lies between the loops is held by the odometry, and by the straight walls that scans saw on the way (walls.py), which
 know its heading far better; with walls, what share the odometry's metres are too short by is solved for too. Without loops

@@ -21,14 +21,14 @@ import numpy as np
 from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.records import View
 from rhs.estimation.filters.pose_graph import Edges, adjoints
-from rhs.estimation.scans.wall_lines import WallLine, wall_lines
+from rhs.estimation.scans.wall_lines import WallLine, find_wall_lines
 
 from .advanced import WallSettings
 from .candidates import progress_m
 
 
 @dataclass
-class Wall:
+class FollowedWall:
     """A wall being followed: its sightings, its frame in the map as last seen well (x, y, yaw), the stretch seen so far
     along that x (low, high); way, turning and yaw at the first sighting and at the one the frame is of; way at the last."""
 
@@ -65,19 +65,19 @@ class WallGraph:
 
 def followed(
     views: Sequence[View], poses: np.ndarray, settings: WallSettings, *, every_m: float = 0.6
-) -> list[Wall]:
+) -> list[FollowedWall]:
     """The walls that several scans see, from believed poses (N, 4, 4). every_m: way between two scans looked at."""
     way_m, turned_rad = progress_m(poses), _turned_rad(poses)
-    walls: list[Wall] = []
+    walls: list[FollowedWall] = []
     for k in _looks(views, way_m, every_m):
         scan = views[k].scan
         at = float(way_m[k]), float(turned_rad[k])
-        for line in wall_lines(scan, settings.lines) if scan is not None else []:
+        for line in find_wall_lines(scan, settings.lines) if scan is not None else []:
             state = planar(poses[k] @ line.body_from_line)
             wall = _same(walls, line, state, at, settings)
             if wall is None:
                 stretch = float(line.ends_m[0]), float(line.ends_m[1])
-                wall = Wall(state, line.sigma_rad, stretch, (*at, float(state[2])), (*at, float(state[2])), at[0])
+                wall = FollowedWall(state, line.sigma_rad, stretch, (*at, float(state[2])), (*at, float(state[2])), at[0])
                 walls.append(wall)
             else:
                 _extend(wall, line, state, at)
@@ -86,7 +86,7 @@ def followed(
     return [wall for wall in walls if _is_straight(wall, settings)]
 
 
-def wall_graph(walls: Sequence[Wall], poses: np.ndarray, settings: WallSettings) -> WallGraph | None:
+def wall_graph(walls: Sequence[FollowedWall], poses: np.ndarray, settings: WallSettings) -> WallGraph | None:
     """Nodes and edges of the walls, with the views at believed poses (N, 4, 4); None without walls."""
     if not walls:
         return None
@@ -134,7 +134,7 @@ def _turned_rad(poses: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(yaw)))])
 
 
-def _is_straight(wall: Wall, settings: WallSettings) -> bool:
+def _is_straight(wall: FollowedWall, settings: WallSettings) -> bool:
     """Whether enough scans see the wall and show no curvature, all of them together."""
     weight = np.array([line.sigma_bend**-2 for _, line in wall.sightings])
     bend = np.array([line.bend_per_m for _, line in wall.sightings])
@@ -144,7 +144,9 @@ def _is_straight(wall: Wall, settings: WallSettings) -> bool:
     return bool(abs(weight @ bend) / weight.sum() < unsure < settings.bend_per_m)
 
 
-def _same(walls: list[Wall], line: WallLine, state, at: tuple[float, float], settings: WallSettings) -> Wall | None:
+def _same(
+    walls: list[FollowedWall], line: WallLine, state, at: tuple[float, float], settings: WallSettings
+) -> FollowedWall | None:
     """The wall that a line, believed at `state` (3,), sees the most of again, or None. at: way and turning up to there."""
     best, most_m = None, -np.inf
     for wall in walls:
@@ -155,7 +157,9 @@ def _same(walls: list[Wall], line: WallLine, state, at: tuple[float, float], set
     return best
 
 
-def _shared_m(wall: Wall, line: WallLine, state: np.ndarray, at: tuple[float, float], settings: WallSettings) -> float:
+def _shared_m(
+    wall: FollowedWall, line: WallLine, state: np.ndarray, at: tuple[float, float], settings: WallSettings
+) -> float:
     """Metres of the wall seen before that a line, believed at `state` (3,), sees again; -inf when it is another wall."""
     sigma_rad = np.sqrt(line.sigma_rad**2 + wall.sigma_rad**2 + 2.0 * np.radians(settings.sigma_deg) ** 2)
     for then_m, then_rad, yaw_rad in (wall.frame, wall.first):
@@ -170,7 +174,7 @@ def _shared_m(wall: Wall, line: WallLine, state: np.ndarray, at: tuple[float, fl
     return high - low if same else -np.inf
 
 
-def _extend(wall: Wall, line: WallLine, state: np.ndarray, at: tuple[float, float]) -> None:
+def _extend(wall: FollowedWall, line: WallLine, state: np.ndarray, at: tuple[float, float]) -> None:
     """The wall with the stretch of one more sighting; its frame moves there unless that sighting is much vaguer."""
     if line.sigma_rad <= 1.5 * wall.sigma_rad:
         back_m = _seen_from(state, wall.state)[0]

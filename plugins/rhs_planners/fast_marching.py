@@ -27,7 +27,7 @@ _SOURCE_CELLS = 3  # half width of the square round the goal that gets exact tim
 
 
 class FastMarchingPlanner:
-    """rhs.contracts.Planner. Settings: fast_marching_config.FastMarching."""
+    """rhs.api.contracts.Planner. Settings: fast_marching_config.FastMarching."""
 
     def __init__(self, settings):
         self._settings, self._ground = settings, Ground()

@@ -21,7 +21,7 @@ _FIRST_ROOM = 256  # vertices a tree has room for at first
 
 
 class NativeRrtConnect:
-    """rhs.contracts.Planner. Settings: rrt_config.RrtConnect."""
+    """rhs.api.contracts.Planner. Settings: rrt_config.RrtConnect."""
 
     def __init__(self, settings, rng: np.random.Generator):
         self._settings, self._rng, self._ground = settings, rng, Ground()

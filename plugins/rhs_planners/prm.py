@@ -20,7 +20,7 @@ from .roadmap import Roadmap
 
 
 class RoadmapPlanner:
-    """rhs.contracts.Planner over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
+    """rhs.api.contracts.Planner over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
 
     def __init__(self, settings, rng: np.random.Generator, begin_growing: Callable):
         self._settings, self._rng, self._begin_growing = settings, rng, begin_growing

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import label
 
-from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.api.errors import ContractError
+from rhs.api.records import Path, PlanningProblem, PlanReason
 
 from .shorten import scaled, settled
 

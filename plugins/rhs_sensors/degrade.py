@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
+from rhs.api.errors import ContractError
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture
-from rhs.api.errors import ContractError
 
 
 class WheelSettings(Protocol):

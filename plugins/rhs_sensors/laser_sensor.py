@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.contracts import Context
-from rhs.api.records import Capture, Observation, Scan
 from rhs.api.errors import ContractError
+from rhs.api.records import Capture, Observation, Scan
 
 from .degrade import frozen
 from .laser import Laser

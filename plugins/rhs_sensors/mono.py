@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Mono:
-    """One eye only: depth and scan are taken away, the image is noisy."""
+    """One camera without depth: depth and scan are taken away, the image is noisy."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "wheel", "command"})

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from rhs.api.distortion import lens_slopes
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 
 MOST_WIDER = 2.0  # an ideal view this many times as wide or high is refused: most of it would be squeezed into the corners
 UNDONE_PX = 1e-3  # the ray of a pixel must lead back to the pixel this exactly

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.records import Capture, Twist, WorldFacts
 from rhs.api.errors import ConfigError
+from rhs.api.records import Capture, Twist, WorldFacts
 
 from .replay_bag import is_bag, open_bag
 from .replay_carmen import is_carmen, open_carmen

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar
 from rhs.api.records import Capture
-from rhs.api.errors import ConfigError
 
 from . import replay_bag_messages as ros
 from .replay_bag_truth import read_truth

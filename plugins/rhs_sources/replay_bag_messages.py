@@ -6,9 +6,9 @@ import struct
 
 import numpy as np
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, rotation_of_quaternion, se3
 from rhs.api.records import Scan
-from rhs.api.errors import ConfigError
 
 from .replay_images import MAX_PIXELS, metres
 

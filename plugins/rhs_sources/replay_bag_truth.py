@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.geometry import Camera, inverse
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera, inverse
 
 from . import replay_bag_messages as ros
 from .replay_stamps import Truth, ascending

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 
 # Cameras of the Kinect kind read their rows one after the other. On the first 60 views of freiburg1_rpy the residual of
 # odometry=keyframe is least for 0.02 .. 0.035 s and hardly differs in between; 0 s leaves it a tenth larger.

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar, se2
 from rhs.api.records import Capture, Scan, WorldFacts
-from rhs.api.errors import ConfigError
 
 from .replay_stamps import ascending, number_of
 from .replay_tum import Recording

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rhs.api.geometry import inverse, rotation_of_quaternion, se3
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import inverse, rotation_of_quaternion, se3
 
 
 def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:

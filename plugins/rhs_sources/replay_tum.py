@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse
 from rhs.api.records import Capture, WorldFacts
-from rhs.api.errors import ConfigError
 
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth

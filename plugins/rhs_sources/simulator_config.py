@@ -102,7 +102,7 @@ class Simulator:
             check_range("source", f"obstacles[{i}]", value, low=low, high=1e4, unit="m")
 
     def build(self, context: Any) -> Any:
-        """context: rhs.contracts.SourceContext with a world."""
+        """context: rhs.api.contracts.SourceContext with a world."""
         from .simulator import SimulatorSource
 
         return SimulatorSource(self, context)

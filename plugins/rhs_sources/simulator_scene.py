@@ -16,9 +16,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from rhs.api.errors import RhsError
 from rhs.api.floorplan import Box, World
 from rhs.api.geometry import Camera, inverse, se3
-from rhs.api.errors import RhsError
 
 from .simulator_bullet import pybullet, quiet
 from .simulator_mesh import Quad, box_lids, box_sides, floor_and_ceiling, obj_text, wall_faces

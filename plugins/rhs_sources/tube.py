@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from rhs.api.contracts import SourceContext
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, exp_so3, inverse, planar, se3
 from rhs.api.records import Capture, Twist, WorldFacts
-from rhs.api.errors import ConfigError
 from rhs.worlds import tubes
 
 from .lens import checked_rays
@@ -22,7 +22,7 @@ DARK_BEYOND = 40.0  # the wall is drawn up to this many sizes away; further it i
 
 
 class TubeSource:
-    """See rhs.contracts.Source. The map begins under the camera's first place, on the bottom of the tube."""
+    """See rhs.api.contracts.Source. The map begins under the camera's first place, on the bottom of the tube."""
 
     renderer = "numpy"
 

@@ -76,7 +76,7 @@ class Tube:
             check_range("source.tube", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
 
     def build(self, context: Any) -> Any:
-        """context: rhs.contracts.SourceContext; the world is not looked at."""
+        """context: rhs.api.contracts.SourceContext; the world is not looked at."""
         from .tube import TubeSource
 
         return TubeSource(self, context)

@@ -104,7 +104,7 @@ class Source(Protocol):
 
 
 class Sensor(Protocol):
-    """Degrades a Capture into an Observation: range, noise, one eye only. May be called once per capture, in order."""
+    """Degrades a Capture into an Observation: range, noise, monocular. May be called once per capture, in order."""
 
     def sense(self, capture: Capture) -> Observation: ...
 

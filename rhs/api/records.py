@@ -1,6 +1,6 @@
 """What the parts hand to one another: frozen, without behaviour.
 
-NaN means unknown in every array. Poses are 4x4 (`map_from_body`), covariances 6x6; see rhs.geometry for frames.
+NaN means unknown in every array. Poses are 4x4 (`map_from_body`), covariances 6x6; see rhs.api.geometry for frames.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Tracking(StrEnum):
     LOST = "lost"  # nothing was measured; the motion is a guess
 
 
-class Knowing(StrEnum):
+class BeliefStatus(StrEnum):
     """Whether a Belief is a place or a hope."""
 
     TRACKING = "tracking"
@@ -85,7 +85,7 @@ class Capture:
     """An ideal view at one instant, before any sensor.
 
     image (H, W, 3) uint8 RGB or None. depth (H, W) float32, metres along the optical axis, NaN unknown, or None.
-    command: what the robot was told since the previous view, or None. travel: (3,) true wheel travel since the previous
+    command: what the robot was given since the previous view, or None. travel: (3,) true wheel travel since the previous
     view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
     sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
     """
@@ -142,7 +142,7 @@ class Belief:
 
     map_from_body: np.ndarray
     covariance: np.ndarray
-    status: Knowing = Knowing.TRACKING
+    status: BeliefStatus = BeliefStatus.TRACKING
     probability: float = 1.0
     details: Mapping[str, float] = field(default_factory=dict)
 
@@ -152,8 +152,8 @@ class FeatureAdvanced:
     """When the depth under a key-point is believed."""
 
     window_half_px: int = 2
-    """half the side of the window of depth that a plane is fitted to, without its middle pixel. Pixels of the image as it is:
-    a window that grows with the image was tried on 60 recorded views of 640x480, the error of a step rose by a
+    """half the side of the window of depth that a plane is fitted to, without its middle pixel. Pixels of the image as
+    it is: a window that grows with the image was tried on 60 recorded views of 640x480, the error of a step rose by a
     tenth"""
     window_known: float = 0.6
     """share of the window that must be known"""
@@ -188,10 +188,10 @@ class FeatureSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Glance:
-    """A view at a glance: means over blocks of its picture, of which faint, wide patterns of a wall remain where noise and
-    key-points do not. grey (h, w) uint8; depth (h, w) float32, metres along the optical axis, NaN where a pixel of the
-    block is unknown."""
+class Thumbnail:
+    """The thumbnail of a view: means over blocks of its picture, of which faint, wide patterns of a wall remain where
+    noise and key-points do not. grey (h, w) uint8; depth (h, w) float32, metres along the optical axis, NaN where a
+    pixel of the block is unknown."""
 
     grey: np.ndarray
     depth: np.ndarray
@@ -200,12 +200,13 @@ class Glance:
 @dataclass(frozen=True, eq=False)
 class Features:
     """Key-points of one view. pixels (N, 2) float32; descriptors (N, D) (float32 RootSIFT or uint8 ORB);
-    points (N, 3) float32 in the camera frame, NaN where depth is unknown; glance: the view they are of, if it is kept."""
+    points (N, 3) float32 in the camera frame, NaN where depth is unknown; thumbnail: of the view they are of, if it is
+    kept."""
 
     pixels: np.ndarray
     descriptors: np.ndarray
     points: np.ndarray
-    glance: Glance | None = None
+    thumbnail: Thumbnail | None = None
 
 
 @dataclass(frozen=True, eq=False)

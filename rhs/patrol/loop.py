@@ -16,7 +16,7 @@ import numpy as np
 
 from rhs.api.belief import moved
 from rhs.api.contracts import Odometry, Sensor, Source
-from rhs.api.frozen import seal, with_sealed_copies
+from rhs.api.frozen import freeze, with_frozen_copies
 from rhs.api.records import Belief, Capture, Motion, Observation, Path, Scan, Step, Twist
 from rhs.base.errors import ContractError
 
@@ -54,7 +54,7 @@ def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, f
         capture = pilot.first(source)
     while capture is not None:
         with clock("sense"):
-            observation = seal(sensor.sense(seal(capture)))
+            observation = freeze(sensor.sense(freeze(capture)))
         with clock("odometry"):
             motion = checked_motion(odometry.update(observation), odometry)
         with clock("localise"):
@@ -108,7 +108,7 @@ def checked_motion(motion: Motion, part: object) -> Motion:
         raise ContractError(f"odometry {type(part).__name__} returned {type(motion).__name__}, expected a Motion")
     _check_pose(motion.previous_from_body, part, "previous_from_body")
     _check_covariance(motion.covariance, part)
-    return with_sealed_copies(motion, "previous_from_body", "covariance")
+    return with_frozen_copies(motion, "previous_from_body", "covariance")
 
 
 def checked_belief(belief: Belief, part: object) -> Belief:
@@ -117,7 +117,7 @@ def checked_belief(belief: Belief, part: object) -> Belief:
         raise ContractError(f"localiser {type(part).__name__} returned {type(belief).__name__}, expected a Belief")
     _check_pose(belief.map_from_body, part, "map_from_body")
     _check_covariance(belief.covariance, part)
-    return with_sealed_copies(belief, "map_from_body", "covariance")
+    return with_frozen_copies(belief, "map_from_body", "covariance")
 
 
 def _check_pose(pose: np.ndarray, part: object, name: str) -> None:

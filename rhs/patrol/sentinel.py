@@ -7,7 +7,7 @@ import numpy as np
 from rhs.api.contracts import Localiser, Planner, Source
 from rhs.api.geometry import planar, wrap
 from rhs.api.grid import OccupancyGrid, inflate, nearest_open
-from rhs.api.records import Belief, Capture, Knowing, Motion, Observation, Path, PlanningProblem, Scan, Twist
+from rhs.api.records import Belief, Capture, BeliefStatus, Motion, Observation, Path, PlanningProblem, Scan, Twist
 
 from .control import Pace, ahead_on_path, closest_on_path, steer, turn
 from .kidnap import Kidnapper
@@ -66,7 +66,7 @@ class Sentinel:
         return self.localiser.update(observation, motion)
 
     def note(self, belief: Belief, scan: Scan) -> None:
-        if belief.status is Knowing.TRACKING:
+        if belief.status is BeliefStatus.TRACKING:
             self.watch.look(belief.map_from_body, scan)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
@@ -77,7 +77,7 @@ class Sentinel:
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
         """Arrived? Lost? Blocked? Otherwise follow the path."""
         events = self.kidnapper.news() if self.kidnapper is not None else []
-        if belief.status is not Knowing.TRACKING:
+        if belief.status is not BeliefStatus.TRACKING:
             return self._find_oneself(belief, scan, events)
         self.lost_steps = 0
         self.search.begin()

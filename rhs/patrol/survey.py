@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import FeatureSettings, LoopCloser, Mapper, Odometry
-from rhs.api.frozen import seal, with_sealed_copies
+from rhs.api.frozen import freeze, with_frozen_copies
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Features, Observation, Step, View, Wall
 from rhs.base.errors import ContractError
@@ -37,14 +37,14 @@ class ViewCollector:
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
         for step in steps:
             stored = len(self.views) % self.every == 0 and step.observation.image is not None
-            features = seal(self.features(step.observation, self.settings)) if stored else None
+            features = freeze(self.features(step.observation, self.settings)) if stored else None
             belief = step.belief
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
                                    belief.map_from_body, belief.covariance, step.scan, features))
             self.last = step.observation
             yield step
         if self.views and self.views[-1].features is None and self.last is not None and self.last.image is not None:
-            self.views[-1] = replace(self.views[-1], features=seal(self.features(self.last, self.settings)))
+            self.views[-1] = replace(self.views[-1], features=freeze(self.features(self.last, self.settings)))
 
 
 def revise(views: list[View], odometry: Odometry) -> tuple[tuple[View, ...], tuple[Wall, ...]]:
@@ -57,11 +57,11 @@ def revise(views: list[View], odometry: Odometry) -> tuple[tuple[View, ...], tup
         raise ContractError(f"odometry {type(odometry).__name__}.revise() returned {len(revision.poses)} poses and "
                             f"{len(revision.scans)} scans for {len(views)} views")
     begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
-    revised = [replace(view, map_from_body=seal(begun @ pose), scan=seal(scan),
+    revised = [replace(view, map_from_body=freeze(begun @ pose), scan=freeze(scan),
                        features=_lifted(view, pose, revision.walls))
                for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
     if revision.covariance is not None:
-        revised[-1] = replace(revised[-1], covariance=seal(revision.covariance))
+        revised[-1] = replace(revised[-1], covariance=freeze(revision.covariance))
     return tuple(revised), tuple(shifted(wall, begun, begun) for wall in revision.walls)
 
 
@@ -69,7 +69,7 @@ def _lifted(view: View, pose: np.ndarray, walls: tuple[Wall, ...]) -> Features |
     """The view's features; those of one eye get the points where their rays meet the walls the odometry settled on."""
     if view.features is None or not walls or np.isfinite(view.features.points).any():
         return view.features
-    return seal(lift_on_walls(view.features, view.camera, pose, walls))
+    return freeze(lift_on_walls(view.features, view.camera, pose, walls))
 
 
 def shifted(wall: Wall, start_by: np.ndarray, end_by: np.ndarray) -> Wall:
@@ -102,7 +102,7 @@ def close(views: tuple[View, ...], loop_closer: LoopCloser) -> tuple[tuple[View,
     if closure.poses.shape != (len(views), 4, 4) or not np.all(np.isfinite(closure.poses)):
         raise ContractError(f"loop closer {type(loop_closer).__name__} returned poses of shape {closure.poses.shape}, "
                             f"expected finite ({len(views)}, 4, 4)")
-    closure = with_sealed_copies(closure, "poses")
+    closure = with_frozen_copies(closure, "poses")
     return tuple(replace(v, map_from_body=p) for v, p in zip(views, closure.poses, strict=True)), closure
 
 
@@ -112,7 +112,7 @@ def draw(views: tuple[View, ...], mapper: Mapper) -> OccupancyGrid:
     for view in views:
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
-    return with_sealed_copies(mapper.grid(), "probability")
+    return with_frozen_copies(mapper.grid(), "probability")
 
 
 def known_free(grid: OccupancyGrid, views: tuple[View, ...], radius_m: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.geometry import inverse, se2
-from rhs.api.records import Belief, Closure, FeatureSettings, Knowing, Motion, Observation, Tracking, View
+from rhs.api.records import Belief, Closure, FeatureSettings, BeliefStatus, Motion, Observation, Tracking, View
 
 from .room import CAMERA, context, empty_grid, observe, paintings, scan_of
 
@@ -184,7 +184,7 @@ def every_belief_is_a_pose_with_an_honest_covariance(settings: Any, folder: Path
     for known_start in (True, False):
         for belief in _beliefs(settings, folder, known_start=known_start):
             assert isinstance(belief, Belief), f"update() returned {type(belief).__name__}, expected a Belief"
-            assert isinstance(belief.status, Knowing), f"status is {belief.status!r}, expected a Knowing"
+            assert isinstance(belief.status, BeliefStatus), f"status is {belief.status!r}, expected a BeliefStatus"
             assert 0.0 <= belief.probability <= 1.0, f"probability is {belief.probability}"
             check_pose(belief.map_from_body, "map_from_body")
             check_covariance(belief.covariance)
@@ -195,7 +195,7 @@ def starting_from_nothing_is_not_knowing(settings: Any, folder: Path) -> None:
     part.learn(survey(stored=False), empty_grid())
     part.start(None)
     belief = part.update(for_part(settings, blind(drive()[0][1], 0)), Motion(np.eye(4), np.eye(6), Tracking.LOST))
-    assert belief.status is not Knowing.TRACKING, "no start, no places and nothing to see, yet it claims to track"
+    assert belief.status is not BeliefStatus.TRACKING, "no start, no places and nothing to see, yet it claims to track"
 
 
 def same_seed_same_beliefs(settings: Any, folder: Path) -> None:

@@ -25,7 +25,7 @@ from laps import SETTINGS, Lap, Taken, taken
 
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar
-from rhs.api.records import Knowing
+from rhs.api.records import BeliefStatus
 from rhs.config.compose import compose_config
 from rhs.config.parts import generator
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceRules, PlaceSettings
@@ -137,7 +137,7 @@ def sequences(stored: Taken, asked: Taken, count: int) -> list[Answered]:
             motion = asked.motions["procrustes"][k]
             way_m += float(np.hypot(*planar(motion.previous_from_body)[:2]))
             belief = part.update(asked.observations[k], motion)
-        sure = belief.status is Knowing.TRACKING
+        sure = belief.status is BeliefStatus.TRACKING
         out.append(Answered(judge_pose(belief.map_from_body if sure else None, asked.truth[k]), belief.probability))
     return out
 

@@ -7,9 +7,9 @@ import pytest
 from painted_room import observe, paintings
 from painted_survey import CAMERA, FEATURES, look, ring, survey
 
+from rhs.api.errors import RecordingError
 from rhs.api.geometry import inverse, log_se3, se2
 from rhs.api.records import Features
-from rhs.api.errors import RecordingError
 from rhs.estimation.views.features import features
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings, shares
 from rhs.estimation.views.place_files import load, save

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from flatland import Dijkstra, Flatland, Oracle, Through, ring
 
-from rhs.api.records import Belief, Knowing, Motion, Tracking
 from rhs.api.errors import ContractError
+from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
@@ -88,7 +88,7 @@ class NeverSure:
     """A localiser that never finds itself."""
 
     def update(self, observation, motion):
-        return Belief(np.eye(4), np.eye(6), Knowing.LOST, 0.0)
+        return Belief(np.eye(4), np.eye(6), BeliefStatus.LOST, 0.0)
 
 
 def test_a_robot_that_never_finds_itself_stops_and_says_so():

@@ -8,21 +8,21 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import Camera, adjoint, inverse, se2
 from rhs.api.records import Revision, Scan, Wall
 
-from ..tracks.monocular import Estimate, OneEye, StructureAlarm, beams, embed
-from ..tracks.monocular_parts import one_eye
+from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, embed
+from ..tracks.monocular_parts import monocular_odometry
 from ..tracks.track_frames import TrackFrame
 from .advanced import CorridorAdvanced
 from .ekf_config import CorridorEkf
 from .filter import CorridorFilter, FilterSettings, floor_plane
-from .motion import Inertia, MotionNoise, Told
+from .motion import ConstantVelocity, GivenMotion, MotionNoise
 from .scan import Drawn, believed_scan, mouths_of
 from .state import SCALE, WIDTH, CorridorState
 from .wall_map import walls_of
 
 
-def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
+def build_corridor_ekf(settings: CorridorEkf, context: Context) -> MonocularOdometry:
     core = corridor_core(settings, context.camera, np.array(context.world.start))
-    return one_eye(settings, context, core, scale_from(settings), settings.advanced.follow)
+    return monocular_odometry(settings, context, core, scale_from(settings), settings.advanced.follow)
 
 
 def scale_from(settings: CorridorEkf) -> str:
@@ -47,7 +47,7 @@ def corridor_core(settings: CorridorEkf, camera: Camera, start: np.ndarray) -> C
     )
     state.add_plane(*floor_plane(settings.height_sigma_m if settings.height_known else a.unknown_height_sigma_m))
     noise = MotionNoise(settings.forward_noise, settings.turn_noise, a.motion)
-    motion = Inertia(noise) if settings.motion == "none" else Told(noise, wheels=settings.motion == "wheel")
+    motion = ConstantVelocity(noise) if settings.motion == "none" else GivenMotion(noise, wheels=settings.motion == "wheel")
     angle = float(np.radians(settings.right_angle_sigma_deg))
     from_width = known and not settings.height_known
     passes = 2 if settings.wobble_sigma_deg > a.sways_deg else 1

@@ -17,8 +17,8 @@ from rhs.estimation.filters.kalman import correct_information
 
 from ..tracks.track_frames import TrackFrame
 from .advanced import CorridorAdvanced
-from .fit import Eyes, Fit, eyes_of, fit_free, fit_on_planes
-from .motion import Inertia, SpinWatch, Told
+from .fit import TrackFit, WindowCameras, cameras_of, fit_free, fit_on_planes
+from .motion import ConstantVelocity, GivenMotion, SpinWatch
 from .state import SPEED, TURN, WIDTH, CorridorState, Plane
 from .update import free_rows, plane_rows
 from .walls import Attachment, WallFinder, attach, merge_one, record_hits
@@ -61,7 +61,9 @@ class Tally:
 class CorridorFilter:
     """Filter over TrackFrames. After `step`, `state` holds the newest pose last; `history` the poses before the window."""
 
-    def __init__(self, camera: Camera, state: CorridorState, motion: Told | Inertia, settings: FilterSettings) -> None:
+    def __init__(
+        self, camera: Camera, state: CorridorState, motion: GivenMotion | ConstantVelocity, settings: FilterSettings
+    ) -> None:
         self.state, self.tally = state, Tally()
         self.history: list[np.ndarray] = []
         self._camera, self._motion, self._settings = camera, motion, settings
@@ -75,7 +77,7 @@ class CorridorFilter:
         self._view, self._stamp_s, self._scaled = -1, 0.0, False
 
     def step(self, frame: TrackFrame) -> None:
-        """One view: move, triangulate the tracks that fall due, update once, keep house of the walls."""
+        """One view: move, triangulate the tracks that fall due, update once, update the list of walls."""
         self._view += 1
         self._move(frame)
         rays, seen = self._tracks.push(frame)
@@ -96,7 +98,7 @@ class CorridorFilter:
             return
         if self.state.window == self._settings.window:
             self.history.append(self.state.drop_oldest_clone())
-        if isinstance(self._motion, Inertia) and self._spin.goes_on(self.state.clones, frame):
+        if isinstance(self._motion, ConstantVelocity) and self._spin.goes_on(self.state.clones, frame):
             self.state.forget(SPEED, *self._start_speed)
             self.state.forget(TURN, 0.0, self._advanced.motion.turn_sigma_radps)
         expected = self._motion.expect(frame, self.state.base, seconds)
@@ -110,10 +112,10 @@ class CorridorFilter:
         before, prior = copy(self.state), self.state.covariance
         shift = np.zeros(len(prior))
         for again in reversed(range(self._settings.linearisations)):
-            eyes = eyes_of(self.state.clones, self._camera.body_from_camera)
-            fit = fit_free(eyes, rays, seen, self._sigma)
+            cameras = cameras_of(self.state.clones, self._camera.body_from_camera)
+            fit = fit_free(cameras, rays, seen, self._sigma)
             found = attach(self.state, fit, self._advanced.walls)
-            information, vector, used, points = self._rows(eyes, rays, seen, (fit, found, shift))
+            information, vector, used, points = self._rows(cameras, rays, seen, (fit, found, shift))
             change = correct_information(prior, information, vector)
             shift, self.state = change.delta, copy(before)
             self.state.add(shift, prior if again else change.covariance)
@@ -129,7 +131,9 @@ class CorridorFilter:
             stray=int(found.stray.sum()),
         )
 
-    def _rows(self, eyes: Eyes, rays: np.ndarray, seen: np.ndarray, how: tuple[Fit, Attachment, np.ndarray]):
+    def _rows(
+        self, cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray, how: tuple[TrackFit, Attachment, np.ndarray]
+    ):
         """Sums of all rows that pass their gate; (T,) use: 1 on a wall, 2 as a free point, 0 refused; points (T, 3).
 
         how: free points, walls, and the (D,) way the state has been moved since its prior."""
@@ -139,8 +143,8 @@ class CorridorFilter:
         on = np.flatnonzero(found.wall >= 0)
         if len(on):
             walls = [self.state.planes[j] for j in found.wall[on]]
-            flat = fit_on_planes(eyes, rays[on], seen[on], self._sigma, walls)
-            rows = plane_rows(self.state, eyes, rays[on], seen[on], (flat, found.wall[on], self._sigma))
+            flat = fit_on_planes(cameras, rays[on], seen[on], self._sigma, walls)
+            rows = plane_rows(self.state, cameras, rays[on], seen[on], (flat, found.wall[on], self._sigma))
             rows = rows.moved_back(shift)
             good = flat.good & rows.passed(self._advanced.gate_probability)
             used[on[good]] = 1
@@ -148,8 +152,8 @@ class CorridorFilter:
             information, vector = rows.sums(good)
         rest = np.flatnonzero((used == 0) & fit.good)
         if len(rest):
-            one = Fit(*(getattr(fit, k)[rest] for k in ("angles", "rho", "anchor", "rho_sigma", "cost", "good")))
-            rows = free_rows(self.state, eyes, rays[rest], seen[rest], one, self._sigma)
+            one = TrackFit(*(getattr(fit, k)[rest] for k in ("angles", "rho", "anchor", "rho_sigma", "cost", "good")))
+            rows = free_rows(self.state, cameras, rays[rest], seen[rest], one, self._sigma)
             rows = rows.moved_back(shift)
             good = rows.passed(self._advanced.gate_probability)
             used[rest[good]] = 2

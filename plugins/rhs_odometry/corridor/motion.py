@@ -33,7 +33,7 @@ class MotionNoise:
         return np.diag([along, self.rules.left_m, self.turn * abs(turn_rad) + self.rules.turn_floor_rad]) ** 2
 
 
-class Told:
+class GivenMotion:
     """The motion command, or the wheel travel, times an unknown constant scale; where nobody said anything, standing
     still with the uncertainty of a normal step."""
 
@@ -50,7 +50,7 @@ class Told:
         return BodyMotion(mean, by_base, self._noise.covariance(forward, turn), np.zeros(BASE))
 
 
-class Inertia:
+class ConstantVelocity:
     """Constant speed and turn rate (thesis eq. 4.5 on the floor), both random walks."""
 
     def __init__(self, noise: MotionNoise) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from rhs.estimation.filters.kalman import correct, nees
 
 from .advanced import WallRules
-from .fit import Fit
+from .fit import TrackFit
 from .state import BIN_M, CorridorState, Plane
 
 
@@ -24,7 +24,7 @@ class Attachment:
     stray: np.ndarray
 
 
-def attach(state: CorridorState, fit: Fit, rules: WallRules) -> Attachment:
+def attach(state: CorridorState, fit: TrackFit, rules: WallRules) -> Attachment:
     """Wall of every track: best agreement for tracks with depth, nearest hit for tracks with some, none otherwise."""
     t = len(fit.rho)
     strong = fit.good & (fit.rho > 1.0 / rules.farthest_m) & (fit.rho_sigma < rules.strong_share * fit.rho)
@@ -41,7 +41,7 @@ def attach(state: CorridorState, fit: Fit, rules: WallRules) -> Attachment:
 
 
 def _miss(
-    state: CorridorState, j: int, fit: Fit, directions: np.ndarray, rules: WallRules
+    state: CorridorState, j: int, fit: TrackFit, directions: np.ndarray, rules: WallRules
 ) -> tuple[np.ndarray, np.ndarray]:
     """Inverse distance (T,) at which each ray (T, 3) meets plane j, and by how much of the tolerance (T,) the track's own
     depth misses it; infinite where the ray does not meet the plane within its reach."""
@@ -64,14 +64,14 @@ def within(plane: Plane, points: np.ndarray, reach_m: float) -> np.ndarray:
     return (along > plane.low_m - reach_m) & (along < plane.high_m + reach_m)
 
 
-def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, eyes: np.ndarray, view: int) -> list[Plane]:
+def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, cameras: np.ndarray, view: int) -> list[Plane]:
     """The planes with the extents, counts, sides and last views of the tracks found on them: wall (T,), points (T, 3), and
-    from where each was seen last, eyes (T, 3)."""
+    from where each was seen last, cameras (T, 3)."""
     out = list(planes)
     for j in np.unique(wall[wall >= 0]):
         p, hit = out[j], points[wall == j]
         along = hit[:, 1 - p.axis] if not p.is_floor else hit[:, 0]
-        above = int((eyes[wall == j] @ p.normal() > p.level()).sum())
+        above = int((cameras[wall == j] @ p.normal() > p.level()).sum())
         sides = (p.sides[0] + len(hit) - above, p.sides[1] + above)
         out[j] = with_hits(replace(p, last_seen=view, sides=sides), along)
     return out

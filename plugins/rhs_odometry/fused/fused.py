@@ -149,7 +149,7 @@ class FusedOdometry:
 
     def _join(self, observation: Observation, pictures: Motion, shape: Motion) -> tuple[Planar, list[str]]:
         """All estimates that agree with what is believed so far, the command first."""
-        belief, used = self._told(observation), []
+        belief, used = self._given(observation), []
         for name, motion, widening in (("pictures", pictures, self._settings.picture_widening),
                                        ("shape", shape, self._settings.shape_widening)):
             if motion.status is Tracking.LOST:
@@ -160,7 +160,7 @@ class FusedOdometry:
                 used.append(name)
         return belief, used
 
-    def _told(self, observation: Observation) -> Planar:
+    def _given(self, observation: Observation) -> Planar:
         """What the command, else the last motion again, says."""
         s, command = self._settings, observation.command
         if command is None:

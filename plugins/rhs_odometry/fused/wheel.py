@@ -1,4 +1,4 @@
-"""Odometry `wheel`: what the encoders say, and nothing else. The yardstick that vision must beat."""
+"""Odometry `wheel`: what the encoders say, and nothing else. The baseline that vision must beat."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ Per view (compare Klein and Murray, PTAM, ISMAR 2007; Kerl et al., DVO-SLAM, IRO
 3. when too few fit, match ORB features with the last view and try again from there; else the view is lost;
 4. sharpen the points that fit, forget the others;
 5. when little of the last key frame is left, make a new one; look for old ones that are in view again, measure the
-   new one against them, and let the pose graph settle (rhs.posegraph).
+   new one against them, and let the pose graph settle (rhs.estimation.filters.pose_graph).
 All of it is causal: a pose is reported once, with what was known then. revise() gives the settled ones.
 """
 
@@ -24,7 +24,7 @@ from ..features.procrustes import on_floor
 from ..fused.fallback import guess_motion
 from .keyframe_map import Edge, KeyframeMap
 from .reprojection import PoseFit
-from .tracker import Look, Tracker
+from .tracker import PreparedView, Tracker
 
 FIRST = 1e-12 * np.eye(6)
 
@@ -80,7 +80,7 @@ class KeyframeOdometry:
         poses = np.array([b @ self._map.poses[k] @ rel @ inverse(b) for k, rel, _ in self._history])
         return Revision(poses, tuple(scan for _, _, scan in self._history)) if self._history else None
 
-    def _fit(self, look: Look, guess: np.ndarray, previous: Observation) -> PoseFit | None:
+    def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation) -> PoseFit | None:
         """The pose of the view, or None when nothing measures it."""
         ids, pixels = self._tracker.ids, self._tracker.pixels
         fit = self._tracker.follow(look, guess)
@@ -122,7 +122,7 @@ class KeyframeOdometry:
             or np.linalg.norm(moved[:3, 3]) > s.keep_move_m
         )
 
-    def _new_keyframe(self, look: Look, edges: list[Edge]) -> None:
+    def _new_keyframe(self, look: PreparedView, edges: list[Edge]) -> None:
         """Make this view a key frame tied by edges and by old key frames seen again; settle; top up the points."""
         tracker = self._tracker
         k = self._map.add_keyframe(tracker.pose, look.picture)
@@ -155,8 +155,8 @@ class KeyframeOdometry:
             a_from_k, covariance = inverse(b) @ flat @ b, back @ spread @ back.T
         return Edge(a, k, a_from_k, 0.5 * (covariance + covariance.T), loop)
 
-    def _revisit(self, look: Look, k: int) -> list[Edge]:
-        """Look for old key frames that should be in view again; their points are followed from now on."""
+    def _revisit(self, look: PreparedView, k: int) -> list[Edge]:
+        """PreparedView for old key frames that should be in view again; their points are followed from now on."""
         tracker, edges, least = self._tracker, [], self._advanced.min_edge
         anchors, counts = np.unique(self._map.anchor[tracker.ids], return_counts=True)
         followed = {int(a) for a in anchors[counts >= least]}
@@ -172,7 +172,7 @@ class KeyframeOdometry:
                 tracker.add(ids[fit.inliers], pixels[fit.inliers])
         return edges
 
-    def _lost(self, look: Look, pose: np.ndarray, covariance: np.ndarray, reason: str) -> Motion:
+    def _lost(self, look: PreparedView, pose: np.ndarray, covariance: np.ndarray, reason: str) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
         self._tracker.restart(look, pose)
         move = adjoint(inverse(self._camera.body_from_camera))

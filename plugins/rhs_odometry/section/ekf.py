@@ -11,10 +11,10 @@ from rhs.api.geometry import Camera, adjoint, exp_so3, inverse, se2, se3
 from rhs.api.records import Revision, Scan, Wall
 from rhs.estimation.scans.wall_rays import cast_on_walls
 
-from ..corridor.fit import Eyes, fit_free
+from ..corridor.fit import WindowCameras, fit_free
 from ..corridor.window import TrackWindow
-from ..tracks.monocular import Estimate, OneEye, StructureAlarm, beams
-from ..tracks.monocular_parts import one_eye
+from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams
+from ..tracks.monocular_parts import monocular_odometry
 from ..tracks.track_frames import TrackFrame, common
 from .ekf_config import SectionEkf
 from .filter import (
@@ -34,9 +34,9 @@ from .filter import (
 )
 
 
-def build_section_ekf(settings: SectionEkf, context: Context) -> OneEye:
+def build_section_ekf(settings: SectionEkf, context: Context) -> MonocularOdometry:
     core = section_core(settings, context.camera, np.array(context.world.start))
-    return one_eye(settings, context, core, f"half width {settings.half_size_m:g} m", settings.advanced.follow)
+    return monocular_odometry(settings, context, core, f"half width {settings.half_size_m:g} m", settings.advanced.follow)
 
 
 def section_core(settings: SectionEkf, camera: Camera, start: np.ndarray) -> SectionCore:
@@ -153,8 +153,8 @@ class SectionCore:
             return self._alarm.watch(0, 0)
         poses = np.stack(list(self._recent))
         centre = poses[:, :3, 3]
-        eyes = Eyes(poses[:, :3, :3], centre, centre, np.zeros((n, 3, 3)))
-        fit = fit_free(eyes, rays, seen, self._sigma)
+        cameras = WindowCameras(poses[:, :3, :3], centre, centre, np.zeros((n, 3, 3)))
+        fit = fit_free(cameras, rays, seen, self._sigma)
         a = self._advanced
         strong = fit.good & (fit.rho > 1.0 / a.farthest_m) & (fit.rho_sigma < a.strong_share * fit.rho)
         rho = self._section_rho(fit.anchor, fit.directions())

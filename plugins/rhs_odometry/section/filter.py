@@ -1,4 +1,4 @@
-"""The thesis's one-eye filter, literally: a constant-velocity camera inside one straight section.
+"""The thesis's monocular filter, literally: a constant-velocity camera inside one straight section.
 
 State (thesis eqs 4.1-4.3): position, orientation, linear and angular velocity of the camera; centre, orientation and log
 size of the section. Orientations are rotation matrices with a rotation vector as error, so the 13 + 7 numbers have 12 + 7
@@ -24,7 +24,7 @@ SIZE = 18
 ERROR_STATES = 19
 
 
-class Section(Protocol):
+class SectionShape(Protocol):
     """Where rays inside a section meet its wall, in the frame of the section: x along it, y left, z up."""
 
     def meet(self, origin: np.ndarray, directions: np.ndarray, size_m: float) -> np.ndarray:
@@ -86,7 +86,8 @@ class SectionState:
 class SectionNoise:
     """pixel_sigma px; changes per view (1 sigma): speed m/s, spin rad/s, centre of the section m, its axis rad.
     iterations: 1 is the extended filter of the thesis; more linearise the same view again (Bell and Cathey 1993).
-    farthest_m: points further along the tube are not used. gate_probability: chance that a true point passes its chi-square gate."""
+    farthest_m: points further along the tube are not used. gate_probability: chance that a true point passes its
+    chi-square gate."""
 
     pixel_sigma: float = 0.7
     iterations: int = 1
@@ -101,7 +102,7 @@ class SectionNoise:
 class SectionFilter:
     """The filter over pairs of views. state and covariance (19, 19) belong to the last view."""
 
-    def __init__(self, camera: Camera, section: Section, state: SectionState, covariance: np.ndarray,
+    def __init__(self, camera: Camera, section: SectionShape, state: SectionState, covariance: np.ndarray,
                  noise: SectionNoise) -> None:
         self.state, self.covariance, self.accepted = state, covariance, float("nan")
         self.section = section

@@ -1,4 +1,4 @@
-"""Points followed by pyramidal Lucas-Kanade, then found again exactly: the front end of every one-eye odometry.
+"""Points followed by pyramidal Lucas-Kanade, then found again exactly: the front end of every monocular odometry.
 
 Sources: Lucas and Kanade 1981 (pyramids after Bouguet 2000), Shi and Tomasi 1994 for the points. A point whose patch is
 not found again is followed back instead (Kalal, Mikolajczyk and Matas 2010). The floor has its own quota of points:

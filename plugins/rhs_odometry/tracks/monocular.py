@@ -1,4 +1,4 @@
-"""What every one-eye odometry shares: tracks in, the motion of the believed pose out."""
+"""What every monocular odometry shares: tracks in, the motion of the believed pose out."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class FrontEnd(Protocol):
     def track(self, observation: Observation) -> TrackFrame: ...
 
 
-class OneEye:
+class MonocularOdometry:
     """An odometry made of a front end and a filter.
 
     start (4x4): the map pose that others believe in at the first view. A filter that begins elsewhere (started wrongly on

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import Context, FeatureSettings, WorldFacts
+from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.grid import inflate
 from rhs.api.records import Path, PlanningProblem, PlanReason
-from rhs.api.errors import ConfigError, ContractError
 from rhs.config.compose import RunConfig, identity
 from rhs.config.parts import generator
 from rhs.metrics.path_judge import Optimum

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.geometry import Camera
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 
 from .settings import Unroll
 

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import FeatureSettings
+from rhs.api.errors import ConfigError
 from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.geometry import Camera
-from rhs.api.errors import ConfigError
 from rhs.config.compose import RunConfig, identity
 from rhs.config.parts import Parts, build
 from rhs.estimation.views.features import gray, write_image

@@ -1,7 +1,8 @@
 """Loops that only scans can close: a corridor walked back the other way, where no camera recognises anything.
 
 The walls seen on the way there (several scans in one small map) and those seen on the way back (several scans in one
-cloud) are laid onto one another (rhs.scanmatch). Along a plain corridor the result says nothing, by its covariance.
+cloud) are laid onto one another (rhs.estimation.scans.scan_match). Along a plain corridor the result says nothing, by
+its covariance.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class WallLine:
     sigma_bend: float
 
 
-def wall_lines(scan: Scan, settings: LineSettings | None = None) -> list[WallLine]:
+def find_wall_lines(scan: Scan, settings: LineSettings | None = None) -> list[WallLine]:
     """The straight walls of a scan, in the order of its beams."""
     settings = settings or LineSettings()
     ranges = np.asarray(scan.ranges_m, float)

@@ -17,14 +17,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from rhs.api.files import replacing
-from rhs.api.frozen import seal
-from rhs.api.records import FeatureAdvanced, Features, FeatureSettings, Glance, Observation
+from rhs.api.frozen import freeze
+from rhs.api.records import FeatureAdvanced, Features, FeatureSettings, Observation, Thumbnail
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 
 # The image size that FeatureSettings.count is meant for.
 REFERENCE_PX = 320 * 240
-GLANCE_COLUMNS = 80  # of a view at a glance: blocks of 4 by 4 pixels of a picture of 320 by 240
+THUMBNAIL_COLUMNS = 80  # of a thumbnail: blocks of 4 by 4 pixels of a picture of 320 by 240
 
 USUAL = FeatureAdvanced()
 
@@ -76,19 +76,19 @@ def gray(image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else _cv2().cvtColor(image, _cv2().COLOR_RGB2GRAY)
 
 
-def glance(observation: Observation) -> Glance | None:
-    """The view in blocks, GLANCE_COLUMNS of them side by side; None without an image."""
+def thumbnail(observation: Observation) -> Thumbnail | None:
+    """The view in blocks, THUMBNAIL_COLUMNS of them side by side; None without an image."""
     if observation.image is None:
         return None
     image = gray(observation.image)
     height, width = image.shape
-    size = (min(GLANCE_COLUMNS, width), max(1, round(height * min(GLANCE_COLUMNS, width) / width)))
+    size = (min(THUMBNAIL_COLUMNS, width), max(1, round(height * min(THUMBNAIL_COLUMNS, width) / width)))
     area = _cv2().INTER_AREA
     depth = np.full(size[::-1], np.nan, np.float32)
     if observation.depth is not None:
         known = np.where(observation.depth > 0, observation.depth, np.nan).astype(np.float32)
         depth = _cv2().resize(known, size, interpolation=area)
-    return Glance(_cv2().resize(image, size, interpolation=area), depth)
+    return Thumbnail(_cv2().resize(image, size, interpolation=area), depth)
 
 
 def depth_at(depth: np.ndarray, pixels: np.ndarray, s: FeatureAdvanced = USUAL) -> np.ndarray:
@@ -165,7 +165,7 @@ def _sift(observation: Observation, settings: FeatureSettings) -> Features:
     pixels, sizes, descriptors = _detect(observation, detector, np.empty((0, 128), np.float32))
     descriptors = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
     found = _lifted(observation, (pixels, sizes, descriptors.astype(np.float32)), settings.advanced)
-    return replace(found, glance=seal(glance(observation)))
+    return replace(found, thumbnail=freeze(thumbnail(observation)))
 
 
 def _orb(observation: Observation, count: int) -> Features:

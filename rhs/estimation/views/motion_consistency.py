@@ -9,8 +9,8 @@ import numpy as np
 from rhs.api.geometry import Camera, inverse, transform
 from rhs.api.records import Features, Scan
 
+from .explainability import in_view
 from .settings import ContinuitySettings, scaled_px
-from .view_support import in_view
 
 USUAL = ContinuitySettings()
 

@@ -13,12 +13,12 @@ import numpy as np
 from rhs.api.geometry import Camera, compose_covariance, inverse, planar, wrap
 from rhs.api.records import Features
 
+from .explainability import explainability, nearest_views
 from .place_memory import Memory, Rootsift
 from .retrieval import make_retrieval
 from .settings import PlaceRules, PlaceSettings, SightingSettings
-from .thumbnails import Blocks, Fit, blocks, fit, outdoes
+from .thumbnails import Blocks, ThumbnailFit, blocks, fit, outdoes
 from .view_pose import Sighting, Snapshot, sight
-from .view_support import nearest_views, support
 
 USUAL = PlaceRules()
 
@@ -33,7 +33,7 @@ class Recognised:
     map_from_body: np.ndarray
     covariance: np.ndarray
     score: float = np.nan
-    fit: Fit | None = None
+    fit: ThumbnailFit | None = None
 
     def fits(self, limit: float) -> bool:
         """Whether the picture is known to look as it must from here; never true of one that cannot be compared."""
@@ -86,7 +86,7 @@ class PlaceDatabase:
             return _abstained("nothing stored" if self.retrieval is None else "no key-points in the view")
         ranked, scores = self.retrieval.rank(query.descriptors, 4 * max(self._settings.checks, self._rules.faint_checks))
         believed = [int(view) for pose in also for view in nearest_views(self.memory, pose, 1, self._rules.explain)]
-        view = _Asked(Snapshot(query, camera), blocks(query.glance, camera))
+        view = _Asked(Snapshot(query, camera), blocks(query.thumbnail, camera))
         likely = self._likely([*self._spread(ranked, self._settings.checks), *believed], view, self._settings.sighting)
         comparable = view.blocks is not None and self.memory.greys.size > 0
         if self._rules.faint_checks > 0 and comparable and not any(map(self._fits, likely)):
@@ -139,7 +139,7 @@ class PlaceDatabase:
     def _looked(self, item: Recognised, view: _Asked) -> Recognised:
         """The candidate with its support and with how the picture fits there."""
         seen, rules = view.snapshot, self._rules
-        score = support(self.memory, seen.features, seen.camera, item.map_from_body, settings=rules.explain).score
+        score = explainability(self.memory, seen.features, seen.camera, item.map_from_body, settings=rules.explain).score
         return replace(item, score=score, fit=fit(self.memory, view.blocks, item.map_from_body, rules.thumbnails))
 
     def _enough(self, item: Recognised) -> bool:

@@ -1,7 +1,7 @@
 """Rigid motion between two views whose key-points have depth: RANSAC, weighted Procrustes, reprojection refinement.
 
 Everywhere `p` (N, 3) are points in the camera frame of view b, `q` (N, 3) the same points in the camera frame of view
-a, and the result is a_from_b with the covariance of its right perturbation (see rhs.geometry).
+a, and the result is a_from_b with the covariance of its right perturbation (see rhs.api.geometry).
 Used by the odometry, by the check of a recognised place and by loop closing.
 """
 
@@ -35,7 +35,7 @@ class PointNoise:
 
     @property
     def numbers(self) -> np.ndarray:
-        """(4,) as rhs.rigid_kernels takes them."""
+        """(4,) as rhs.estimation.views.rigid_kernels takes them."""
         return np.array([self.pixel_px / self.focal_px, self.constant_m, self.quadratic_per_m, self.nearest_m])
 
     def isotropic(self, points: np.ndarray) -> np.ndarray:

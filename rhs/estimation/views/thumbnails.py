@@ -1,8 +1,9 @@
 """Does the picture of a view look as it must from this pose, also where it has no key-points?
 
-The blocks of a query (`rhs.records.Glance`) are lifted by their depth, drawn into the stored views nearest to the pose and
-compared with what those saw there: direct comparison (Irani and Anandan 1999) instead of key-points. A repeated painting
-fits at both places where it hangs; the plaster round it, three grey levels of a pattern as wide as a hand, fits at one.
+The blocks of a query (`rhs.api.records.Thumbnail`) are lifted by their depth, drawn into the stored views nearest to
+the pose and compared with what those saw there: direct comparison (Irani and Anandan 1999) instead of key-points. A
+repeated painting fits at both places where it hangs; the plaster round it, three grey levels of a pattern as wide as a
+hand, fits at one.
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.geometry import Camera, inverse, transform
-from rhs.api.records import Glance
+from rhs.api.records import Thumbnail
 
+from .explainability import nearest_views
 from .place_memory import Memory
 from .settings import ThumbnailSettings
-from .view_support import nearest_views
 
 USUAL = ThumbnailSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ThumbnailFit:
     """residual (N,) and sigma (N,): how much each block of a view differs from what was stored, and what that may be, in
     grey levels; NaN where no stored view saw it. settings: what they were compared by."""
 
@@ -46,21 +47,23 @@ class Blocks:
     camera: Camera
 
 
-def blocks(glance: Glance | None, camera: Camera) -> Blocks | None:
-    """The blocks of a view at a glance, lifted by their depth; None when there is nothing to lift."""
-    if glance is None or min(glance.grey.shape) < 2 or not np.isfinite(glance.depth).any():
+def blocks(thumbnail: Thumbnail | None, camera: Camera) -> Blocks | None:
+    """The blocks of a thumbnail, lifted by their depth; None when there is nothing to lift."""
+    if thumbnail is None or min(thumbnail.grey.shape) < 2 or not np.isfinite(thumbnail.depth).any():
         return None
-    height, width = glance.grey.shape
-    grey = glance.grey.astype(float)
+    height, width = thumbnail.grey.shape
+    grey = thumbnail.grey.astype(float)
     rows, columns = np.indices(grey.shape)
     centres = np.column_stack([columns.ravel() + 0.5, rows.ravel() + 0.5])
     pixels = centres * [camera.width / width, camera.height / height] - 0.5
     down, across = np.gradient(grey)
-    points = camera.points(pixels, glance.depth.ravel().astype(float))
+    points = camera.points(pixels, thumbnail.depth.ravel().astype(float))
     return Blocks(points, grey.ravel(), np.hypot(down, across).ravel(), camera)
 
 
-def fit(memory: Memory, query: Blocks | None, map_from_body: np.ndarray, s: ThumbnailSettings = USUAL) -> Fit | None:
+def fit(
+    memory: Memory, query: Blocks | None, map_from_body: np.ndarray, s: ThumbnailSettings = USUAL
+) -> ThumbnailFit | None:
     """The blocks of a view laid over the stored ones nearest to a pose (4x4); a further one counts only where a
     nearer one does not reach. None when either side keeps no pictures."""
     if query is None or memory.greys.size == 0:
@@ -79,10 +82,10 @@ def fit(memory: Memory, query: Blocks | None, map_from_body: np.ndarray, s: Thum
         brighter = query.grey[fresh].sum() / max(seen[fresh].sum(), 1.0)
         residual[fresh] = query.grey[fresh] - np.clip(brighter, 1.0 / s.exposure, s.exposure) * seen[fresh]
         sigma[fresh] = np.sqrt(s.grey**2 + s.slope_share**2 * (query.slope[fresh] ** 2 + slope[fresh] ** 2))
-    return Fit(residual, sigma, s)
+    return ThumbnailFit(residual, sigma, s)
 
 
-def outdoes(better: Fit | None, worse: Fit | None) -> float:
+def outdoes(better: ThumbnailFit | None, worse: ThumbnailFit | None) -> float:
     """How significantly one pose fits better than another, over the blocks both explain: Fisher's z of the two mean squares
     (Fisher 1924), in sigmas of chance and of where views stand. Above 3.1 once in a thousand times. NaN: nothing to compare.
     """

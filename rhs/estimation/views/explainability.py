@@ -21,7 +21,7 @@ USUAL = ExplainSettings()
 
 
 @dataclass(frozen=True)
-class Support:
+class Explainability:
     """explained: share of the query's key-points that the memory accounts for. found: share of the memory's key-points
     drawn into the query that are seen there. Both 0..1; `score` is their product."""
 
@@ -33,14 +33,14 @@ class Support:
         return self.explained * self.found
 
 
-def support(
+def explainability(
     memory: Memory, query: Features, camera: Camera, map_from_body: np.ndarray, *, settings: ExplainSettings = USUAL
-) -> Support:
+) -> Explainability:
     """What the stored views nearest to a pose (4x4) explain of a query taken there."""
     near = nearest_views(memory, map_from_body, settings.views, settings)
     drawn, rows = _drawn(memory, near, camera, map_from_body)
     if len(rows) == 0 or len(query.pixels) == 0:
-        return Support(0.0, 0.0)
+        return Explainability(0.0, 0.0)
     pixels = camera.project(drawn)
     close = ((query.pixels[:, None] - pixels[None]) ** 2).sum(axis=2) < scaled_px(settings.pixels_px, camera.width) ** 2
     ours, theirs = np.nonzero(close)
@@ -49,7 +49,7 @@ def support(
     with np.errstate(invalid="ignore"):
         level = ~(np.abs(drawn[theirs, 2] - depth) > settings.depth_share * depth + settings.depth_m)
     hit = alike & level
-    return Support(len(np.unique(ours[hit])) / len(query.pixels), len(np.unique(theirs[hit])) / len(rows))
+    return Explainability(len(np.unique(ours[hit])) / len(query.pixels), len(np.unique(theirs[hit])) / len(rows))
 
 
 def nearest_views(

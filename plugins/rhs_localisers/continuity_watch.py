@@ -1,4 +1,5 @@
-"""Has the robot watched its own way? Each view is compared with the one before, by key-points and scans (rhs.continuity)."""
+"""Has the robot watched its own way? Each view is compared with the one before, by key-points and scans
+(rhs.estimation.views.motion_consistency)."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from rhs.estimation.views.settings import ContinuitySettings
 USUAL = ContinuitySettings()
 
 
-class Watching:
+class ContinuityWatch:
     """Remembers the last view. walls: the map, or None for a robot without one. smooth_share: of a scan's ends on walls,
     above which a robot whose key-points cannot tell is still where it expects to be."""
 

@@ -1,4 +1,4 @@
-"""When may a robot say that it knows where it is? While places vouch for its pose since the last doubt, and only a
+"""When may a robot say that it knows where it is? While places confirm its pose since the last doubt, and only a
 contradiction is a doubt.
 
 One recognised place is not enough where paintings look alike, and a robot that turns on the spot sees the same look-alike
@@ -24,13 +24,13 @@ from .advanced import ConfirmationRules
 USUAL = ConfirmationRules()
 
 
-class Vouching:
-    """Counts what speaks for the pose believed in. known: told where it is, or nothing is there to vouch.
+class Confirmation:
+    """Counts what speaks for the pose believed in. known: it was given where it is, or nothing is there to confirm it.
 
-    vouched: it may call itself sure. watched: since a place last vouched, each view went on from the one before."""
+    confirmed: it may call itself sure. watched: since a place last confirmed, each view went on from the one before."""
 
     def __init__(self, known: bool, rules: ConfirmationRules = USUAL) -> None:
-        self.vouched, self.watched, self._rules = known, known, rules
+        self.confirmed, self.watched, self._rules = known, known, rules
         self._clear()
 
     def _clear(self) -> None:
@@ -42,15 +42,15 @@ class Vouching:
     @property
     def held(self) -> bool:
         """Sure, and nobody can have carried it off unseen: what speaks against it has to be strong."""
-        return self.vouched and self.watched
+        return self.confirmed and self.watched
 
     def doubt(self) -> None:
         """What was known is known no longer."""
-        self.vouched = False
+        self.confirmed = False
         self._clear()
 
     def divided(self) -> None:
-        """The belief is shared between places: it is not sure, and those that vouch have to begin anew."""
+        """The belief is shared between places: it is not sure, and those that confirm it have to begin anew."""
         named, stale_m = self._named, self._stale_m
         self.doubt()
         self._named, self._stale_m = named, stale_m
@@ -65,16 +65,16 @@ class Vouching:
         if seen is Continuity.BROKEN:
             self.doubt()
 
-    def hear(self, agrees: bool) -> None:
+    def place_named(self, *, agrees: bool) -> None:
         """A place was named with much support: where the robot believes to be, or elsewhere. One named elsewhere does not
-        overthrow what is vouched for, but those that vouch have to begin anew."""
+        overthrow what is confirmed, but those that confirm it have to begin anew."""
         self._named, self._stale_m = agrees, 0.0
         if not agrees:
             self._count, self._way_m = 0, 0.0
             return
         self._silences, self._silent_m, self.watched = 0, 0.0, True
         self._count += 1
-        self.vouched = self.vouched or (self._count >= self._rules.confirmations and self._way_m >= self._rules.way_m)
+        self.confirmed = self.confirmed or (self._count >= self._rules.confirmations and self._way_m >= self._rules.way_m)
 
     def silent(self) -> bool:
         """No place was recognised where one ought to be. Whether that speaks against the belief at once; to a robot that
@@ -94,16 +94,17 @@ class Vouching:
     @property
     def chance(self) -> float:
         """Chance that the best belief is right, were its weight one: low while no place was named there, rising with the way
-        confirmed, falling with the way in which nothing more was: then it is time to look round again (rhs.search)."""
+        confirmed, falling with the way in which nothing more was: then it is time to look round again
+        (rhs.patrol.relocate)."""
         r = self._rules
-        if self.vouched or not self._named:
-            return 1.0 if self.vouched else r.unnamed
+        if self.confirmed or not self._named:
+            return 1.0 if self.confirmed else r.unnamed
         confirmed = 0.6 + 0.35 * min(self._count / r.confirmations, self._way_m / r.way_m, 1.0)
         return max(confirmed * 0.5 ** (self._stale_m / r.stale_m), r.unnamed)
 
 
-class Rumour:
-    """Places named somewhere else while the robot knows where it is: looked at again before anything is moved.
+class Contradiction:
+    """PlaceEvidence named somewhere else while the robot knows where it is: looked at again before anything is moved.
 
     A named place counts against a sharp belief only when `repeats` views in a row name it, at poses that differ by the
     motion between them: a look-alike seldom stays one as the robot moves. Against a belief that is `held` it takes
@@ -136,7 +137,7 @@ class Rumour:
             self._forget()
 
     def convinces(self, named: Sequence[np.ndarray], *, against: bool, held: bool) -> bool:
-        """Whether the named poses (3,) are to be heeded. Those that do not speak against a sharp belief always are."""
+        """Whether the named poses (3,) are to be accepted. Those that do not speak against a sharp belief always are."""
         if not against:
             self._forget()
             return True
