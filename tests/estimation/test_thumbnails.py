@@ -111,6 +111,7 @@ def test_a_place_of_few_key_points_whose_picture_is_another_is_no_answer(memory)
     query = features(look(BESIDE), FEATURES)
     noise = np.random.default_rng(0).integers(0, 255, query.thumbnail.grey.shape).astype(np.uint8)
     other = replace(query, thumbnail=Thumbnail(noise, query.thumbnail.depth))
-    answer = PlaceDatabase(memory, PlaceSettings(rules=PlaceRules(misfit_inliers=10_000)), np.random.default_rng(0)).ask(other, CAMERA)
+    strict = PlaceSettings(rules=PlaceRules(misfit_inliers=10_000))
+    answer = PlaceDatabase(memory, strict, np.random.default_rng(0)).ask(other, CAMERA)
     assert answer.reason == "the picture does not look like the place"
     assert not PlaceDatabase(memory, PlaceSettings(), np.random.default_rng(0)).ask(other, CAMERA).abstained

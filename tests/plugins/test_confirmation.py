@@ -72,7 +72,8 @@ def test_names_elsewhere_halve_the_chance_of_a_loose_belief_and_take_little_from
     contradiction, elsewhere = Contradiction(), [np.array([9.0, 9.0, 0.0])]
     for _ in range(3):
         contradiction.convinces(elsewhere, against=True, held=True)
-    assert contradiction.chance(held=False) == pytest.approx(0.125) and contradiction.chance(held=True) == pytest.approx(0.97**3)
+    assert contradiction.chance(held=False) == pytest.approx(0.125)
+    assert contradiction.chance(held=True) == pytest.approx(0.97**3)
     for _ in range(100):  # on the spot: they would never overthrow it, so they do not take all of its chance either
         contradiction.convinces(elsewhere, against=True, held=True)
     assert contradiction.chance(held=True) > 0.8
