@@ -66,8 +66,8 @@ class Confirmation:
             self.doubt()
 
     def place_named(self, *, agrees: bool) -> None:
-        """A place was named with much support: where the robot believes to be, or elsewhere. One named elsewhere does not
-        overthrow what is confirmed, but those that confirm it have to begin anew."""
+        """A place that explains much of the view was named: where the robot believes to be, or elsewhere. One named
+        elsewhere does not overthrow what is confirmed, but those that confirm it have to begin anew."""
         self._named, self._stale_m = agrees, 0.0
         if not agrees:
             self._count, self._way_m = 0, 0.0

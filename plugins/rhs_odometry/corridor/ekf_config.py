@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class CorridorEkf:
-    """Monocular in corridors whose plan is not known: a window of poses and a list of walls, right angles a soft prior."""
+    """Monocular, in corridors whose plan is not known: a window of poses and a list of walls, right angles a soft prior."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "walls"})

@@ -43,7 +43,7 @@ class Recognised:
 @dataclass(frozen=True, eq=False)
 class PlaceAnswer:
     """best: the place recognised, or None when abstained, for `reason`. verified: the best candidate of each different place
-    that passed the check, most inliers first. distinct: those of them that the picture does not refute, best supported
+    that passed the check, most inliers first. distinct: those of them that the picture does not refute, best explained
     first. ranked (T,): the candidates as retrieved, with their scores (T,)."""
 
     best: Recognised | None
@@ -77,7 +77,8 @@ class PlaceDatabase:
         )
 
     def ask(self, query: Features, camera: Camera, also: Sequence[np.ndarray] = ()) -> PlaceAnswer:
-        """Where was this seen? Retrieve, check by geometry, weigh by support; abstain when nothing or too much fits.
+        """Where was this seen? Retrieve, check by geometry, weigh by how much the memory explains; abstain when nothing
+        or too much fits.
 
         also: poses (4x4) believed in, whose nearest stored view is checked as well. Without this a belief would be
         contradicted by answers that never looked at it.
@@ -107,7 +108,7 @@ class PlaceDatabase:
         return chosen
 
     def _likely(self, places: Sequence[int], view: _Asked, sighting: SightingSettings) -> list[Recognised]:
-        """Different places among candidates that enough key-points agree on, with support and fit; most inliers first."""
+        """Different places among candidates that enough key-points agree on, with score and fit; most inliers first."""
         found = [self._check(place, view.snapshot, sighting) for place in dict.fromkeys(places)]
         passed = sorted((item for item in found if item is not None), key=lambda r: -r.sighting.inliers)
         looked = [self._looked(item, view) for item in _distinct(passed, self._rules)]
@@ -137,7 +138,7 @@ class PlaceDatabase:
         return PlaceAnswer(best, reason, tuple(likely), distinct, ranked, scores)
 
     def _looked(self, item: Recognised, view: _Asked) -> Recognised:
-        """The candidate with its support and with how the picture fits there."""
+        """The candidate with its score (explainability) and with how the picture fits there."""
         seen, rules = view.snapshot, self._rules
         score = explainability(self.memory, seen.features, seen.camera, item.map_from_body, settings=rules.explain).score
         return replace(item, score=score, fit=fit(self.memory, view.blocks, item.map_from_body, rules.thumbnails))
@@ -166,7 +167,7 @@ def _distinct(verified: Sequence[Recognised], rules: PlaceRules) -> list[Recogni
 def shares(distinct: Sequence[Recognised], rules: PlaceRules = USUAL) -> np.ndarray:
     """(D,) how the evidence is divided between distinct places; adds up to one.
 
-    Places within `tie` of the best support count as equal: such differences come from where the stored views happen to
+    Places within `tie` of the best score count as equal: such differences come from where the stored views happen to
     stand and keep their sign for many views, so they must not be counted view after view. Below, e-fold per 1 / slope.
     """
     scores = np.array([item.score for item in distinct])
