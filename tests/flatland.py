@@ -118,7 +118,7 @@ class Dijkstra:
 
         blocked = problem.blocked
         h, w = blocked.shape
-        to_cell = lambda p: tuple(np.floor((np.asarray(p) - problem.origin_m) / problem.resolution_m).astype(int)[::-1])
+        to_cell = lambda p: tuple(np.floor((np.asarray(p) - problem.origin_m) / problem.resolution_m).astype(int)[::-1])  # noqa: E731
         start, goal = to_cell(problem.start_m), to_cell(problem.goal_m)
         nothing = np.zeros((0, 2))
         if blocked[goal]:

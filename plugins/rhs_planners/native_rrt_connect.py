@@ -24,7 +24,7 @@ _SQUARE = 16  # cells a side
 
 
 class NativeRrtConnect:
-    """rhs.contracts.Planner. Settings: rrt_config.RrtConnect."""
+    """rhs.api.contracts.Planner. Settings: rrt_config.RrtConnect."""
 
     def __init__(self, settings, rng: np.random.Generator):
         self._settings, self._rng, self._ground = settings, rng, Ground()

@@ -1,6 +1,6 @@
-"""The simulator source: a camera led round a PyBullet world, then a robot driven in it.
+"""The simulator source: a camera led along the route of a PyBullet world, then a robot driven in it.
 
-The robot is a unicycle: a Twist turns and moves it along an arc; what it really does differs from what it is told by a
+The robot is a unicycle: a Twist turns and moves it along an arc; what it really does differs from what it is commanded by a
 lasting and a fresh error. Whether it touches something is judged by PyBullet on the true geometry.
 """
 
@@ -19,7 +19,7 @@ from rhs.worlds.world import reversed_world
 
 from .lens import Lens
 from .simulator_config import Simulator
-from .simulator_route import Pace, Waypoint, Wobble, waypoints
+from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
 from .simulator_scene import Look, Scene
 from .simulator_solid import Solid
 
@@ -29,7 +29,7 @@ BISECTIONS = 8  # contact is found to 1/256 of a substep
 
 
 class SimulatorSource:
-    """See rhs.contracts.Source."""
+    """See rhs.api.contracts.Source."""
 
     def __init__(self, settings: Simulator, context: SourceContext) -> None:
         if context.world is None:
@@ -106,7 +106,7 @@ class SimulatorSource:
     def drive(self, command: Twist) -> Capture:
         """Follow the command as well as this robot can, stopping at contact, and look."""
         if not np.all(np.isfinite([command.forward_mps, command.turn_radps, command.duration_s])):
-            raise RhsError(f"source.simulator was told to drive {command}; expected finite numbers")
+            raise RhsError(f"source.simulator was given the command {command}; expected finite numbers")
         error = 1.0 + self.bias + self.rng.normal(0.0, self.settings.command_noise_percent / 100, 2)
         forward, turn = command.forward_mps * error[0], command.turn_radps * error[1]
         before = self.stand
@@ -212,9 +212,9 @@ def more_obstacles(world: World, numbers: list[float]) -> tuple[Box, ...]:
     return tuple(boxes)
 
 
-def pace(settings: Simulator) -> Pace:
+def pace(settings: Simulator) -> RoutePace:
     """The survey's pace in SI units."""
-    return Pace(settings.step_m, float(np.radians(settings.turn_step_deg)), settings.speed_mps,
+    return RoutePace(settings.step_m, float(np.radians(settings.turn_step_deg)), settings.speed_mps,
                 float(np.radians(settings.turn_rate_dps)), settings.arc_radius_m if settings.turn == "arc" else 0.0)
 
 

@@ -123,7 +123,7 @@ class Source(Protocol):
 
 
 class Sensor(Protocol):
-    """Degrades a Capture into an Observation: range, noise, one eye only. May be called once per capture, in order.
+    """Degrades a Capture into an Observation: range, noise, one camera only. May be called once per capture, in order.
 
     Index and stamp are the capture's. Scan bearings are counted from the body's x axis, left positive; ranges are metres
     from `origin_xy_m`, which is in the body frame. Noise comes from `context.rng` only: one seed, one observation."""

@@ -14,12 +14,12 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXP
 for _name in THREADS:  # before numpy is imported: sums must not depend on how many threads share them
     os.environ[_name] = "1"
 
-import argparse
-import signal
-import traceback
-from pathlib import Path
+import argparse  # noqa: E402
+import signal  # noqa: E402
+import traceback  # noqa: E402
+from pathlib import Path  # noqa: E402
 
-from rhs.base.errors import ConfigError, RhsError
+from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
 from .commands import command, plugin_files, run_command  # noqa: E402
 

@@ -136,7 +136,7 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
     "Events (steps.csv, event)": records.Event,
     "Mission statuses (missions.json)": records.MissionStatus,
     "Motion statuses (steps.csv, motion_status)": records.Tracking,
-    "Belief statuses (steps.csv, belief_status)": records.Knowing,
+    "Belief statuses (steps.csv, belief_status)": records.BeliefStatus,
     "Plan reasons (plan_reason, plans.json)": records.PlanReason,
     "Answers to a blocked way (rhs.replan)": contracts.Blocked,
 }

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import Context, FeatureSettings
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.geometry import Camera, camera_from_fov, planar, se2
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.api.records import Capture, Observation, Scan, Twist, WorldFacts
@@ -160,7 +160,7 @@ def drive(room: Room = HALL, steps: tuple[tuple[float, float], ...] = TOUR,
         scan = replace(exact, ranges_m=exact.ranges_m + 0.005 * rng.standard_normal(len(BEARINGS)))
         moved = np.array([ahead, 0.0, left])
         wheel = moved + (0.02 * np.abs(moved) + 1e-3 * bool(index)) * rng.standard_normal(3)
-        out.append((pose, seal(replace(seen, image=image, depth=np.where(depth < 8.0, depth, np.nan).astype(np.float32),
+        out.append((pose, freeze(replace(seen, image=image, depth=np.where(depth < 8.0, depth, np.nan).astype(np.float32),
                                        scan=scan, wheel=wheel,
                                        command=Twist(ahead * RATE_HZ, left * RATE_HZ, 1.0 / RATE_HZ)))))
     return tuple(out)
@@ -170,7 +170,7 @@ def blind(observation: Observation, index: int) -> Observation:
     """The view with nothing in it: a grey image, no depth, no ranges, no wheel, no command."""
     scan = observation.scan
     assert observation.image is not None and scan is not None
-    return seal(replace(
+    return freeze(replace(
         observation, index=index, stamp_s=index / RATE_HZ, wheel=None, command=None,
         image=np.full_like(observation.image, 128), depth=np.full(observation.image.shape[:2], np.nan, np.float32),
         scan=replace(scan, ranges_m=np.full_like(scan.ranges_m, np.nan))))

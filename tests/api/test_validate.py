@@ -12,9 +12,9 @@ from rhs.api.geometry import camera_from_fov, se2, se3
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import (
     Belief,
+    BeliefStatus,
     Capture,
     Closure,
-    Knowing,
     LoopEdge,
     Motion,
     Observation,
@@ -125,7 +125,7 @@ def test_images_are_frozen_in_place_and_not_copied():
     ({"covariance": SPREAD[:3, :3]}, "expected finite 6x6 numbers"),
     ({"status": "fine"}, "expected a Tracking: ok, degenerate, lost"),
     ({"status": None}, "expected a Tracking"),
-    ({"status": Knowing.LOST}, "expected a Tracking"),
+    ({"status": BeliefStatus.LOST}, "expected a Tracking"),
     ({"reason": "x" * 131_073}, "131073 characters; expected a text of at most 2000"),
     ({"reason": None}, "reason is of type NoneType"),
     ({"details": {"how": "well"}}, "details['how'] is 'well'"),
@@ -150,7 +150,7 @@ def test_something_else_than_a_record_is_refused():
     ({"probability": 7.0}, "probability is 7.0; expected a chance in [0, 1]"),
     ({"probability": float("nan")}, "probability is nan"),
     ({"probability": "sure"}, "probability is 'sure'"),
-    ({"status": "tracking"}, "expected a Knowing"),
+    ({"status": "tracking"}, "expected a BeliefStatus"),
     ({"map_from_body": pose(a33=2.0)}, "last row"),
     ({"covariance": correlated(-1.0)}, "not positive definite"),
 ])

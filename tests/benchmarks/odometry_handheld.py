@@ -17,18 +17,18 @@ from pathlib import Path
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-import numpy as np
-from odometry_square import VARIANTS
-from shared import follow, write
+import numpy as np  # noqa: E402
+from odometry_square import VARIANTS  # noqa: E402
+from shared import follow, write  # noqa: E402
 
-from rhs.api.contracts import Context, FeatureSettings
-from rhs.api.geometry import Camera, exp_so3, se3
-from rhs.api.randomness import generator
-from rhs.api.records import Capture, Observation, Tracking
-from rhs.api.trajectory import Trajectory
-from rhs.config import registry
-from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse
-from rhs.worlds.world import load_world
+from rhs.api.contracts import Context, FeatureSettings  # noqa: E402
+from rhs.api.geometry import Camera, exp_so3, se3  # noqa: E402
+from rhs.api.randomness import generator  # noqa: E402
+from rhs.api.records import Capture, Observation, Tracking  # noqa: E402
+from rhs.api.trajectory import Trajectory  # noqa: E402
+from rhs.config import registry  # noqa: E402
+from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
+from rhs.worlds.world import load_world  # noqa: E402
 
 RATE_HZ, SECONDS = 30.0, 20.0
 CENTRE_M, REACH_M = np.array([3.1, 1.9, 1.3]), np.array([0.7, 0.5, 0.25])  # of the hand, in the room

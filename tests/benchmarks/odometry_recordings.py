@@ -16,16 +16,16 @@ from pathlib import Path
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-import numpy as np
-from shared import write
+import numpy as np  # noqa: E402
+from shared import write  # noqa: E402
 
-from rhs.api.contracts import Context, FeatureSettings, SourceContext
-from rhs.api.geometry import orthonormal
-from rhs.api.randomness import generator
-from rhs.api.records import Tracking
-from rhs.api.trajectory import Trajectory
-from rhs.config import registry
-from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse
+from rhs.api.contracts import Context, FeatureSettings, SourceContext  # noqa: E402
+from rhs.api.geometry import orthonormal  # noqa: E402
+from rhs.api.randomness import generator  # noqa: E402
+from rhs.api.records import Tracking  # noqa: E402
+from rhs.api.trajectory import Trajectory  # noqa: E402
+from rhs.config import registry  # noqa: E402
+from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse  # noqa: E402
 
 ROOT = Path(os.environ.get("RHS_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")) / "rgbd"
 RECORDINGS = {

@@ -73,7 +73,7 @@ def test_matched_points_of_two_views_are_the_same_places():
 
 def test_matching_follows_the_ratio_and_mutual_rules():
     """Three descriptors of two dimensions, distances computed by hand."""
-    unit = lambda degrees: np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))], np.float32)
+    unit = lambda degrees: np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))], np.float32)  # noqa: E731
     a = Features(np.zeros((2, 2)), np.stack([unit(0), unit(2)]), np.zeros((2, 3)))
     b = Features(np.zeros((2, 2)), np.stack([unit(1.9), unit(60)]), np.zeros((2, 3)))
     assert vision.match(a, b, 0.8).tolist() == [[1, 0]]  # a0 also likes b0 best, but b0 is nearer to a1

@@ -9,7 +9,7 @@ from flatland import Flatland, Oracle, Through, parts, ring
 from rhs.api.contracts import KINDS
 from rhs.api.errors import ContractError
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, Knowing, Motion, Tracking
+from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
@@ -92,7 +92,7 @@ class NeverSure:
     """A localiser that never finds itself."""
 
     def update(self, observation, motion):
-        return Belief(np.eye(4), np.eye(6), Knowing.LOST, 0.0)
+        return Belief(np.eye(4), np.eye(6), BeliefStatus.LOST, 0.0)
 
 
 def test_a_robot_that_never_finds_itself_stops_and_says_so():
@@ -159,7 +159,7 @@ def test_an_odometry_that_wants_a_moving_camera_gets_arcs():
     assert on_the_spot[True] == 0 < on_the_spot[False]
 
 
-class Wrong(Dijkstra):
+class Wrong(Dijkstra):  # noqa: F821
     """A planner with one mistake."""
 
     def __init__(self, how):
@@ -218,7 +218,7 @@ def test_a_source_without_a_clock_or_a_view_is_named(how, message):
     world = Faulty(how)
     oracle, grid = Oracle(world), world.grid()
     who = {kind: f"{kind}=mine" for kind in KINDS}
-    sentinel = Sentinel(oracle, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3, settings=MissionSettings(),
+    sentinel = Sentinel(oracle, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3, settings=MissionSettings(),  # noqa: F821
                         who=who)
     with pytest.raises(ContractError, match=message):
         list(steps(world, Through(world.camera), oracle, sentinel, who=who))
@@ -235,7 +235,7 @@ def test_an_odometry_and_a_localiser_that_diverge_are_named_each():
 
     for odometry, localiser, named in ((Broken(far), oracle, "odometry Broken: previous_from_body"),
                                        (oracle, Gone(world), "localiser Gone: map_from_body")):
-        sentinel = Sentinel(localiser, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3,
+        sentinel = Sentinel(localiser, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3,  # noqa: F821
                             settings=MissionSettings())
         with pytest.raises(ContractError, match=f"{named} is 1e[+]07 m away: diverged"):
             list(steps(world, Through(world.camera), odometry, sentinel))

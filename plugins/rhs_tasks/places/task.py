@@ -17,7 +17,7 @@ import numpy as np
 
 from rhs.api.files import replacing
 from rhs.api.geometry import planar
-from rhs.api.records import Knowing, Motion, Observation, Step, Tracking, View
+from rhs.api.records import BeliefStatus, Motion, Observation, Step, Tracking, View
 from rhs.api.task import Parts, TaskContext, Value
 from rhs.estimation.survey import ViewCollector, draw, revise
 from rhs.estimation.views.features import features
@@ -113,7 +113,7 @@ def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]],
             step = queried[k][1]
             way_m += float(np.hypot(*planar(step.motion.previous_from_body)[:2]))
             belief = parts.localiser.update(_seen(step), step.motion)
-        sure = belief.status is Knowing.TRACKING
+        sure = belief.status is BeliefStatus.TRACKING
         pose = belief.map_from_body if sure else None
         out.append(Answered(judge_pose(pose, queried[k][0].map_from_body), belief.probability))
     return out
