@@ -12,7 +12,7 @@ import numpy as np
 
 from rhs.api.contracts import SourceContext
 from rhs.api.errors import ConfigError, RhsError
-from rhs.api.floorplan import Box, World
+from rhs.api.floorplan import World
 from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
 from rhs.api.records import Capture, Twist
 from rhs.worlds.world import reversed_world
@@ -24,7 +24,6 @@ from .simulator_scene import Look, Scene
 from .simulator_solid import Solid
 
 SUBSTEP_S = 0.05  # a robot at 0.5 m/s moves a twelfth of its radius between two tests for collision
-OBSTACLE_HEIGHT_M = 1.8  # of boxes given in the settings: a person's
 BISECTIONS = 8  # contact is found to 1/256 of a substep
 
 
@@ -193,23 +192,7 @@ def dressed(world: World, settings: Simulator) -> World:
     if settings.wall_roughness is not None:
         walls = tuple(replace(w, surface=replace(w.surface, roughness=settings.wall_roughness)) for w in walls)
     seed = world.seed if settings.texture_seed is None else settings.texture_seed
-    obstacles = world.obstacles + more_obstacles(world, settings.obstacles)
-    return replace(world, paintings=paintings, walls=walls, seed=seed, obstacles=obstacles)
-
-
-def more_obstacles(world: World, numbers: list[float]) -> tuple[Box, ...]:
-    """Boxes of OBSTACLE_HEIGHT_M from the settings. Raises ConfigError if one would be put on the waiting robot."""
-    end = np.array(world.route_m[-1])
-    boxes = []
-    for i in range(0, len(numbers), 4):
-        x, y, length, width = (float(v) for v in numbers[i : i + 4])
-        box = Box(f"setting {i // 4}", (x, y), (length, width, OBSTACLE_HEIGHT_M))
-        gap = np.maximum(np.abs(end - (x, y)) - (length / 2, width / 2), 0.0)
-        if np.hypot(*gap) < world.robot_radius_m:
-            raise ConfigError(f"source.obstacles: the box at ({x:g}, {y:g}) would be put in {np.hypot(*gap):.2f} m from the "
-                              f"robot waiting at ({end[0]:g}, {end[1]:g}); its radius is {world.robot_radius_m:g} m")
-        boxes.append(box)
-    return tuple(boxes)
+    return replace(world, paintings=paintings, walls=walls, seed=seed)
 
 
 def pace(settings: Simulator) -> RoutePace:

@@ -47,15 +47,13 @@ class Simulator:
     """per cent, one sigma: lasting error of distance and of turn against the command"""
     command_noise_percent: float = 3.0
     """per cent, one sigma: fresh error of distance and of turn at each command"""
-    paintings_unique: Optional[int] = None  # noqa: F821, RUF100, UP045
+    paintings_unique: int | None = None
     """how many different paintings exist; null: as the world says"""
-    paintings_density: Optional[float] = None  # noqa: F821, RUF100, UP045
+    paintings_density: float | None = None
     """0..1, share of hanging places used; null: as the world says"""
-    wall_roughness: Optional[float] = None  # noqa: F821, RUF100, UP045
+    wall_roughness: float | None = None
     """grey levels of the walls' own pattern; null: as the world says"""
-    obstacles: list[float] = field(default_factory=list)
-    """more boxes put in after the survey: x, y, length, width, m"""
-    texture_seed: Optional[int] = None  # noqa: F821, RUF100, UP045
+    texture_seed: int | None = None
     """seed of all paintings and surfaces; null: as the world says"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
@@ -83,7 +81,6 @@ class Simulator:
         check_range("source", "pitch_roll_deg", self.pitch_roll_deg, low=0, high=15, unit="degrees")
         check_range("source", "command_bias_percent", self.command_bias_percent, low=0, high=30, unit="%")
         check_range("source", "command_noise_percent", self.command_noise_percent, low=0, high=30, unit="%")
-        self._check_obstacles()
         if self.paintings_unique is not None:
             check_range("source", "paintings_unique", self.paintings_unique, low=1, high=100_000)
         if self.paintings_density is not None:
@@ -92,14 +89,6 @@ class Simulator:
             check_range("source", "wall_roughness", self.wall_roughness, low=0, high=100, unit="grey levels")
         if self.texture_seed is not None:
             check_range("source", "texture_seed", self.texture_seed, low=0, high=2**31 - 1)
-
-    def _check_obstacles(self) -> None:
-        if len(self.obstacles) % 4:
-            raise ConfigError(f"source.obstacles={list(self.obstacles)} has {len(self.obstacles)} numbers; expected four "
-                              "for each: x, y, length along x, width along y, in metres")
-        for i, value in enumerate(self.obstacles):
-            low = -1e4 if i % 4 < 2 else 0.01
-            check_range("source", f"obstacles[{i}]", value, low=low, high=1e4, unit="m")
 
     def build(self, context: Any) -> Any:
         """context: rhs.api.contracts.SourceContext with a world."""
