@@ -90,8 +90,8 @@ def _plugin(kind: str, name: str, *, is_default: bool, full: bool = False) -> li
                                "" if origin.distribution.startswith("rhs ") else f"from {origin.distribution}",
                                f"needs {', '.join(sorted(cls.needs))}" if cls.needs else "",  # type: ignore[attr-defined]
                                ) if note]
-    told = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
-    lines = list(_entry(f"  {kind}={name}", told))
+    meaning = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
+    lines = list(_entry(f"  {kind}={name}", meaning))
     owner = "" if kind == "task" else kind
     return lines + list(_settings(cls, owner, skip=() if full else ("advanced",)))
 

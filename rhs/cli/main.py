@@ -124,13 +124,13 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     from rhs.patrol.run import run_config
     from rhs.runfolder.folders import claim_run
 
-    from . import say as told
+    from . import say
 
     on_compile(lambda: print("compiling inner loops, once for this installation: 10 to 60 s", file=sys.stderr, flush=True))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)
         cause = row.pop("_cause", None)
-        print(f"{told.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
+        print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
     status = row.get("status")
     if status == "ok" and row.get("lost"):
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
@@ -174,7 +174,7 @@ def _run_sweep(plan, folder: Path, limits) -> int:
 
     from rhs.sweeps import sweep
 
-    from . import say as told
+    from . import say
 
     counts: dict[str, int] = {}
     with tqdm(total=len(plan.jobs), unit="job", disable=None, dynamic_ncols=True) as shown:
@@ -190,7 +190,7 @@ def _run_sweep(plan, folder: Path, limits) -> int:
             print("\n".join(error.report.lines()))  # type: ignore[attr-defined]
             print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
             raise
-    print(told.of_sweep(folder))
+    print(say.of_sweep(folder))
     if plan.repeated:
         print(f"{plan.repeated} combinations gave a configuration that was there already; each ran once")
     print("\n".join(report.lines()))
