@@ -94,7 +94,7 @@ def _spl(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
 def _par2_ms(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
     import pandas as pd
 
-    took = numbers(table, "plan_ms") + np.nan_to_num(numbers(table, "plan_learn_ms"))
+    took = numbers(table, "plan_ms")  # of the first answer, learning included
     limit = pd.Series(took).groupby([table["world"].fillna("").to_numpy(), problems(table)]).transform("max").to_numpy()
     return np.where(planned(table), np.where(done == 1.0, took, 2.0 * limit), np.nan)
 
