@@ -60,7 +60,7 @@ def steps(words: Words = ()) -> Iterator[Step]:
     return steps_of(words)
 
 
-def sweep(words: Words, *, jobs: int = 0, timeout_s: float = 0.0) -> pandas.DataFrame:
+def sweep(words: Words, *, jobs: int = 0, timeout_s: float = 3600.0) -> pandas.DataFrame:
     """Every combination of the values given, each in a process of its own; the rows as a DataFrame.
 
     words: as on the command line after -m, or a mapping whose lists are the values to combine. jobs: processes at a time,

@@ -88,6 +88,8 @@ def open_recording(settings) -> Recording:
     path = Path(settings.path).expanduser()
     if not path.exists():
         raise ConfigError(f"source.path={settings.path}: no such file or folder")
+    if not (path.is_file() or path.is_dir()):
+        raise ConfigError(f"source.path={settings.path} is a FIFO or a device; expected a file or a folder")
     kind = settings.format if settings.format != "auto" else _format_of(path)
     if kind not in FORMATS:
         raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM or 7-Scenes folder, run.mcap, a ROS "

@@ -13,6 +13,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar
 from rhs.api.records import Capture
+from rhs.recording.mcap_scan import open_scan
 
 from . import replay_bag_messages as ros
 from .replay_bag_truth import read_truth
@@ -139,6 +140,8 @@ def _opened(path: Path):
     if file.suffix == ".db3":
         raise ConfigError(f"{path}: a .db3 file alone cannot be read; give the folder that holds its metadata.yaml")
     try:
+        if file.suffix == ".mcap":
+            open_scan(file)[0].close()  # refuses what would unpack without end
         from rosbags.typesys import Stores, get_typestore
 
         reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
@@ -159,7 +162,7 @@ def _camera(reader, topics: Topics, settings, path: Path) -> Camera:
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:
         message = _first(reader, topics.depth)
-        depth = ros.depth_of(message, topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
+        depth = ros.depth_of(message, topics.depth, scale=settings.depth_scale, max_depth_m=np.inf)
         check_pair(first, depth, f"{topics.color} and {topics.depth}")
         check_depth(depth, scale=settings.depth_scale or 1000.0, where=topics.depth)
     return camera

@@ -8,9 +8,10 @@ import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, rotation_of_quaternion, se3
+from rhs.api.pictures import HEAD_BYTES, MOST_PIXELS, check_size
 from rhs.api.records import Scan
 
-from .replay_images import MAX_PIXELS, metres
+from .replay_images import metres
 
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
@@ -118,7 +119,7 @@ def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:
     """(H, W, channels) pixels of a raw Image, its row padding and byte order taken care of."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     least = width * channels * kind.itemsize
-    if not 0 < height * width <= MAX_PIXELS or step < least or len(message.data) < step * (height - 1) + least:
+    if not 0 < height * width <= MOST_PIXELS or step < least or len(message.data) < step * (height - 1) + least:
         held = len(message.data)
         raise ConfigError(f"{topic}: an image says {width}x{height}, {step} bytes a row, but holds {held} bytes")
     data = np.asarray(message.data, np.uint8)
@@ -132,6 +133,7 @@ def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:
 def _decoded(data, topic: str, *, color: bool) -> np.ndarray:
     import cv2
 
+    check_size(bytes(data[:HEAD_BYTES]), topic)
     image = cv2.imdecode(np.asarray(data, np.uint8), cv2.IMREAD_COLOR_RGB if color else cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ConfigError(f"{topic}: {len(data)} compressed bytes are no image; expected JPEG or PNG")

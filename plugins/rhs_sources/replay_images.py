@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
+from rhs.api.pictures import check_size, head_of
 
-MAX_PIXELS = 64_000_000  # a bound on what a damaged or hostile file can make us allocate
+SEEN_M = (0.05, 100.0)  # typical depths that cameras see
 
 
 class UnreadableImage(ConfigError):
@@ -19,6 +20,7 @@ def read_color(path: Path) -> np.ndarray:
     """(H, W, 3) uint8 RGB of an image file; a grey image becomes three equal channels."""
     import cv2
 
+    _check_file(path, "a colour image")
     image = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
     if image is None:
         raise _unreadable(path, "a colour image")
@@ -29,6 +31,7 @@ def read_depth(path: Path, *, scale: float, max_depth_m: float) -> np.ndarray:
     """(H, W) float32 metres, NaN unknown, of a 16-bit (or float) depth file."""
     import cv2
 
+    _check_file(path, "a 16-bit depth image")
     raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if raw is None:
         raise _unreadable(path, "a 16-bit depth image")
@@ -58,15 +61,19 @@ def check_pair(color: np.ndarray, depth: np.ndarray, where: str) -> None:
         raise ConfigError(f"{where}: colour is {w}x{h} but depth is {dw}x{dh}; expected registered images of one size")
 
 
-def check_depth(depth: np.ndarray, *, scale: float, where: str) -> None:
-    """Refuse a depth image whose typical value no camera sees: the scale is wrong (an empty image passes)."""
+def check_depth(depth: np.ndarray, *, scale: float, where: str) -> bool:
+    """Refuse depth in metres, none of it cut off, whose typical value no camera sees: the scale is wrong. False where the
+    image says nothing of it, because all of it is unknown. Raises ConfigError naming the range found."""
     known = depth[np.isfinite(depth)]
-    typical = float(np.median(known)) if known.size else 1.0
-    if not 0.05 <= typical <= 100.0:
+    if not known.size:
+        return False
+    low, typical, high = float(known.min()), float(np.median(known)), float(known.max())
+    if not SEEN_M[0] <= typical <= SEEN_M[1]:
         raise ConfigError(
-            f"{where}: typical depth is {typical:.3g} m with source.depth_scale={scale:g}; expected 0.05..100 m;"
-            " type source.depth_scale=STEPS_PER_METRE"
+            f"{where}: typical depth is {typical:.3g} m ({low:.3g}..{high:.3g} m) with source.depth_scale={scale:g};"
+            f" expected {SEEN_M[0]:g}..{SEEN_M[1]:g} m; type source.depth_scale=STEPS_PER_METRE"
         )
+    return True
 
 
 _TABLES: dict[tuple[float, float], np.ndarray] = {}
@@ -80,6 +87,13 @@ def _table(scale: float, max_depth_m: float) -> np.ndarray:
         values[values > max_depth_m] = np.nan
         _TABLES[(scale, max_depth_m)] = values
     return _TABLES[(scale, max_depth_m)]
+
+
+def _check_file(path: Path, expected: str) -> None:
+    """Refuse what is no file, or claims more pixels than are read."""
+    if not path.is_file():
+        raise _unreadable(path, expected)
+    check_size(head_of(path), str(path))
 
 
 def _unreadable(path: Path, expected: str) -> UnreadableImage:

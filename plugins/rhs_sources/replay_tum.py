@@ -61,7 +61,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     scale = settings.depth_scale or default_scale
     folder = str(pairs[0][1].parent.parent)
     first = _read(pairs[0], scale, settings)
-    check_depth(first[1], scale=scale, where=pairs[0][2].name)
+    checked = _check_scale(pairs[0][2], scale)
     camera = chosen_camera(settings.camera, first[0].shape[1::-1], recorded=None, where=folder)
     wanted = pairs[settings.start :: settings.stride][: settings.count or None]
     if not wanted:
@@ -71,9 +71,11 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
 
     def views():
         index = unreadable = 0
+        sound = checked
         for pair in wanted:
             try:
                 color, depth = _read(pair, scale, settings)
+                sound = sound or _check_scale(pair[2], scale)
             except UnreadableImage as error:
                 unreadable += 1
                 lost[:] = [f"{unreadable} of {len(wanted)} views cannot be read, the last: {error}"]
@@ -84,6 +86,11 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             index += 1
 
     return Recording(camera, views(), len(wanted), rejected, lost=lost)
+
+
+def _check_scale(path: Path, scale: float) -> bool:
+    """Whether the image shows that the scale is right. Raises ConfigError where it shows that it is not."""
+    return check_depth(read_depth(path, scale=scale, max_depth_m=np.inf), scale=scale, where=path.name)
 
 
 def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray]:

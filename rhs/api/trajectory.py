@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
 
 from .files import replacing
@@ -77,6 +78,7 @@ def read_tum(path: Path) -> Trajectory:
 
 def _text(path: Path) -> str:
     try:
+        check_regular(path)
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise RecordingError(f"{path} is not text (byte {error.start}); expected a TUM trajectory file") from error

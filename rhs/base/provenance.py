@@ -21,7 +21,7 @@ def versions() -> str:
 
 @cache
 def commit() -> str:
-    """Short git commit of the checkout that is running, with `+` when it has changes; empty outside a checkout."""
+    """Short git commit of the checkout that this process runs, with `+` when it has changes; empty outside a checkout."""
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
         return ""

@@ -12,6 +12,7 @@ from typing import Any
 
 import yaml
 
+from .commands import check_regular
 from .errors import ConfigError
 
 _INTEGER = re.compile(r"[-+]?(?:0|[1-9][0-9]*)\Z")
@@ -20,12 +21,27 @@ _BOOL = re.compile(r"(?:true|false)\Z", re.I)
 _NULL = re.compile(r"(?:~|null|)\Z", re.I)
 _LIMIT_BYTES = 64 << 20
 _NESTING = 64
+_DIGITS = 300  # of a whole number; a float ends there too
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe loader with YAML 1.2 scalars that refuses duplicate keys."""
+    """Safe loader with YAML 1.2 scalars that refuses duplicate keys, aliases (which make small files explode) and deep
+    nesting."""
 
     yaml_implicit_resolvers: dict = {}
+    depth = 0
+
+    def compose_node(self, parent, index):
+        mark = self.peek_event().start_mark
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.MarkedYAMLError(problem="aliases (*name) are not used here; write the value", problem_mark=mark)
+        if self.depth > _NESTING:
+            raise yaml.MarkedYAMLError(problem=f"is nested more deeply than {_NESTING} levels", problem_mark=mark)
+        self.depth += 1
+        try:
+            return super().compose_node(parent, index)
+        finally:
+            self.depth -= 1
 
     def construct_mapping(self, node, deep=False):
         seen = set()
@@ -37,7 +53,11 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
     def construct_yaml_int(self, node):
-        return int(self.construct_scalar(node))
+        text = self.construct_scalar(node)
+        if len(text) > _DIGITS:
+            raise yaml.MarkedYAMLError(problem=f"a number of {len(text)} digits; at most {_DIGITS} are read",
+                                       problem_mark=node.start_mark)
+        return int(text)
 
 
 for _tag, _pattern in (("bool", _BOOL), ("int", _INTEGER), ("float", _FLOAT), ("null", _NULL)):
@@ -54,6 +74,7 @@ def load_yaml(path: Path) -> Any:
 def read_text(path: Path, most_bytes: int = _LIMIT_BYTES) -> str:
     """The text of a YAML file, with or without byte order mark. Raises ConfigError for what cannot be read or is too big."""
     try:
+        check_regular(path)
         if path.stat().st_size > most_bytes:
             raise ConfigError(f"{path}: {path.stat().st_size} bytes is more than the {most_bytes} allowed for a YAML file")
         return path.read_bytes().decode("utf-8-sig")

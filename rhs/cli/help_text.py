@@ -15,7 +15,6 @@ from typing import Any
 from rhs.api import settings
 from rhs.api.contracts import CHOICES, FeatureSettings
 from rhs.base.data_dirs import data_dir
-from rhs.base.errors import PluginError
 from rhs.base.strict_yaml import load_yaml
 from rhs.config import registry
 from rhs.config.documented import field_docs, summary
@@ -80,11 +79,9 @@ def _first_comment(path: Path) -> str:
 
 
 def _plugin(kind: str, name: str, *, is_default: bool, full: bool = False) -> list[str]:
-    try:
-        cls = registry.load(kind, name)
-        registry.check_requirements(kind, name, cls)
-    except PluginError as error:
-        return list(_entry(f"  {kind}={name}", f"NOT USABLE: {error}"))
+    if failure := registry.failure(kind, name):
+        return list(_entry(f"  {kind}={name}", f"NOT USABLE: {failure}"))
+    cls = registry.load(kind, name)
     origin = registry.origins(kind, name)[0]
     notes = [note for note in ("the default" if is_default else "",
                                "" if origin.distribution.startswith("rhs ") else f"from {origin.distribution}",

@@ -129,6 +129,7 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     on_compile(lambda: print("compiling inner loops, once for this installation: 10 to 60 s", file=sys.stderr, flush=True))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)
+        claim.publish()
         cause = row.pop("_cause", None)
         print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
     status = row.get("status")

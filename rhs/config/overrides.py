@@ -8,12 +8,13 @@ each in one line.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import ChoiceSweep, IntervalSweep, Override, RangeSweep
 from hydra.errors import HydraException
 
 from rhs.api.contracts import CHOICES, KINDS
@@ -21,6 +22,7 @@ from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
 GROUPS = (*CHOICES, "stack", "experiment")
+DEEPEST = 64  # brackets within brackets
 INSTEAD = {"hydra.run.dir": "output=FOLDER", "hydra.sweep.dir": "output=FOLDER", "hydra.launcher": "--jobs N",
            "hydra.verbose": "--debug", "hydra.output_subdir": "output=FOLDER", "hydra.job": "output=FOLDER"}
 
@@ -58,12 +60,15 @@ class _Names:
 def _parse_one(parser: OverridesParser, word: str) -> Override:
     if word.startswith("-"):
         raise ConfigError(f"unknown option {word}; see python -m rhs --help")
+    if max(itertools.accumulate((c in "[{(") - (c in "]})") for c in word), default=0) > DEEPEST:
+        raise ConfigError(f"cannot read '{word[:40]}...': it is nested more deeply than {DEEPEST} levels")
     try:
         override = parser.parse_override(word)
     except (HydraException, ValueError) as error:
         if "=" not in word.strip("="):
             raise ConfigError(f"cannot read '{word}': write key=value, for example seed=3") from error
         reason = " ".join(str(error).split())[:100]
+        word = word if len(word) < 60 else f"{word[:57]}..."
         raise ConfigError(f"cannot read '{word}': {reason}; quote text with special characters: "
                           f"{word.partition('=')[0]}=\"'...'\"") from error
     override.config_loader = _Names()  # type: ignore[assignment]
@@ -99,8 +104,12 @@ def plain_words(overrides: Sequence[Override]) -> list[Word]:
     return [_word(item, item.value()) for item in overrides]
 
 
-def sweep_words(overrides: Sequence[Override]) -> list[list[Word]]:
-    """One list of words per job: the product of all sweeps, the first key slowest."""
+def sweep_words(overrides: Sequence[Override], *, most: int) -> list[list[Word]]:
+    """One list of words per job: the product of all sweeps, the first key slowest. Raises ConfigError, before any is
+    written out, for none and for more than `most`."""
+    count = math.prod(map(_length, overrides))
+    if count > most:
+        raise ConfigError(f"this sweep has {count:.6g} jobs; at most {most} are run at once")
     choices: list[list[Word]] = []
     for item in overrides:
         if not item.is_sweep_override():
@@ -108,7 +117,25 @@ def sweep_words(overrides: Sequence[Override]) -> list[list[Word]]:
             continue
         texts = [f"{item.key_or_group}={text}" for text in item.sweep_string_iterator()]
         choices.append([_word(o, o.value()) for o in parse(texts)])
+    if not all(choices):
+        raise ConfigError("this sweep has no jobs: one of its ranges is empty")
     return [list(job) for job in itertools.product(*choices)]
+
+
+def _length(item: Override) -> float:
+    """How many values a word has."""
+    value: Any = item.value()
+    if isinstance(value, RangeSweep):
+        if value.start is None or value.stop is None or not value.step:
+            raise ConfigError(f"{item.input_line}: expected range(STOP), range(START,STOP) or range(START,STOP,STEP), the "
+                              f"step not 0")
+        steps = (value.stop - value.start) / value.step
+        return max(0, math.ceil(steps)) if math.isfinite(steps) else math.inf
+    if isinstance(value, IntervalSweep):
+        raise ConfigError(f"{item.input_line}: an interval has no values to run; write range(START,STOP,STEP) or a list")
+    if isinstance(value, ChoiceSweep):
+        return len(value.list)
+    return 1
 
 
 def swept_keys(overrides: Sequence[Override]) -> list[str]:

@@ -13,7 +13,10 @@ import hashlib
 import importlib.util
 import inspect
 import re
-from collections.abc import Mapping
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -25,6 +28,7 @@ from rhs.api.metric import Metric
 from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
 from rhs.base.errors import ConfigError, PluginError
 
+IMPORT_S = 10.0  # for a plugin that is only listed
 API_VERSION = 1  # a plugin may declare `api: ClassVar[int]`; a newer one than this is refused
 
 
@@ -62,6 +66,7 @@ def register(kind: str, name: str, cls: type) -> None:
     _check_plugin(cls, origin)
     _by_hand[kind, name] = cls, origin
     load.cache_clear()
+    failure.cache_clear()
 
 
 def loose(task: str, names: Mapping[str, str]) -> str:
@@ -101,6 +106,7 @@ def forget() -> None:
     """Look at the installed distributions afresh at the next call."""
     _entry_points.cache_clear()
     load.cache_clear()
+    failure.cache_clear()
 
 
 @cache
@@ -120,13 +126,45 @@ def load(kind: str, name: str) -> type:
     return cls
 
 
+@cache
 def failure(kind: str, name: str) -> str | None:
-    """Why this plugin cannot be used, or None."""
+    """Why this plugin cannot be used, or None. For lists of plugins that nobody chose: one that takes longer than IMPORT_S
+    to import is not waited for."""
     try:
-        check_requirements(kind, name, load(kind, name))
+        with _at_most(IMPORT_S):
+            check_requirements(kind, name, load(kind, name))
     except PluginError as error:
         return str(error)
     return None
+
+
+class _TooLong(BaseException):
+    """Not an Exception: a module that catches those while it is imported does not catch this."""
+
+    def __str__(self) -> str:
+        return f"import took longer than {IMPORT_S:g} s"
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    """Raise _TooLong in the block after so many seconds, and every second from then on. In the main thread only: signals
+    are not delivered to others."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ring(number: int, frame: object) -> None:
+        raise _TooLong()
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    try:
+        yield
+    except _TooLong as error:
+        raise PluginError(str(error)) from None
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def check_requirements(kind: str, name: str, cls: type) -> None:
@@ -153,8 +191,9 @@ def _import(point: EntryPoint, origin: Origin) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin may even call sys.exit() while it is imported
+        what = "" if isinstance(error, _TooLong) else f"{type(error).__name__}: "
         raise PluginError(f"{origin.kind}={origin.name} ({origin}) cannot be imported: "
-                          f"{type(error).__name__}: {_first_line(error)}") from error
+                          f"{what}{_first_line(error)}") from error
 
 
 def _check_plugin(cls: Any, origin: Origin) -> None:
@@ -186,6 +225,7 @@ def _check_metrics(found: Any, who: str) -> None:
         raise PluginError(f"{who} is not a tuple of rhs.api.metric.Metric")
 
 
+@cache
 def _distribution(point: EntryPoint) -> str:
     return f"{point.dist.name} {point.dist.version}" if point.dist is not None else "an unknown distribution"
 

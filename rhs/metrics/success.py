@@ -31,6 +31,12 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
     return NAN, ""
 
 
+def with_success(row: Mapping[str, object]) -> dict[str, object]:
+    """The row with its columns `success` and `failure`."""
+    success, failure = success_of(row)
+    return {**row, "success": success, "failure": failure}
+
+
 def _planned(row: Mapping[str, object]) -> tuple[float, str]:
     if _number(row, "plan_success") != 1.0:
         return 0.0, _text(row.get("plan_reason")) or "no path"

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
+import os
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from rhs.api.files import replacing
+from rhs.base.commands import plain
 from rhs.base.errors import RhsError
 from rhs.config import registry
 from rhs.config.compose import RunConfig
+
+log = logging.getLogger("rhs")
 
 
 def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping[str, object]) -> str:
     """The reason of a failed run. Where the error was raised inside a part: its kind and name, where it comes from, the file
     and line of its own package. parts: kind -> the part as it was built."""
-    text = " ".join(f"{type(error).__name__}{at}: {_said(error)}".split())
+    said = _said(error)
+    text = plain(f"{type(error).__name__}{at}: {said}")
     chosen = {"task": config.task, **config.parts}
     who = {id(part): kind for kind, part in parts.items()} | {id(one.settings): kind for kind, one in chosen.items()}
     kind, package, where = "", "", ("", 0)
@@ -26,7 +33,7 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
             kind, package = who[id(owner)], module
         if kind and module == package:
             where = (frame.f_code.co_filename, line)
-    if not kind or (isinstance(error, RhsError) and str(error)):
+    if not kind or (isinstance(error, RhsError) and said):
         return text
     name = chosen[kind].name
     origins = registry.origins(kind, name)
@@ -37,12 +44,35 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
 
 def write_traceback(folder: Path, error: BaseException) -> None:
     """traceback.txt: where the run ended, for whoever mends it."""
-    with replacing(folder / "traceback.txt") as file:
+    with contextlib.suppress(Exception), replacing(folder / "traceback.txt") as file:
         file.write("".join(traceback.format_exception(error)))
+
+
+@contextlib.contextmanager
+def exit_noticed(tell: Callable[[str], None]) -> Iterator[None]:
+    """Inside, a part that ends this process by os._exit(0) does not look like success: `tell(reason)` is called first and
+    the exit code is 1. Forked children, which end that way by right, are let alone."""
+    process, leave = os.getpid(), os._exit
+    told: list[int] = []
+
+    def noticed(code: int) -> None:
+        if os.getpid() == process and not told:
+            told.append(code)
+            reason = f"a part ended the process by os._exit({code})"
+            with contextlib.suppress(BaseException):
+                tell(reason)
+            log.error("rhs: failed: %s", reason)
+        leave(code or (os.getpid() == process))
+
+    os._exit = noticed  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        os._exit = leave
 
 
 def _said(error: BaseException) -> str:
     try:
         return str(error)
-    except Exception:
+    except BaseException:
         return "(its text cannot be shown)"

@@ -28,9 +28,10 @@ def run_words(words: Sequence[str] | Mapping[str, Any], *, quiet: bool = False) 
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, unwatched if quiet else bar)
         row.pop("_cause", None)
+        folder = claim.publish()
         if not quiet:
-            show_in_notebook(claim.folder)
-        return row | {"folder": str(claim.folder)}
+            show_in_notebook(folder)
+        return row | {"folder": str(folder)}
 
 
 def steps_of(words: Sequence[str] | Mapping[str, Any]) -> Iterator[Step]:
@@ -38,6 +39,7 @@ def steps_of(words: Sequence[str] | Mapping[str, Any]) -> Iterator[Step]:
     config = config_of(words)
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = yield from run_steps(config, claim.folder)
+        claim.publish()
         if row["_cause"] is not None:
             raise row["_cause"]
 

@@ -19,11 +19,12 @@ from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.parts import Chosen, build, build_part
 from rhs.metrics.evaluate import evaluate
+from rhs.metrics.success import with_success
 from rhs.recording.rerun_view import check_live
-from rhs.runfolder.row import write_row
+from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
-from .culprit import in_one_line, write_traceback
+from .culprit import exit_noticed, in_one_line, write_traceback
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
@@ -48,39 +49,77 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched) -> Gene
     keep_freed_memory()
     check_live(config.live)
     run = RunContext(config, folder, watch)
-    row: dict[str, Any] = {"status": "ok", "reason": "", **identity(config), "commit": commit(), "versions": versions()}
+    row: dict[str, Any] = {**identity(config), "commit": commit(), "versions": versions()}
+    begin_row(folder, row)
+    columns: Mapping[str, Any] = {}
     cause: BaseException | None = None
-    try:
-        row.update((yield from run.work()))
-    except ConfigError as error:
-        if not run.begun:
-            run.close("refused", str(error))
-            raise
-        cause = error
-    except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
-        cause = error
-    row.update(run.outcome_of(cause))
-    refused = run.close(row["status"], row["reason"])
-    if cause is None and refused is not None:
-        cause = refused
-        row.update(run.outcome_of(cause))
-    row.update(evaluate(folder, config.task.name))
-    row.update(run.columns())
-    write_row(folder, row)
+    with exit_noticed(lambda reason: run_ended(run, row, reason)):
+        try:
+            columns = yield from run.work()
+        except ConfigError as error:
+            if not run.begun:
+                run.close("refused", str(error))
+                (folder / "row.json").unlink(missing_ok=True)
+                raise
+            cause = error
+        except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
+            cause = error
+        row = {**sound(columns), **row}  # no part can say who it was
+        refused = run.close(**run.outcome_of(cause))
+        cause = cause or refused
+        row = finished(run, row, run.outcome_of(cause))
     if cause is not None:
         write_traceback(folder, cause)
-    if config.pictures != "off":
-        draw(folder, video=config.video)
+    draw(run, row)
     return row | {"_cause": cause}
 
 
-def draw(folder: Path, *, video: bool) -> None:
-    """The pictures that the files of the folder allow."""
-    from rhs.reports import report
+def finished(run: RunContext, row: Mapping[str, Any], outcome: Mapping[str, str]) -> dict[str, Any]:
+    """The row with what became of the run, written at once; then with the figures. Whatever fails in evaluating costs
+    figures, never the row."""
+    row = {**sound(outcome), **row}
+    write_row(run.folder, row | {"metric_failures": "the process ended before the figures were computed"})
+    failures = []
+    interrupted: KeyboardInterrupt | None = None
+    for compute in (lambda: evaluate(run.folder, run.config.task.name), run.columns):
+        try:
+            row |= sound(compute())
+        except BaseException as error:
+            failures.append(run.said_of(error))
+            interrupted = error if isinstance(error, KeyboardInterrupt) else interrupted
+    if failures:
+        row["metric_failures"] = "; ".join([*failures, *filter(None, [row.get("metric_failures")])])
+    row = with_success(row)
+    write_row(run.folder, row)
+    if interrupted is not None:
+        raise interrupted
+    return row
 
-    report.pictures(folder)
-    if video:
-        report.video(folder)
+
+def run_ended(run: RunContext, row: Mapping[str, Any], reason: str) -> None:
+    """The row of a run whose process is about to be ended by a part."""
+    outcome = {"status": "failed", "reason": f"{reason}{run.at}"}
+    run.close(**outcome)
+    finished(run, row, outcome)
+
+
+def draw(run: RunContext, row: dict[str, Any]) -> None:
+    """The pictures that the files of the folder allow. One that fails is named in the row."""
+    config, folder = run.config, run.folder
+    if config.pictures == "off" and not config.video:
+        return
+    try:
+        from rhs.reports import report
+
+        if config.pictures != "off":
+            report.pictures(folder)
+        if config.video:
+            report.video(folder)
+    except BaseException as error:
+        row["picture_failures"] = run.said_of(error)
+        write_row(folder, row)
+        if isinstance(error, KeyboardInterrupt):
+            raise
 
 
 class RunContext:
@@ -153,21 +192,29 @@ class RunContext:
         """Status and reason of a run: what ended it, and where in the run, in one line."""
         if error is None:
             return {"status": "ok", "reason": ""}
-        at = f" at step {sum(self.log.counts.values())}" if self.log is not None else ""
-        if not isinstance(error, Exception | SystemExit):
-            return {"status": "interrupted", "reason": f"interrupted{at}"}
-        return {"status": "failed", "reason": in_one_line(error, at, self.config, self._parts)}
+        if isinstance(error, KeyboardInterrupt | GeneratorExit):
+            return {"status": "interrupted", "reason": f"interrupted{self.at}"}
+        return {"status": "failed", "reason": self.said_of(error, self.at)}
 
-    def close(self, status: str, reason: str) -> Exception | None:
+    def said_of(self, error: BaseException, at: str = "") -> str:
+        """An error in one line, and whose it is."""
+        return in_one_line(error, at, self.config, self._parts)
+
+    @property
+    def at(self) -> str:
+        """Where in the run, in words."""
+        return f" at step {sum(self.log.counts.values())}" if self.log is not None else ""
+
+    def close(self, status: str, reason: str) -> BaseException | None:
         """Close sources and files, each whatever became of the others; the first refusal."""
         closers = [parts.source.close for parts in self._built if parts.source is not None]
         if self.log is not None:
             closers += [self.log.table.close, lambda: self.log.recorder.close(status, reason)]  # type: ignore[union-attr]
-        first: Exception | None = None
+        first: BaseException | None = None
         for close in closers:
             try:
                 close()
-            except Exception as error:
+            except BaseException as error:  # a source may even exit; the files are closed all the same
                 first = first or error
         return first
 

@@ -10,6 +10,10 @@ from typing import BinaryIO
 
 MAGIC = b"\x89MCAP0\r\n"
 LIMIT_BYTES = 256 << 20  # of one record, and of one chunk unpacked
+# All chunks of a file together unpack to no more than so many bytes, or so many times its size: blank images pack 300 to 1.
+LIMIT_UNPACKED_BYTES, LIMIT_RATIO = 1 << 30, 1000
+LOOKED_AT = 200_000  # records, before the first is read
+LIMIT_RECORDS = 1_000_000  # in one chunk
 BLOCK_BYTES = 1 << 20
 (HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS,
  METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END) = range(1, 16)
@@ -105,6 +109,33 @@ def records_in(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
             raise Damage("a record is longer than what holds it", framed=True)
         yield opcode, view[at + 9 : at + 9 + length]
         at += 9 + length
+
+
+def chunk_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
+    """The records of an unpacked chunk: descriptions and messages, not too many."""
+    for number, (opcode, body) in enumerate(records_in(data)):
+        if opcode not in (SCHEMA, CHANNEL, MESSAGE) and opcode < 0x80:
+            raise Damage(f"a chunk holds a record of code {opcode}", framed=True)
+        if number >= LIMIT_RECORDS:
+            raise Damage(f"a chunk holds more than {LIMIT_RECORDS} records", framed=True)
+        yield opcode, body
+
+
+def unpacked_bytes(file: BinaryIO, size: int) -> int:
+    """What the chunks of a file claim to unpack to, up to the first record that is no record; nothing is unpacked."""
+    total, at = 0, len(MAGIC)
+    for _ in range(LOOKED_AT):
+        if at + 9 > size:
+            break
+        file.seek(at)
+        head = file.read(9 + CHUNK_HEAD.size)
+        opcode, length = struct.unpack_from("<BQ", head)
+        if not 0 < opcode <= DATA_END or length > size - at - 9:
+            break
+        if opcode == CHUNK and len(head) == 9 + CHUNK_HEAD.size:
+            total += CHUNK_HEAD.unpack_from(head, 9)[2]
+        at += 9 + length
+    return total
 
 
 def unpack(data: memoryview, compression: str, size: int) -> bytes:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
+from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
 
 from .mcap_records import (
@@ -27,6 +28,8 @@ from .mcap_records import (
     FOOTER_BYTES,
     IN_DATA,
     LIMIT_BYTES,
+    LIMIT_RATIO,
+    LIMIT_UNPACKED_BYTES,
     MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
@@ -40,11 +43,13 @@ from .mcap_records import (
     Schema,
     channel_of,
     chunk_content,
+    chunk_records,
     find_chunk,
     pairs_at,
     records_in,
     schema_of,
     text_at,
+    unpacked_bytes,
 )
 
 TAIL_BYTES = 9 + FOOTER_BYTES + len(MAGIC)
@@ -97,6 +102,7 @@ def open_scan(path: Path) -> tuple[BinaryIO, Report]:
     if path.is_dir():
         raise RecordingError(f"{path} is a folder, not an MCAP file; give the .mcap file itself")
     try:
+        check_regular(path)
         size = path.stat().st_size
         file = path.open("rb")
     except OSError as error:
@@ -106,6 +112,10 @@ def open_scan(path: Path) -> tuple[BinaryIO, Report]:
         file.close()
         found = "is empty" if not size else f"has {size} bytes and begins with {start!r}"
         raise RecordingError(f"{path} is not an MCAP file: it {found}; expected {MAGIC!r} and records")
+    unpacked = unpacked_bytes(file, size)
+    if unpacked > max(LIMIT_UNPACKED_BYTES, LIMIT_RATIO * size):
+        file.close()
+        raise RecordingError(f"{path}: {size} bytes claim to unpack to {unpacked}; at most {LIMIT_RATIO} to 1 is read")
     return file, Report(path, size)
 
 
@@ -182,7 +192,7 @@ class _Scan:
 
     def _parsed(self, opcode: int, body: bytes, offset: int) -> Iterator[Message | Note]:
         if opcode == CHUNK:
-            for code, inner in records_in(chunk_content(body)):
+            for code, inner in chunk_records(chunk_content(body)):
                 yield from self._message_or_description(code, inner)
             self._report.chunks += 1
         elif opcode in (MESSAGE, SCHEMA, CHANNEL):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.geometry import Camera
+from rhs.api.pictures import HEAD_BYTES, check_size
 from rhs.api.records import Capture, Scan, Twist, WorldFacts
 from rhs.base.errors import RecordingError
 
@@ -160,7 +161,9 @@ def read_image(data: bytes) -> np.ndarray:
     """(H, W, 3) uint8 RGB of a sensor_msgs/CompressedImage."""
     import cv2
 
-    picture = cv2.imdecode(ros.deserialize(data, "sensor_msgs/msg/CompressedImage").data, cv2.IMREAD_COLOR)
+    packed = ros.deserialize(data, "sensor_msgs/msg/CompressedImage").data
+    check_size(bytes(packed[:HEAD_BYTES]), "a recorded image")
+    picture = cv2.imdecode(packed, cv2.IMREAD_COLOR)
     if picture is None:
         raise RecordingError("a recorded image cannot be decoded; expected PNG or JPEG")
     return np.ascontiguousarray(picture[:, :, ::-1])

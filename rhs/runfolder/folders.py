@@ -1,7 +1,11 @@
 """Folders for results: claimed before anything runs, never shared, never overwritten unasked.
 
 A folder is claimed by an exclusive lock on its `.lock` file, which the system gives up when the process ends, however it
-ends. A finished run is a folder with row.json, a finished sweep one with sweep.json.
+ends. A run is a folder with row.json, a sweep one with sweep.json.
+
+A run folder is a transaction. An attempt always begins in a folder that holds nothing: a new one, or, where a run is to
+be overwritten, `.attempt-PID` inside it. `Claim.publish` then renames what the attempt made into the place of what was
+there before; until then, and whenever the attempt is killed, the earlier run stays whole.
 """
 
 from __future__ import annotations
@@ -10,25 +14,60 @@ import contextlib
 import fcntl
 import os
 import re
+import shutil
 import tempfile
 import time
 from pathlib import Path
 
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, RhsError
 
 ROOT = Path("results")
+LOCK, ROW = ".lock", "row.json"
+PATIENCE_S = 0.2  # somebody may be looking at the lock just now
 
 
 class Claim:
-    """A folder that is ours as long as this object is open. made: the folders that did not exist before, deepest first."""
+    """A folder that is ours as long as this object is open. folder: where to write. made: the folders that did not exist
+    before, deepest first."""
 
     def __init__(self, folder: Path, lock: int, made: list[Path]) -> None:
-        self.folder, self._lock, self._made = folder, lock, made
+        self.folder, self._home, self._locks, self._made = folder, folder, [lock], made
+
+    def stage(self) -> None:
+        """From now on `folder` is a new one inside the claimed one, until `publish`."""
+        attempt = self._home / f".attempt-{os.getpid()}"
+        shutil.rmtree(attempt, ignore_errors=True)  # of a dead process with our number
+        try:
+            attempt.mkdir()
+        except OSError as error:
+            raise _unwritable(attempt, error) from error
+        self._locks.append(lock(attempt))
+        self.folder = attempt
+
+    def publish(self) -> Path:
+        """What was made takes the place of what was there before; the folder of the run. The row is what goes first and
+        comes last: whoever looks meanwhile finds no row rather than one beside files of another run."""
+        if self.folder == self._home:
+            return self._home
+        attempt, aside = self.folder, self._home / f".before-{os.getpid()}"
+        try:
+            aside.mkdir(exist_ok=True)
+            before = [path for path in self._home.iterdir() if path.name != LOCK and path not in (attempt, aside)]
+            for path in sorted(before, key=lambda path: path.name != ROW):
+                path.rename(aside / path.name)
+            for path in sorted(attempt.iterdir(), key=lambda path: path.name == ROW):
+                if path.name != LOCK:
+                    path.rename(self._home / path.name)
+        except OSError as error:
+            raise RhsError(f"cannot put {attempt} into the place of {self._home}: {error.strerror}") from error
+        shutil.rmtree(attempt, ignore_errors=True)
+        shutil.rmtree(aside, ignore_errors=True)
+        self.folder = self._home
+        return self._home
 
     def close(self) -> None:
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
+        while self._locks:
+            os.close(self._locks.pop())
 
     def __enter__(self) -> Claim:
         return self
@@ -36,12 +75,17 @@ class Claim:
     def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> None:
         if isinstance(error, ConfigError):
             self._take_back()
+        elif _is_finished(self.folder):
+            self.publish()
         self.close()
 
     def _take_back(self) -> None:
         """A run that was refused leaves no folder behind, unless somebody wrote into it."""
-        if self._made and [path.name for path in self.folder.iterdir()] == [".lock"]:
-            (self.folder / ".lock").unlink()
+        if self.folder != self._home:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            return
+        if self._made and [path.name for path in self.folder.iterdir()] == [LOCK]:
+            (self.folder / LOCK).unlink()
         with contextlib.suppress(OSError):
             for folder in self._made:
                 folder.rmdir()
@@ -50,16 +94,28 @@ class Claim:
 def claim_run(output: str, *, seed: int, overwrite: bool = False) -> Claim:
     """The folder of one run: `output`, or a new one under results/runs.
 
-    Raises ConfigError when it holds a finished run (unless overwrite), is in use, or cannot be written.
+    Raises ConfigError when it holds a run (unless overwrite) or anything else, is in use, or cannot be written.
     """
     if not output:
         return _claim_new(ROOT / "runs", f"{_now()}_seed{seed}")
     folder = _absolute(output)
-    if _holds(folder, "row.json") and not overwrite:
-        raise ConfigError(f"output={output} already holds a finished run; take another folder or type overwrite=true")
     if _holds(folder, "sweep.json"):
         raise ConfigError(f"output={output} holds a sweep; take another folder")
-    return _claim(folder)
+    claim = _claim(folder)
+    held = [path.name for path in folder.iterdir() if path.name != LOCK]
+    try:
+        if held and not overwrite and _holds(folder, ROW):
+            raise ConfigError(f"output={output} already holds a {'finished' if _is_finished(folder) else 'killed'} run; "
+                              f"take another folder or type overwrite=true")
+        if held and not {ROW, "config.yaml"} & set(held) and not all(name.startswith(".") for name in held):
+            raise ConfigError(f"output={output} holds other files ({', '.join(sorted(held)[:3])}); take a folder that is "
+                              f"new or empty")
+        if held:
+            claim.stage()
+    except ConfigError:
+        claim.close()
+        raise
+    return claim
 
 
 def claim_sweep(output: str, *, resume: bool = False) -> Claim:
@@ -69,9 +125,16 @@ def claim_sweep(output: str, *, resume: bool = False) -> Claim:
     folder = _absolute(output)
     if _holds(folder, "sweep.json") and not resume:
         raise ConfigError(f"output={output} already holds a sweep; go on with it by --resume or take another folder")
-    if _holds(folder, "row.json"):
+    if _holds(folder, ROW):
         raise ConfigError(f"output={output} holds a single run; take another folder")
     return _claim(folder)
+
+
+def claim_again(folder: Path) -> Claim:
+    """A folder that exists, as it is. Raises ConfigError when it is in use or there is none."""
+    if not folder.is_dir():
+        raise ConfigError(f"{folder} is not a folder; give a run or sweep folder")
+    return Claim(folder, lock(folder), [])
 
 
 def job_folder(sweep: Path, name: str) -> Path:
@@ -81,10 +144,65 @@ def job_folder(sweep: Path, name: str) -> Path:
     return sweep / name
 
 
+def lock(folder: Path) -> int:
+    """The open lock of a folder. Raises ConfigError when somebody else has it, or nobody can."""
+    try:
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NONBLOCK, 0o644)
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return descriptor
+        except OSError:
+            if time.monotonic() > end:
+                os.close(descriptor)
+                raise ConfigError(f"{folder} is in use by another run; wait for it or take another folder") from None
+            time.sleep(0.01)
+
+
+def is_in_use(folder: Path) -> bool:
+    """Whether a process has claimed this folder and still lives."""
+    try:
+        descriptor = os.open(folder / LOCK, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return False
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+
+
+def set_aside(sweep: Path, folders: list[Path]) -> Path | None:
+    """Move folders out of a sweep into a new one beside it, `NAME.before-DATE_TIME`; None where there are none."""
+    if not folders:
+        return None
+    aside = _claim_new(sweep.parent, f"{sweep.name}.before-{_now()}")
+    for folder in folders:
+        folder.rename(aside.folder / folder.name)
+    aside.close()
+    return aside.folder
+
+
+def _is_finished(folder: Path) -> bool:
+    """Whether there is a row that says what became of the run."""
+    try:
+        return '"status": "running"' not in (folder / ROW).read_text(encoding="utf-8", errors="replace")[:200]
+    except OSError:
+        return False
+
+
 def _absolute(output: str) -> Path:
     if "\0" in output:
         raise ConfigError("output: a path cannot hold a zero byte")
-    return Path(output).expanduser().absolute()
+    try:
+        return Path(output).expanduser().absolute()
+    except RuntimeError as error:
+        raise ConfigError(f"output={output}: {error}; write the folder out") from error
 
 
 def _now() -> str:
@@ -128,15 +246,9 @@ def _claim(folder: Path, made: list[Path] | None = None) -> Claim:
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"x")
-        lock = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
         raise _unwritable(folder, error) from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(lock)
-        raise ConfigError(f"{folder} is in use by another run; wait for it or take another folder") from None
-    return Claim(folder, lock, made)
+    return Claim(folder, lock(folder), made)
 
 
 def _unwritable(folder: Path, error: OSError) -> ConfigError:

@@ -1,10 +1,16 @@
-"""row.json: one run as one flat row, written whole or not at all, and the part of it that must repeat (level 3)."""
+"""row.json: one run as one flat row, written whole or not at all, and the part of it that must repeat (level 3).
+
+A row stands in the folder from the first moment, with the status `running`. Where the process that wrote it is gone
+without writing another, it is read as `killed`.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
+import os
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,17 +21,42 @@ from rhs.base.commands import check_regular
 from rhs.base.errors import RhsError
 from rhs.config.dictionary import kind_of, rank
 
+from .folders import is_in_use
+
+RUNNING, KILLED = "running", "killed"
+LONGEST_TEXT = 4000  # characters of a text in a row
 KEYS = ("world", "source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed")
 LAST = 1_000_000  # after every column that somebody described
 LARGEST_BYTES = 4 << 20
 LARGEST_WHOLE = 2**63 - 1
 NOT_REPEATABLE = ("real_time_factor", "peak_memory_mb", "folder", "run", "date", "commit", "version", "versions",
-                  "platform", "python", "host")
+                  "platform", "python", "host", "pid", "started", "picture_failures")
 
 
 def machine_dependent(column: str) -> bool:
     """Whether a column may differ between two runs of one config and seed: times, memory, where and when it ran."""
     return column.endswith("_ms") or column in NOT_REPEATABLE or column.startswith("version_")
+
+
+def begin_row(folder: Path, row: Mapping[str, object]) -> Path:
+    """The row of a run that begins now in this process."""
+    started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+    return write_row(folder, {**row, "status": RUNNING, "reason": "", "pid": os.getpid(), "started": started})
+
+
+def sound(columns: Mapping[str, object]) -> dict[str, object]:
+    """The columns that a row can hold, long texts cut; what it cannot hold is named in a column of its own."""
+    good: dict[str, object] = {}
+    bad: list[str] = []
+    for name, value in columns.items():
+        if isinstance(value, str) and len(value) > LONGEST_TEXT:
+            value = f"{value[:LONGEST_TEXT]}... ({len(value)} characters)"
+        try:
+            _encode(str(name), value)
+            good[str(name)] = value
+        except Exception as error:
+            bad.append(f"{str(name)[:80]}: {type(error).__name__}: {error}"[:200])
+    return good | {"row_failures": "; ".join(bad)[:LONGEST_TEXT]} if bad else good
 
 
 def write_row(folder: Path, row: Mapping[str, object]) -> Path:
@@ -38,20 +69,26 @@ def write_row(folder: Path, row: Mapping[str, object]) -> Path:
 
 
 def read_row(path: Path) -> dict[str, object]:
-    """The row; unknown is None. Raises RhsError naming the file, and what is wrong with it, when it is not a row."""
+    """The row; unknown is None. Raises RhsError naming the file, and what is wrong with it, when it is not a row.
+
+    A row that says `running` though nobody is at work in its folder is read as `killed`."""
+    path = Path(path)
     try:
         check_regular(path)
-        if Path(path).stat().st_size > LARGEST_BYTES:
+        if path.stat().st_size > LARGEST_BYTES:
             raise RhsError(f"it is larger than {LARGEST_BYTES >> 20} MB")
-        row = json.loads(Path(path).read_text(encoding="utf-8"))
+        row = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(row, dict):
             raise RhsError(f"it holds a {type(row).__name__}, expected one row as a JSON object")
         if not row.get("status"):
             raise RhsError("it has no status; expected the row of a run")
-        return {name: checked_value(name, value) for name, value in row.items()}
+        row = {name: checked_value(name, value) for name, value in row.items()}
     except (OSError, ValueError, RecursionError, RhsError) as error:
         said = error.strerror if isinstance(error, OSError) else str(error)
         raise RhsError(f"{path} cannot be read as a row: {said}"[:180]) from error
+    if row["status"] == RUNNING and not is_in_use(path.parent):
+        row |= {"status": KILLED, "reason": f"its process ended without a word; python -m rhs recover {path.parent}"}
+    return row
 
 
 def checked_value(name: str, value: object) -> object:

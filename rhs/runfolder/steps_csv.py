@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from rhs.api.records import Step
 from rhs.api.trajectory import tum_line
 from rhs.base.errors import RhsError
 
+PARTIAL = "steps.jsonl.tmp-"  # and the number of the process
+LONGEST_TEXT = 1000  # characters of a reason in a cell
 COLUMNS = (
     "index", "phase", "stamp_s", "mission", "event", "motion_status", "motion_reason", "motion_replaced", "belief_status",
     "belief_probability", "x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m",
@@ -35,7 +38,8 @@ def step_row(step: Step) -> dict[str, object]:
     command = step.command
     row: dict[str, object] = {
         "index": step.index, "phase": step.phase, "stamp_s": float(step.stamp_s), "mission": step.mission,
-        "event": step.event, "motion_status": str(step.motion.status), "motion_reason": step.motion.reason,
+        "event": str(step.event)[:LONGEST_TEXT], "motion_status": str(step.motion.status),
+        "motion_reason": str(step.motion.reason)[:LONGEST_TEXT],
         "motion_replaced": int(step.motion.replaced),
         "belief_status": str(step.belief.status), "belief_probability": float(step.belief.probability),
         "x_m": float(x), "y_m": float(y), "yaw_rad": float(yaw),
@@ -66,18 +70,19 @@ class StepTable:
 
     def __init__(self, folder: Path):
         self._folder = Path(folder)
-        self._extra: set[str] = set()
-        self._partial = self._folder / f"steps.jsonl.tmp-{os.getpid()}"
+        self._partial = self._folder / f"{PARTIAL}{os.getpid()}"
         try:
-            self._file = self._partial.open("w+", encoding="utf-8", newline="\n")
+            self._file = self._partial.open("w", encoding="utf-8", newline="\n")
         except OSError as error:
             raise RhsError(f"cannot write {self._partial}: {error.strerror or error}") from error
 
     def add(self, step: Step) -> None:
         """Append one step; it survives a killed process."""
-        row = step_row(step)
-        self._extra |= row.keys() - set(COLUMNS)
         lines = {name: tum_line(step.stamp_s, pose) for name, pose in _poses(step)}
+        self.add_row(step_row(step), lines)
+
+    def add_row(self, row: Mapping[str, object], lines: Mapping[str, str]) -> None:
+        """Append a row of steps.csv and the lines of the trajectories that belong to it."""
         try:
             self._file.write(json.dumps([row, lines]) + "\n")
             self._file.flush()
@@ -86,29 +91,44 @@ class StepTable:
                            ) from error
 
     def close(self) -> None:
-        """Give the files their final names. Columns: the fixed ones, then details and timings in alphabetical order."""
+        """Give the files their final names."""
         if self._file.closed:
             return
-        columns = [*COLUMNS, *sorted(self._extra, key=lambda name: (name.endswith("_ms"), name))]
-        with replacing(self._folder / "steps.csv") as file:
-            table = csv.DictWriter(file, columns, restval="", lineterminator="\n")
-            table.writeheader()
-            table.writerows(_plain(row) for row, _ in self._rows())
-        for name in ("estimate", "truth_survey", "patrol", "truth_patrol"):
-            self._write_trajectory(name)
+        tabulate(self._partial, self._folder)
         self._file.close()
         self._partial.unlink()
 
-    def _rows(self):
-        self._file.seek(0)
-        return (json.loads(line) for line in self._file)
 
-    def _write_trajectory(self, name: str) -> None:
-        if not any(name in lines for _, lines in self._rows()):
-            return  # no such poses: an absent file says so, an empty one would be mistaken for a result
-        with replacing(self._folder / f"{name}.tum") as file:
+def tabulate(partial: Path, folder: Path) -> int:
+    """steps.csv and the trajectories from the rows of a partial file; the number of steps. A last row that was cut is left
+    out. Columns: the fixed ones, then details and timings in alphabetical order."""
+    extra: set[str] = set()
+    names: set[str] = set()
+    count = 0
+    for row, lines in _whole_rows(partial):
+        extra |= row.keys() - set(COLUMNS)
+        names |= lines.keys()
+        count += 1
+    columns = [*COLUMNS, *sorted(extra, key=lambda name: (name.endswith("_ms"), name))]
+    with replacing(folder / "steps.csv") as file:
+        table = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+        table.writeheader()
+        table.writerows(_plain(row) for row, _ in _whole_rows(partial))
+    for name in sorted(names):  # of poses that never came an absent file says so; an empty one would pass for a result
+        with replacing(folder / f"{name}.tum") as file:
             file.write(TUM_HEADER)
-            file.writelines(lines[name] for _, lines in self._rows() if name in lines)
+            file.writelines(lines[name] for _, lines in _whole_rows(partial) if name in lines)
+    return count
+
+
+def _whole_rows(partial: Path) -> Iterator[tuple[dict[str, object], dict[str, str]]]:
+    with partial.open(encoding="utf-8", newline="\n") as file:
+        for line in file:
+            try:
+                row, lines = json.loads(line)
+            except ValueError:
+                return
+            yield row, lines
 
 
 def _poses(step: Step) -> list[tuple[str, np.ndarray]]:

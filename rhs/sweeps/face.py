@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, timeout_s: float = 0.0) -> pandas.DataFrame:
+def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, timeout_s: float = 3600.0) -> pandas.DataFrame:
     """rhs.sweep."""
     from rhs.reports.table import rows
 

@@ -1,8 +1,11 @@
 """Sweeps: every combination in a fresh process of its own, so that a crash, a kill or a hang costs one job.
 
 Jobs are forked from a clean server process that has loaded the libraries once (multiprocessing's forkserver). A job is
-done when its folder holds row.json; a job that cannot write its own row gets one from here, so that rows always equal
-jobs. Statuses: ok, failed, refused, timeout, killed, interrupted; jobs never started are counted as skipped.
+done when its folder holds a final row.json; a job that cannot write its own row gets one from here, so that rows always
+equal jobs. Statuses: ok, failed, refused, timeout, killed, interrupted; jobs never started are counted as skipped.
+
+A job has a session of its own. When it is over, whatever it started is killed with it: its process group, and the orphans
+that fell to the server (rhs.base.processes).
 """
 
 from __future__ import annotations
@@ -15,23 +18,30 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from rhs.base.errors import ConfigError, RhsError
-from rhs.config.compose import RunConfig, from_plain, identity, to_plain
+from rhs.base.errors import RhsError
+from rhs.base.processes import children, kill_group, kill_strays, resident_bytes, total_memory_mb
+from rhs.config.compose import RunConfig, identity, to_plain
+from rhs.metrics.success import with_success
 from rhs.runfolder.folders import job_folder
-from rhs.runfolder.row import read_row, write_row
+from rhs.runfolder.row import KILLED, RUNNING, read_row, sound, write_row
+
+from .worker import work
 
 GRACE_S = 10.0  # a job told to stop has so long to write down what it has
+LINGER_S = 2.0  # a job that has written its row has so long to end
+MEMORY_MB = 4096.0  # of one job, where the machine has as much for each
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
-PRELOAD = ["rhs.patrol.run", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
+PRELOAD = ["rhs.patrol.run", "rhs.patrol.job", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
            "scipy.spatial.transform", "rosbags.typesys", "mcap.writer", "matplotlib.backends.backend_agg",
            "matplotlib.figure", "rhs.metrics.judge_kernels", "rhs.metrics.planning", "rhs.estimation.paths.shorten",
-           "rhs.sweeps.known"]
+           "rhs.sweeps.server"]
 
 
 @dataclass(frozen=True)
@@ -55,11 +65,18 @@ def processes() -> int:
 
 @dataclass(frozen=True)
 class Limits:
-    """jobs: processes at a time. timeout_s: per job, 0 for none. same_failures: stop after so many alike, 0 never."""
+    """jobs: processes at a time. timeout_s: per job, 0 for none. same_failures: stop after so many alike, 0 never.
+    memory_mb: of a job and what it starts, 0 for 4096 or its share of the machine. retries: of a job that was killed."""
 
     jobs: int = 1
-    timeout_s: float = 0.0
+    timeout_s: float = 3600.0
     same_failures: int = 0
+    memory_mb: float = 0.0
+    retries: int = 1
+
+    @property
+    def memory_bytes(self) -> float:
+        return 2**20 * (self.memory_mb or min(MEMORY_MB, 0.9 * total_memory_mb() / self.jobs))
 
 
 @dataclass
@@ -74,6 +91,8 @@ class Outcome:
         self.status[name] = status
         if status != "ok":
             self.reasons[f"{status}: {reason}"] += 1
+        elif reason:  # it did what it could with what was left of a recording
+            self.reasons[f"ok, but lost: {reason}"] += 1
 
 
 @dataclass
@@ -81,40 +100,34 @@ class _Running:
     job: Job
     folder: Path
     process: Any
+    done: Connection  # hears the server's process number, and True when the row is written
     started: float
-    verdict: str = ""  # why it was told to stop: timeout, interrupted
+    verdict: tuple[str, str] | None = None  # why it was told to stop: status and reason
     told: float = 0.0
+    server: int = 0
+    written: float = 0.0  # when it said so
 
 
 def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable[[Job, str], None]) -> Outcome:
     """Run the jobs in folders under `sweep`; `tell(job, status)` after each. Ctrl-C once: what runs is asked to finish
     its files; twice: it is killed. Either way the exception is raised again when all processes are gone, with the
     outcome so far as its `outcome`."""
-    outcome, waiting = Outcome(), list(jobs)[::-1]
-    running: list[_Running] = []
-    server = multiprocessing.get_context("forkserver")
-    server.set_forkserver_preload(PRELOAD + asked_for(jobs))
-    lifeline, our_end = server.Pipe(duplex=False)  # it breaks when this process dies, and the jobs end with it
+    pool = _Pool(list(jobs)[::-1], sweep, limits, tell)
     try:
-        while waiting or running:
-            while waiting and len(running) < limits.jobs and not outcome.stopped:
-                running.append(_start(server, waiting.pop(), sweep, lifeline))
-            if outcome.stopped and not running:
+        while pool.waiting or pool.running:
+            pool.fill()
+            if pool.outcome.stopped and not pool.running:
                 break
-            wait([one.process.sentinel for one in running], timeout=0.2)
-            for one in [one for one in running if _over(one, limits)]:
-                running.remove(one)
-                _settle(one, outcome, limits)
-                tell(one.job, outcome.status[one.job.name])
-            outcome.stopped = _alike(outcome, limits)
+            wait([one.process.sentinel for one in pool.running], timeout=0.2)
+            pool.collect()
+            pool.outcome.stopped = _alike(pool.outcome, limits)
     except (KeyboardInterrupt, Exception) as error:
-        _stop(running, outcome, limits)
-        error.outcome = outcome  # type: ignore[union-attr]
+        pool.stop()
+        error.outcome = pool.outcome  # type: ignore[union-attr]
         raise
     finally:
-        our_end.close()
-        lifeline.close()
-    return outcome
+        pool.close()
+    return pool.outcome
 
 
 def asked_for(jobs: Sequence[Job]) -> list[str]:
@@ -123,73 +136,164 @@ def asked_for(jobs: Sequence[Job]) -> list[str]:
     return sorted({name for settings in chosen for name in getattr(settings, "preload", ())})
 
 
-def _start(server: Any, job: Job, sweep: Path, lifeline: Connection) -> _Running:
-    folder = job_folder(sweep, job.name)
-    for earlier in sweep.glob(f"*{job.key}"):  # what an earlier attempt left
-        shutil.rmtree(earlier, ignore_errors=True)
-    folder.mkdir()
-    process = server.Process(target=_work, args=(to_plain(job.config), str(folder), lifeline), daemon=False)
-    process.start()
-    return _Running(job, folder, process, time.monotonic())
+class _Pool:
+    """The jobs that wait and those that run."""
+
+    def __init__(self, waiting: list[Job], sweep: Path, limits: Limits, tell: Callable[[Job, str], None]) -> None:
+        self.waiting, self.sweep, self.limits, self.tell = waiting, sweep, limits, tell
+        self.running: list[_Running] = []
+        self.outcome = Outcome()
+        self.tries: Counter = Counter()
+        self.context = multiprocessing.get_context("forkserver")
+        self.context.set_forkserver_preload([*PRELOAD, *asked_for(waiting)])
+        self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
+
+    def fill(self) -> None:
+        """Start as many as may run."""
+        while self.waiting and len(self.running) < self.limits.jobs and not self.outcome.stopped:
+            job = self.waiting.pop()
+            self.tries[job.name] += 1
+            try:
+                self.running.append(self._start(job))
+            except (OSError, EOFError, RhsError) as error:  # no room on the disk, or the server was killed just now
+                self._conclude(job, "killed", f"it could not be started: {type(error).__name__}: {error}")
+
+    def _start(self, job: Job) -> _Running:
+        folder = job_folder(self.sweep, job.name)
+        for earlier in self.sweep.glob(f"*{job.key}"):  # what an earlier attempt left
+            shutil.rmtree(earlier, ignore_errors=True)
+        folder.mkdir(parents=True)
+        ours, theirs = self.context.Pipe(duplex=False)
+        arguments = (to_plain(job.config), str(folder), self.lifeline, theirs)
+        process = self.context.Process(target=work, args=arguments, daemon=False)
+        with _main_if_a_file():
+            process.start()
+        theirs.close()
+        return _Running(job, folder, process, ours, time.monotonic())
+
+    def collect(self) -> None:
+        """Take in those that are over."""
+        for one in [one for one in self.running if _over(one, self.limits)]:
+            self.running.remove(one)
+            self._settle(one)
+
+    def stop(self) -> None:
+        """Ask all to stop and wait for their files; a second Ctrl-C kills them."""
+        self.waiting.clear()
+        try:
+            for one in self.running:
+                one.verdict = one.verdict or ("interrupted", "interrupted")
+                one.process.terminate()
+            end = time.monotonic() + GRACE_S
+            for one in self.running:
+                one.process.join(max(0.0, end - time.monotonic()))
+        finally:
+            for one in self.running:
+                self._settle(one)
+
+    def close(self) -> None:
+        self.our_end.close()
+        self.lifeline.close()
+
+    def _settle(self, one: _Running) -> None:
+        """See that nothing is left of the job but its row, and count it. Raises nothing, whatever the job did."""
+        _end(one, keep=[other.process.pid for other in self.running])
+        try:
+            status, reason = _row_of(one)
+        except Exception as error:  # a disk that is full, a folder that is no folder any more
+            status, reason = "failed", f"its row cannot be written: {type(error).__name__}: {error}"
+        self._conclude(one.job, status, reason)
+
+    def _conclude(self, job: Job, status: str, reason: str) -> None:
+        again = status == "killed" and not reason.startswith(TOO_MUCH) and not self.outcome.stopped
+        if again and self.tries[job.name] <= self.limits.retries:
+            self.waiting.append(job)
+            return
+        self.outcome.count(job.name, status, reason)
+        with contextlib.suppress(Exception):
+            self.tell(job, status)
+
+
+@contextlib.contextmanager
+def _main_if_a_file() -> Iterator[None]:
+    """multiprocessing runs the file of the main module again in each process; what was typed into a pipe has none."""
+    main = sys.modules["__main__"]
+    if not os.path.exists(getattr(main, "__file__", None) or ""):
+        sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+TOO_MUCH = "took more memory than"
 
 
 def _over(one: _Running, limits: Limits) -> bool:
-    """Whether the process has ended; one over its time is asked to stop, then killed."""
+    """Whether the job has ended, or has been given all the time it gets to do so; one over its limits is told to stop."""
+    now = time.monotonic()
+    with contextlib.suppress(EOFError, OSError):
+        while one.done.poll():
+            said = one.done.recv()
+            one.server, one.written = (one.server, now) if said is True else (int(said), one.written)
     if not one.process.is_alive():
         return True
-    now = time.monotonic()
     if not one.verdict and limits.timeout_s and now - one.started > limits.timeout_s:
-        one.verdict, one.told = "timeout", now
+        one.verdict, one.told = ("timeout", f"took longer than the {limits.timeout_s:g} s of --timeout"), now
         one.process.terminate()
-    if one.verdict and now - one.told > GRACE_S:
-        one.process.kill()
-    return False
+    if not one.verdict and resident_bytes(one.process.pid) > limits.memory_bytes:
+        one.verdict = ("killed", f"{TOO_MUCH} the {limits.memory_bytes / 2**20:.0f} MB of --memory-mb")
+        return True
+    return bool(one.verdict and now - one.told > GRACE_S) or bool(one.written and now - one.written > LINGER_S)
 
 
-def _settle(one: _Running, outcome: Outcome, limits: Limits) -> None:
-    """See that the job has a row, and count it."""
-    one.process.join()
-    code, path = one.process.exitcode, one.folder / "row.json"
+def _end(one: _Running, keep: Sequence[int]) -> None:
+    """Kill the job if it still runs, all that it started, and what its orphans became."""
+    pid = one.process.pid
+    with contextlib.suppress(EOFError, OSError):
+        while not one.server and one.done.poll():
+            one.server = int(one.done.recv())
+    if one.process.is_alive():
+        kill_group(pid)
+    else:
+        with contextlib.suppress(OSError):
+            os.killpg(pid, signal.SIGKILL)  # its group outlives it, and its number is not given away meanwhile
+    one.process.join(GRACE_S)
+    if one.server in children(os.getpid()):
+        kill_strays(one.server, keep)
+
+
+def _row_of(one: _Running) -> tuple[str, str]:
+    """Status and reason of a job that is gone. One that left no final row gets it here."""
+    path, code = one.folder / "row.json", one.process.exitcode
+    one.process.close()
+    one.done.close()
     try:
-        row = read_row(path) if path.exists() else {}
+        row = read_row(path)
     except RhsError:
         row = {}
-    limit = f"took longer than the {limits.timeout_s:g} s of --timeout"
-    if not row:
-        status, reason = one.verdict or _fate(code)[0], limit if one.verdict == "timeout" else _fate(code)[1]
-        row = {**identity(one.job.config), "status": status, "reason": reason}
-        write_row(one.folder, row)
-    elif one.verdict == "timeout" and row.get("status") != "ok":
-        row |= {"status": "timeout", "reason": limit}
-        write_row(one.folder, row)
-    one.process.close()
-    outcome.count(one.job.name, str(row["status"]), str(row.get("reason", "")))
-    if row["status"] == "ok" and row.get("lost"):  # it did what it could with what was left of a recording
-        outcome.reasons[f"ok, but lost: {row['lost']}"] += 1
+    status = str(row.get("status", RUNNING))
+    if status in (RUNNING, KILLED):
+        status, reason = one.verdict or _fate(code)
+    elif one.verdict and one.verdict[0] != "interrupted" and status != "ok":
+        status, reason = one.verdict
+    else:
+        return status, str(row.get("lost" if status == "ok" else "reason") or "")
+    one.folder.mkdir(parents=True, exist_ok=True)
+    columns = {name: value for name, value in row.items() if name not in ("pid", "started")}
+    row = with_success({**identity(one.job.config), **columns, "status": status, "reason": reason})
+    write_row(one.folder, sound(row))
+    return status, reason
 
 
-def _fate(code: int) -> tuple[str, str]:
+def _fate(code: int | None) -> tuple[str, str]:
+    if code is None or code == 255:  # what multiprocessing says when it lost sight of the process
+        return "killed", "the process was lost: it, or the one that starts the jobs, was killed"
     if code < 0:
         with contextlib.suppress(ValueError):
             return "killed", f"the process was killed by {signal.Signals(-code).name}"
         return "killed", f"the process was killed by signal {-code}"
     return "failed", f"the process ended with exit code {code} before it wrote a row; see job.log"
-
-
-def _stop(running: list[_Running], outcome: Outcome, limits: Limits) -> None:
-    """Ask all to stop and wait for their files; a second Ctrl-C kills them."""
-    try:
-        for one in running:
-            one.verdict = one.verdict or "interrupted"
-            one.process.terminate()
-        end = time.monotonic() + GRACE_S
-        for one in running:
-            one.process.join(max(0.0, end - time.monotonic()))
-    finally:
-        for one in running:
-            if one.process.is_alive():
-                one.process.kill()
-            _settle(one, outcome, limits)
 
 
 def _alike(outcome: Outcome, limits: Limits) -> str:
@@ -198,44 +302,3 @@ def _alike(outcome: Outcome, limits: Limits) -> str:
         if count >= limits.same_failures:
             return f"stopped after {count} jobs ended alike: {reason}"
     return ""
-
-
-def _work(values: dict[str, Any], folder: str, lifeline: Connection) -> None:
-    """In the job's process: run it; everything printed goes to job.log."""
-    import threading
-    import traceback
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    signal.signal(signal.SIGTERM, _interrupt)
-    threading.Thread(target=_die_with_parent, args=(lifeline,), daemon=True).start()
-    log = os.open(os.path.join(folder, "job.log"), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    sys.stdout.flush()
-    for descriptor in (1, 2):
-        os.dup2(log, descriptor)
-    config = from_plain(values)
-    try:
-        from rhs.patrol.run import run_config
-
-        cause = run_config(config, Path(folder)).pop("_cause", None)
-    except ConfigError as error:
-        cause = error
-        write_row(Path(folder), {**identity(config), "status": "refused", "reason": str(error)})
-    except KeyboardInterrupt:
-        return
-    except BaseException as error:  # sys.exit() of a plugin ends here too
-        cause = error
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        write_row(Path(folder), {**identity(config), "status": "failed", "reason": reason})
-    if cause is not None:
-        traceback.print_exception(cause)
-
-
-def _interrupt(number: int, frame: object) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise KeyboardInterrupt
-
-
-def _die_with_parent(lifeline: Connection) -> None:
-    with contextlib.suppress(EOFError, OSError):
-        lifeline.recv()
-    os.kill(os.getpid(), signal.SIGKILL)

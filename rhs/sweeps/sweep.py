@@ -20,6 +20,7 @@ from rhs.api.files import replacing
 from rhs.base.errors import ConfigError, RhsError
 from rhs.config.compose import Composer, RunConfig, config_hash, to_plain
 from rhs.config.overrides import Word, parse, sweep_words, swept_keys
+from rhs.runfolder.folders import set_aside
 from rhs.runfolder.row import read_row
 
 from .jobs import Job, Limits, Outcome, run_jobs
@@ -44,11 +45,7 @@ def plan(words: Sequence[str], conf: tuple[Path, ...] = ()) -> Plan:
     swept = swept_keys(overrides)
     if "output" in swept:
         raise ConfigError("output: a sweep has one folder; its runs get folders inside it")
-    combinations = sweep_words(overrides)
-    if not combinations:
-        raise ConfigError("this sweep has no jobs: one of its ranges is empty")
-    if len(combinations) > MOST_JOBS:
-        raise ConfigError(f"this sweep has {len(combinations)} jobs; at most {MOST_JOBS} are run at once")
+    combinations = sweep_words(overrides, most=MOST_JOBS)
     composer, output = Composer(conf), ""
     jobs: dict[str, Job] = {}
     for combination in combinations:
@@ -79,7 +76,9 @@ def _job(config: RunConfig, combination: Sequence[Word], swept: Sequence[str]) -
 
 
 def remember(plan: Plan, folder: Path) -> None:
-    """Write sweep.json."""
+    """Write sweep.json. Jobs of another configuration (--force) are moved into a folder beside the sweep."""
+    known = {job.key for job in plan.jobs}
+    set_aside(folder, [path.parent for path in sorted(folder.glob("*/row.json")) if _key(path.parent.name) not in known])
     with replacing(folder / "sweep.json") as file:
         file.write(json.dumps({"rhs": version("rhs"), "words": plan.words, "conf": [str(path) for path in plan.conf],
                                "jobs": {job.name: job.words for job in plan.jobs},
@@ -107,11 +106,16 @@ def check_same(plan: Plan, folder: Path, before: dict[str, Any]) -> None:
         raise ConfigError(f"{folder} was made by rhs {before.get('rhs')}, this is {version('rhs')}; take another folder "
                           f"or type --force")
     known = {job.key for job in plan.jobs}
-    if all(name.rpartition("_")[2] in known for name in before["jobs"]):
+    if all(_key(name) in known for name in before["jobs"]):
         return
     differing = _differences(before.get("example", {}), to_plain(plan.jobs[0].config))
     raise ConfigError(f"{folder} holds jobs of another configuration: {', '.join(differing[:3]) or 'other values'}; "
                       f"take another folder or type --force")
+
+
+def _key(name: str) -> str:
+    """The hash of the configuration in the name of a job's folder."""
+    return name.rpartition("_")[2]
 
 
 def _differences(old: Any, new: Any, key: str = "") -> list[str]:
@@ -127,7 +131,7 @@ def finished(folder: Path) -> dict[str, Path]:
     for path in sorted(folder.glob("*/row.json")):
         try:
             if read_row(path).get("status") == "ok":
-                done[path.parent.name.rpartition("_")[2]] = path.parent
+                done[_key(path.parent.name)] = path.parent
         except RhsError:
             continue
     return done
@@ -172,7 +176,16 @@ class Report:
 
 
 def _account(plan: Plan, folder: Path, outcome: Outcome, done: dict[str, Path]) -> Report:
-    status = {job.name: "ok" if job.key in done else outcome.status.get(job.name, "skipped") for job in plan.jobs}
-    with replacing(folder / "jobs.json") as file:
-        file.write(json.dumps(status, indent=1) + "\n")
+    """What became of every job, as the rows say; a full disk costs jobs.json, not the account."""
+    status = {}
+    for job in plan.jobs:
+        try:
+            status[job.name] = str(read_row(done.get(job.key, folder / job.name) / "row.json")["status"])
+        except (RhsError, KeyError):
+            status[job.name] = outcome.status.get(job.name, "skipped")
+    try:
+        with replacing(folder / "jobs.json") as file:
+            file.write(json.dumps(status, indent=1) + "\n")
+    except RhsError as error:
+        outcome.reasons[str(error)] += 1
     return Report(status, outcome.reasons, len(done.keys() & {job.key for job in plan.jobs}), outcome.stopped)

@@ -11,7 +11,6 @@ occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
@@ -19,11 +18,12 @@ import numpy as np
 
 from rhs.api.files import replacing
 from rhs.api.grid import OccupancyGrid
+from rhs.api.pictures import declared_size, head_of
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
-MOST_CELLS = 50_000_000  # 7000 x 7000; the head of a small file could ask for all the memory there is
+MOST_CELLS = 25_000_000  # 250 m x 250 m at 5 cm; the head of a small file could ask for all the memory there is
 _BAND_CELLS = 1_000_000  # of a map that are turned at a time
 _FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map_server reads `negate: no`
 
@@ -137,9 +137,11 @@ def _read_image(path: FilePath) -> np.ndarray:
 
     if not path.is_file():
         raise ConfigError(f"map image {path} does not exist; correct the key `image` of its YAML")
-    width, height = _size(path)
-    if width * height > MOST_CELLS:
-        raise ConfigError(f"{path}: {width} x {height} cells are more than the {MOST_CELLS} allowed")
+    size = declared_size(head_of(path))
+    if size is None:
+        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
+    if size[0] * size[1] > MOST_CELLS:
+        raise ConfigError(f"{path}: {size[0]} x {size[1]} cells are more than the {MOST_CELLS} allowed")
     log = cv2.utils.logging
     before = log.setLogLevel(log.LOG_LEVEL_SILENT)  # the error below says it better
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -148,21 +150,6 @@ def _read_image(path: FilePath) -> np.ndarray:
         raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
     image = image[:, :, None] if image.ndim == 2 else image
     return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
-
-
-def _size(path: FilePath) -> tuple[int, int]:
-    """Width and height that the header of a PGM, PNG or BMP claims. Raises ConfigError for other files."""
-    with path.open("rb") as file:
-        head = file.read(4096)
-    if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) >= 24:
-        return int.from_bytes(head[16:20]), int.from_bytes(head[20:24])
-    if head[:2] == b"BM" and len(head) >= 26:
-        width, height = (abs(int.from_bytes(head[k: k + 4], "little", signed=True)) for k in (18, 22))
-        return width, height
-    numbers = re.match(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s", head)
-    if numbers is None:
-        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
-    return int(numbers[1]), int(numbers[2])
 
 
 def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:

@@ -14,10 +14,12 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
+from rhs.base.commands import check_regular
 from rhs.base.errors import ConfigError
 
 PASSABLE = b".GS"
-_MOST_CELLS = 100_000_000
+_MOST_CELLS = 25_000_000
+_MOST_BYTES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,9 @@ def centre_m(cell: tuple[int, int]) -> tuple[float, float]:
 
 def _read(path: FilePath) -> str:
     try:
+        check_regular(path)
+        if path.stat().st_size > _MOST_BYTES:
+            raise ConfigError(f"{path}: {path.stat().st_size} bytes; at most {_MOST_BYTES} are read")
         return path.read_text(encoding="latin-1")
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
@@ -94,6 +99,6 @@ def _read(path: FilePath) -> str:
 
 def _count(path: FilePath, header: dict[str, str], key: str) -> int:
     text = header.get(key, "")
-    if not text.isdigit() or not int(text):
-        raise ConfigError(f"{path}: {key} is '{text}'; expected a positive whole number")
+    if not text.isdecimal() or len(text) > 9 or not int(text):
+        raise ConfigError(f"{path}: {key} is '{text[:40]}'; expected a positive whole number")
     return int(text)

@@ -111,7 +111,7 @@ def bad_company(tmp_path_factory) -> tuple[subprocess.CompletedProcess, Path]:
 
 @pytest.mark.parametrize(("how", "status", "reason"), [
     ("none", "ok", ""), ("leak", "ok", ""), ("raise", "failed", "ValueError at step 2: the odometry of this test"),
-    ("exit", "failed", "SystemExit at step 2: 3"), ("os_exit", "failed", "exit code 3"),
+    ("exit", "failed", "SystemExit at step 2: 3"), ("os_exit", "failed", "ended the process by os._exit(3) at step 2"),
     ("kill", "killed", "SIGKILL"), ("segfault", "killed", "SIGSEGV"), ("none_result", "failed", "expected a Motion"),
     ("nan_pose", "failed", "finite 4x4 pose"), ("spin", "timeout", "took longer than the 20 s of --timeout"),
 ])
@@ -245,7 +245,8 @@ def test_a_sweep_stops_when_every_job_fails_alike(tmp_path):
     done = rhs(tmp_path, "-m", *FAULTY, "seed=range(9)", "odometry.how=raise", "output=s", "--jobs", "1", "--fail-fast", "2")
     assert done.returncode == 3
     assert "9 jobs: 2 failed, 7 skipped" in done.stdout
-    assert "stopped after 2 jobs ended alike: failed: ValueError at step 2" in done.stdout
+    assert "stopped after 2 jobs ended alike: failed: odometry=faulty" in done.stdout
+    assert "ValueError at step 2" in done.stdout
 
 
 def test_a_job_that_cannot_begin_is_refused_and_the_others_run(tmp_path):

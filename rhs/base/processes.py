@@ -1,0 +1,99 @@
+"""Processes that others leave behind: found by /proc, ended. Where there is no /proc (not Linux), nothing is found.
+
+A subreaper (prctl(2)) inherits the orphans among its descendants, so that even a child that went into a session of its
+own and lost its parent is still found under whoever started it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+from collections.abc import Iterable
+from pathlib import Path
+
+PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+def adopt_orphans() -> None:
+    """Orphans among the descendants of this process become its children."""
+    _prctl(PR_SET_CHILD_SUBREAPER, 1)
+
+
+def die_with_parent() -> None:
+    """This process is killed when the one that forked it ends."""
+    _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _prctl(option: int, value: int) -> None:
+    with contextlib.suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def children(pid: int) -> list[int]:
+    """Processes that this one started, or adopted."""
+    found: list[int] = []
+    with contextlib.suppress(OSError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            found += map(int, (task / "children").read_text().split())
+    return found
+
+
+def descendants(pid: int) -> list[int]:
+    """Children, their children, and so on."""
+    found = children(pid)
+    for child in list(found):
+        found += descendants(child)
+    return found
+
+
+def resident_bytes(pid: int) -> int:
+    """Memory held by a process and its descendants; pages that they share count for each."""
+    total = 0
+    for one in (pid, *descendants(pid)):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            total += int(Path(f"/proc/{one}/statm").read_text().split()[1]) * PAGE_BYTES
+    return total
+
+
+def kill(pids: Iterable[int]) -> None:
+    """SIGKILL to each that is still there."""
+    for pid in pids:
+        with contextlib.suppress(OSError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def kill_group(pid: int) -> None:
+    """SIGKILL to the process, its descendants and its process group."""
+    kill(descendants(pid))
+    with contextlib.suppress(OSError):
+        if os.getpgid(pid) == pid:
+            os.killpg(pid, signal.SIGKILL)
+    kill([pid])
+
+
+def kill_strays(parent: int, keep: Iterable[int] = ()) -> None:
+    """Kill the children of `parent`, except those to keep, and theirs, until none is left (at most 50 rounds)."""
+    kept = set(keep)
+    for _ in range(50):
+        left = [pid for pid in children(parent) if pid not in kept and not _is_zombie(pid)]
+        if not left:
+            return
+        kill([*left, *(below for pid in left for below in descendants(pid))])
+
+
+def _is_zombie(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    except (OSError, IndexError):
+        return True
+
+
+def total_memory_mb() -> float:
+    """Memory of the machine, MB; infinity where it cannot be told."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * PAGE_BYTES / 2**20
+    except (ValueError, OSError):
+        return float("inf")

@@ -1,0 +1,171 @@
+"""`python -m rhs verify`: run it again and say whether the numbers are the same.
+
+    python -m rhs verify RUN|SWEEP ...        every run in these folders, from its config.yaml; nothing there is changed
+        --sample N --seed S                   only N of them, drawn
+        --tolerance 1e-6                      differences of this share of a value count as the same (0)
+        --jobs N                              processes at a time (one per core)
+    python -m rhs verify --golden FOLDER      the jobs of FOLDER/jobs.yaml against the rows kept in FOLDER
+        --update                              keep the rows of now instead
+
+What is equal in every bit, what within 1e-6, and what else differs is said for each run, column by column; columns of the
+machine (times, memory, versions) are left out. Exit code 0: the same; 2 refused; 3: something differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rhs.base.commands import Arguments, answered, plain
+from rhs.base.errors import ConfigError, check_range
+from rhs.base.strict_yaml import load_yaml
+from rhs.config.compose import RunConfig, compose_config, config_hash, read_config
+from rhs.reports.table import find_rows
+from rhs.runfolder.row import machine_dependent, read_row, write_row
+from rhs.sweeps.jobs import Job, Limits, processes, run_jobs
+
+CLASSES = ("equal", "within 1e-6", "other")
+CLOSE = 1e-6
+UNFINISHED = ("running", "killed", "timeout", "interrupted")  # ended from outside: another run need not end there
+LEFT_OUT = ("config_hash",)  # in golden rows: every new setting changes it
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One column of two rows. share: of the larger value; infinite between values that are no numbers."""
+
+    column: str
+    before: object
+    now: object
+    share: float
+
+    @property
+    def kind(self) -> str:
+        return CLASSES[1] if self.share <= CLOSE else CLASSES[2]
+
+    def __str__(self) -> str:
+        share = f" ({self.share:.1g} of it)" if math.isfinite(self.share) else ""
+        return plain(f"{self.column}: {_shown(self.before)} -> {_shown(self.now)}{share}")
+
+
+def differences(before: Mapping[str, object], now: Mapping[str, object]) -> list[Difference]:
+    """The columns in which two rows differ, the machine's left out. An absent column is an unknown value."""
+    names = sorted(name for name in {**before, **now} if not machine_dependent(name))
+    found = [Difference(name, before.get(name), now.get(name), _share(before.get(name), now.get(name))) for name in names]
+    return [one for one in found if one.share > 0.0]
+
+
+def _share(a: object, b: object) -> float:
+    """How far two values are apart, as a share of the larger; 0 where they are the same."""
+    a, b = (None if isinstance(v, float) and math.isnan(v) else v for v in (a, b))
+    if a == b and isinstance(a, bool) == isinstance(b, bool):
+        return 0.0
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in (a, b)):
+        return math.inf
+    return abs(a - b) / max(abs(a), abs(b))  # type: ignore[operator, arg-type]
+
+
+def _shown(value: object) -> str:
+    return repr(value) if isinstance(value, float) else str(value)[:60]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command."""
+    parser = Arguments(prog="python -m rhs verify", description=__doc__,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
+    parser.add_argument("--sample", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--tolerance", type=float, default=0.0)
+    parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--golden", type=Path)
+    parser.add_argument("--update", action="store_true")
+    return answered(lambda: _checked(parser.parse_args(arguments)))
+
+
+def _checked(chosen: argparse.Namespace) -> int:
+    check_range("", "--sample", chosen.sample, low=0, high=1_000_000)
+    check_range("", "--tolerance", chosen.tolerance, low=0.0, high=1.0)
+    if bool(chosen.folders) == bool(chosen.golden):
+        raise ConfigError("give run or sweep folders, or --golden FOLDER")
+    return _golden(chosen) if chosen.golden else _verify(chosen)
+
+
+def _verify(chosen: argparse.Namespace) -> int:
+    """Run folders again, and compare."""
+    rows = {path.parent: read_row(path) for path in find_rows(chosen.folders)}
+    rows = {folder: row for folder, row in rows.items() if row.get("status") not in UNFINISHED}
+    if not rows:
+        raise ConfigError("no finished run in these folders")
+    configs = {str(folder): read_config(folder) for folder in _drawn(sorted(rows), chosen)}
+    return _compare({name: rows[Path(name)] for name in configs}, again(configs, chosen.jobs), chosen.tolerance)
+
+
+def _drawn(folders: list[Path], chosen: argparse.Namespace) -> list[Path]:
+    if not chosen.sample or chosen.sample >= len(folders):
+        return folders
+    import numpy as np
+
+    picked = np.random.default_rng(chosen.seed).choice(len(folders), chosen.sample, replace=False)
+    return [folders[k] for k in sorted(picked)]
+
+
+def _golden(chosen: argparse.Namespace) -> int:
+    """The jobs of a golden set against the rows that are kept of them."""
+    folder = chosen.golden.absolute()
+    words = load_yaml(folder / "jobs.yaml")
+    if not isinstance(words, dict) or not all(isinstance(w, list) for w in words.values()):
+        raise ConfigError(f"{folder}/jobs.yaml: expected lines `name: [word, word, ...]`")
+    with contextlib.chdir(folder):
+        configs = {name: compose_config([str(word) for word in typed]) for name, typed in words.items()}
+        now = again(configs, chosen.jobs)
+    kept = {name: {column: row[column] for column in row if not machine_dependent(column) and column not in LEFT_OUT}
+            for name, row in now.items()}
+    if chosen.update:
+        for name, row in kept.items():
+            (folder / name).mkdir(exist_ok=True)
+            write_row(folder / name, row)
+        sys.stdout.write(f"{len(kept)} rows kept in {folder}\n")
+        return 0
+    return _compare({name: read_row(folder / name / "row.json") for name in configs}, kept, chosen.tolerance)
+
+
+def again(configs: Mapping[str, RunConfig], jobs: int) -> dict[str, dict[str, object]]:
+    """The rows of these configurations, run now, each in a process of its own and in a folder that does not last."""
+    planned = {}
+    for config in configs.values():
+        bare = replace(config, output="", overwrite=False, recording="off", pictures="off", video=False, live="")
+        planned[config_hash(config)] = Job(f"again_{config_hash(config)}", bare, ())
+    with tempfile.TemporaryDirectory(prefix="rhs-verify-") as folder:
+        run_jobs(list(planned.values()), Path(folder), Limits(jobs or processes()), tell=lambda job, status: None)
+        rows = {key: read_row(Path(folder) / job.name / "row.json") for key, job in planned.items()}
+    return {name: rows[config_hash(config)] for name, config in configs.items()}
+
+
+def _compare(before: Mapping[str, Mapping[str, object]], now: Mapping[str, Mapping[str, object]], tolerance: float) -> int:
+    """Say of each run how its row of now differs from the one before; the exit code."""
+    worst = 0.0
+    counts = dict.fromkeys(CLASSES, 0)
+    for name, row in before.items():
+        found = sorted(differences(row, now[name]), key=lambda one: -one.share)
+        columns = sum(not machine_dependent(column) for column in row)
+        kind = found[0].kind if found else CLASSES[0]
+        counts[kind] += 1
+        worst = max([worst, *(one.share for one in found)])
+        sys.stdout.write(f"{name}: {kind}, {columns - len(found)} of {columns} columns equal\n")
+        sys.stdout.writelines(f"  {line}\n" for line in _lines(found))
+    told = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+    sys.stdout.write(f"{len(before)} runs: {told}\n")
+    return 3 if worst > tolerance else 0
+
+
+def _lines(found: Sequence[Difference]) -> Iterator[str]:
+    yield from map(str, found[:10])
+    if len(found) > 10:
+        yield f"and {len(found) - 10} more"
