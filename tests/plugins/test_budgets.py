@@ -12,7 +12,7 @@ from rhs.api.records import PlanReason
 from rhs.metrics.path_judge import path_valid
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "benchmarks"))
-import planning_maps  # noqa: E402
+import planning_maps
 
 SAMPLING = ("rrt_connect", "rrt", "rrt_star", "informed_rrt_star", "bit_star", "fmt")
 

@@ -12,7 +12,7 @@ from rhs.metrics.path_judge import Optimum, opened, path_valid, polyline_length
 from rhs.metrics.planning import path_values
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "plugins"))
-from planning_cases import planner, problem  # noqa: E402
+from planning_cases import planner, problem
 
 
 def sampled(points, blocked) -> bool:
