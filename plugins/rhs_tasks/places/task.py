@@ -101,10 +101,10 @@ def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) 
     try:
         collector = ViewCollector(1, shared, features)
         led = Led(se2(*parts.source.facts.start), parts.mapper)
-        taken = list(collector.watch(steps(parts.source, parts.sensor, parts.odometry, led)))
+        taken = list(collector.watch(steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who)))
     finally:
         parts.source.close()
-    views = collector.views if off_route else revise(collector.views, parts.odometry)[0]
+    views = collector.views if off_route else revise(collector.views, parts.odometry, who=parts.who["odometry"])[0]
     out = []
     for view, step in zip(views, taken, strict=True):
         assert step.truth is not None, "the simulator knows where it is"
@@ -115,7 +115,7 @@ def lap(config: RunConfig, folder: Path, *, seed: int, off_route: bool = False) 
 def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]], config: RunConfig) -> list[Answered]:
     """The localiser started from nothing at many views of the queried lap and led for `places.sequence_m`: right, or wrong
     and sure of it, or (abstained) honest about not knowing."""
-    parts.localiser.learn(views, draw(tuple(views), parts.mapper))
+    parts.localiser.learn(views, draw(tuple(views), parts.mapper, who=parts.who["mapper"]))
     out = []
     last = len(queried) - 1
     for begin in np.linspace(0, 0.9 * last, config.places.sequences).astype(int):
