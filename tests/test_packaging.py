@@ -46,7 +46,8 @@ def run(site: Path, folder: Path, *words: str) -> subprocess.CompletedProcess:
 
 
 def test_an_unpacked_wheel_runs_from_any_folder(site, tmp_path):
-    where = subprocess.run([sys.executable, "-c", "import rhs.base.data_dirs as p; print(p.data_dir('conf'), p.data_dir('worlds'))"],
+    code = "import rhs.base.data_dirs as p; print(p.data_dir('conf'), p.data_dir('worlds'))"
+    where = subprocess.run([sys.executable, "-c", code],
                            cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(site)})
     assert where.stdout.split() == [f"{site}/rhs/data/conf", f"{site}/rhs/data/worlds"]
     done = run(site, tmp_path, "--cfg", "planner=prm", "world=square_small")
