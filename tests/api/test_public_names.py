@@ -44,8 +44,13 @@ def test_every_exported_name_is_there():
 
 
 def test_every_public_name_says_what_it_is():
-    silent = [name for name, node in definitions() if not ast.get_docstring(node)]
+    """A check of the conformance kit says it by its name, which is what its author is shown."""
+    silent = [name for name, node in definitions() if not ast.get_docstring(node) and not is_check(node)]
     assert silent == []
+
+
+def is_check(node: ast.AST) -> bool:
+    return isinstance(node, ast.FunctionDef) and [arg.arg for arg in node.args.args] == ["settings", "folder"]
 
 
 @pytest.mark.parametrize("cls", ENUMERATIONS.values(), ids=lambda cls: cls.__name__)
