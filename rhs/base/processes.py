@@ -14,6 +14,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
+# Environment of a process whose sums must not depend on how many threads share them; read when numpy is imported.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
+           "OPENCV_FOR_THREADS_NUM")
+SWEEP_PATH = "RHS_SWEEP_PATH"  # in the environment of the server of a sweep: where it looks for modules
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 

@@ -30,7 +30,9 @@ python -m rhs COMMAND ...                 table, compare, report, evaluate, conv
 Options
   -m, --multirun      run every combination of the values given, each in a process of its own
   --jobs N            processes at a time in a sweep (one per core)
-  --timeout SECONDS   a job of a sweep that takes longer is stopped and counted (none)
+  --timeout SECONDS   a job of a sweep that takes longer is stopped and counted (3600; 0: none)
+  --memory-mb N       a job of a sweep that takes more memory is killed and counted (4096, or its share of the machine)
+  --retries N         a job of a sweep that was killed, not by these limits, is tried again so often (1)
   --fail-fast N       stop a sweep after N jobs that failed alike (never)
   --resume [FOLDER]   go on with a sweep: only what has not ended well runs
   --force             resume although the configuration or the version changed

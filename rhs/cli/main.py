@@ -9,17 +9,19 @@ from __future__ import annotations
 import os
 import sys
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
-           "OPENCV_FOR_THREADS_NUM")
+from rhs.base.processes import THREADS
+
 for _name in THREADS:  # before numpy is imported: sums must not depend on how many threads share them
     os.environ[_name] = "1"
 
 import argparse  # noqa: E402
 import signal  # noqa: E402
+import threading  # noqa: E402
 import traceback  # noqa: E402
 import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
+from rhs.base.commands import plain  # noqa: E402
 from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
 from .commands import command, plugin_files, run_command  # noqa: E402
@@ -46,7 +48,8 @@ def main(words: list[str] | None = None) -> int:
         return run_command(ask)
     debug = "--debug" in words
     warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
-    before = signal.signal(signal.SIGTERM, _terminate)
+    ends = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
+    before = {number: signal.signal(number, _terminate) for number in ends}
     try:
         files, rest = plugin_files(list(words))
         if files:
@@ -64,12 +67,23 @@ def main(words: list[str] | None = None) -> int:
     except Exception as error:
         return _complain(error, 1, debug)
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def entry() -> int:
-    """The console script `rhs`."""
-    return main()
+    """The console script `rhs`. What a part started ends with it: processes, and threads that would be waited for."""
+    from rhs.base.processes import adopt_orphans, kill_strays
+
+    adopt_orphans()
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if not any(word.startswith("live=") for word in sys.argv):  # a viewer stays open
+        kill_strays(os.getpid())
+    if any(not thread.daemon and thread is not threading.main_thread() for thread in threading.enumerate()):
+        os._exit(code)
+    return code
 
 
 def _arguments() -> argparse.ArgumentParser:
@@ -79,7 +93,9 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--cfg", action="store_true")
     parser.add_argument("-m", "--multirun", action="store_true")
     parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--timeout", type=float, default=0.0)
+    parser.add_argument("--timeout", type=float, default=3600.0)
+    parser.add_argument("--memory-mb", type=float, default=0.0)
+    parser.add_argument("--retries", type=int, default=1)
     parser.add_argument("--resume", nargs="?", const="")
     parser.add_argument("--force", action="store_true")
     parser.add_argument("--fail-fast", type=int, default=0)
@@ -153,6 +169,8 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     from rhs.sweeps import sweep
 
     resume, words = arguments.resume is not None, list(arguments.overrides)
+    if arguments.resume == "" and not any(word.startswith("output=") for word in words):
+        raise ConfigError("--resume: which sweep? type python -m rhs --resume FOLDER")
     if arguments.resume:
         before = sweep.recall(Path(arguments.resume))
         typed = {word.partition("=")[0] for word in words}
@@ -193,7 +211,10 @@ def _run_sweep(plan, folder: Path, limits) -> int:
             print("\n".join(error.report.lines()))  # type: ignore[attr-defined]
             print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
             raise
-    print(say.of_sweep(folder))
+    try:
+        print(say.of_sweep(folder))
+    except RhsError as error:  # the account below is printed all the same
+        print(f"no table: {error}")
     if plan.repeated:
         print(f"{plan.repeated} combinations gave a configuration that was there already; each ran once")
     print("\n".join(report.lines()))
@@ -212,7 +233,10 @@ def _limits(arguments: argparse.Namespace):
     check_range("", "--jobs", arguments.jobs, low=0, high=1024)
     check_range("", "--timeout", arguments.timeout, low=0.0, high=1e7, unit="s")
     check_range("", "--fail-fast", arguments.fail_fast, low=0, high=1_000_000)
-    return Limits(arguments.jobs or processes(), arguments.timeout, arguments.fail_fast)
+    check_range("", "--memory-mb", arguments.memory_mb, low=0.0, high=1e7, unit="MB")
+    check_range("", "--retries", arguments.retries, low=0, high=100)
+    return Limits(arguments.jobs or processes(), arguments.timeout, arguments.fail_fast, arguments.memory_mb,
+                  arguments.retries)
 
 
 def _quoted(text: str) -> str:
@@ -248,6 +272,7 @@ def _complain(error: BaseException | None, code: int, debug: bool, text: str = "
     if not text:
         text = " ".join(str(error).split())
         text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
+    text = plain(text)
     if len(text) > LONGEST and not debug:
         text = f"{text[: LONGEST - 23]}... (--debug: all of it)"
     print(f"rhs: {text}", file=sys.stderr)

@@ -14,6 +14,7 @@ import importlib.util
 import inspect
 import re
 import signal
+import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -79,8 +80,13 @@ def by_hand() -> list[Origin]:
     return [origin for _, origin in _by_hand.values()]
 
 
-@cache
 def _entry_points(kind: str) -> dict[str, list[EntryPoint]]:
+    return _on_path(kind, tuple(sys.path))
+
+
+@cache
+def _on_path(kind: str, path: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
+    """The entry points of the distributions on the path, which a process may change."""
     found: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=f"rhs.{kind}"):
         same = found.setdefault(point.name, [])
@@ -103,7 +109,7 @@ def origins(kind: str, name: str) -> list[Origin]:
 
 def forget() -> None:
     """Look at the installed distributions afresh at the next call."""
-    _entry_points.cache_clear()
+    _on_path.cache_clear()
     load.cache_clear()
     failure.cache_clear()
 

@@ -49,8 +49,9 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched) -> Gene
     keep_freed_memory()
     check_live(config.live)
     run = RunContext(config, folder, watch)
-    row: dict[str, Any] = {**identity(config), "commit": commit(), "versions": versions()}
+    row: dict[str, Any] = identity(config)
     begin_row(folder, row)
+    row |= {"commit": commit(), "versions": versions()}
     columns: Mapping[str, Any] = {}
     cause: BaseException | None = None
     with exit_noticed(lambda reason: run_ended(run, row, reason)):

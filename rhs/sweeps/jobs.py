@@ -26,7 +26,15 @@ from types import ModuleType
 from typing import Any
 
 from rhs.base.errors import RhsError
-from rhs.base.processes import children, kill_group, kill_strays, resident_bytes, total_memory_mb
+from rhs.base.processes import (
+    SWEEP_PATH,
+    THREADS,
+    children,
+    kill_group,
+    kill_strays,
+    resident_bytes,
+    total_memory_mb,
+)
 from rhs.config.compose import RunConfig, identity, to_plain
 from rhs.metrics.success import with_success
 from rhs.runfolder.folders import job_folder
@@ -144,6 +152,7 @@ class _Pool:
         self.running: list[_Running] = []
         self.outcome = Outcome()
         self.tries: Counter = Counter()
+        self.suspects: set[str] = set()  # ran when the server was killed: they are tried again, last and alone
         self.context = multiprocessing.get_context("forkserver")
         self.context.set_forkserver_preload([*PRELOAD, *asked_for(waiting)])
         self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
@@ -151,6 +160,8 @@ class _Pool:
     def fill(self) -> None:
         """Start as many as may run."""
         while self.waiting and len(self.running) < self.limits.jobs and not self.outcome.stopped:
+            if self.running and self.suspects & {self.waiting[-1].name, *(one.job.name for one in self.running)}:
+                return
             job = self.waiting.pop()
             self.tries[job.name] += 1
             try:
@@ -166,7 +177,7 @@ class _Pool:
         ours, theirs = self.context.Pipe(duplex=False)
         arguments = (to_plain(job.config), str(folder), self.lifeline, theirs)
         process = self.context.Process(target=work, args=arguments, daemon=False)
-        with _main_if_a_file():
+        with _as_on_the_command_line():
             process.start()
         theirs.close()
         return _Running(job, folder, process, ours, time.monotonic())
@@ -205,7 +216,11 @@ class _Pool:
         self._conclude(one.job, status, reason)
 
     def _conclude(self, job: Job, status: str, reason: str) -> None:
-        again = status == "killed" and not reason.startswith(TOO_MUCH) and not self.outcome.stopped
+        again = status == "killed" and not reason.startswith(TOO_MUCH) and not self.outcome.stopped and self.limits.retries
+        if again and reason == LOST and job.name not in self.suspects:
+            self.suspects.add(job.name)
+            self.waiting.insert(0, job)
+            return
         if again and self.tries[job.name] <= self.limits.retries:
             self.waiting.append(job)
             return
@@ -215,17 +230,24 @@ class _Pool:
 
 
 @contextlib.contextmanager
-def _main_if_a_file() -> Iterator[None]:
-    """multiprocessing runs the file of the main module again in each process; what was typed into a pipe has none."""
-    main = sys.modules["__main__"]
+def _as_on_the_command_line() -> Iterator[None]:
+    """For the start of a process: one thread each, whoever sweeps (sums must not depend on it), and our path for modules.
+    multiprocessing runs the file of the main module again in each process; what was typed into a pipe has none."""
+    main, environment = sys.modules["__main__"], dict(os.environ)
+    os.environ |= dict.fromkeys(THREADS, "1") | {SWEEP_PATH: os.pathsep.join(sys.path)}
     if not os.path.exists(getattr(main, "__file__", None) or ""):
         sys.modules["__main__"] = ModuleType("__main__")
     try:
         yield
     finally:
         sys.modules["__main__"] = main
+        for name in (*THREADS, SWEEP_PATH):
+            os.environ.pop(name)
+            if name in environment:
+                os.environ[name] = environment[name]
 
 
+LOST = "the process was lost: it, or the one that starts the jobs, was killed"
 TOO_MUCH = "took more memory than"
 
 
@@ -288,7 +310,7 @@ def _row_of(one: _Running) -> tuple[str, str]:
 
 def _fate(code: int | None) -> tuple[str, str]:
     if code is None or code == 255:  # what multiprocessing says when it lost sight of the process
-        return "killed", "the process was lost: it, or the one that starts the jobs, was killed"
+        return "killed", LOST
     if code < 0:
         with contextlib.suppress(ValueError):
             return "killed", f"the process was killed by {signal.Signals(-code).name}"

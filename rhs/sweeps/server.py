@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
 
 from rhs.api.contracts import PLUGIN_KINDS
-from rhs.base.processes import adopt_orphans
+from rhs.base.processes import SWEEP_PATH, adopt_orphans
 from rhs.base.provenance import commit, versions
 from rhs.config import registry
 
+sys.path[:] = os.environ[SWEEP_PATH].split(os.pathsep)  # where the process that sweeps looks for modules
 # What jobs left behind becomes this process's, for the sweep to find.
 adopt_orphans()
 warnings.filterwarnings("ignore", message="forkserver: waitpid returned unexpected pid")

@@ -13,7 +13,8 @@ from rhs.api.errors import check_choice, check_range
 
 NOTHING: frozenset[str] = frozenset()
 FAULTS = ("none", "raise", "exit", "os_exit", "kill", "segfault", "sleep", "spin", "none_result", "nan_pose", "shape",
-          "reseed", "mutate", "leak", "interrupt")
+          "reseed", "mutate", "leak", "interrupt", "os_exit_zero", "remove_folder", "thread", "child", "orphan", "memory",
+          "kill_server", "huge_reason", "escape")
 
 
 @dataclass
@@ -143,11 +144,15 @@ class Faulty(FakeOdometry):
         return Trouble(self, Counter(), context)
 
 
+MARK = "86399.25"  # seconds that the processes sleep which a part leaves behind; no other program does
+
+
 class Trouble:
     """An odometry that counts views and strikes at one of them."""
 
     def __init__(self, settings: Faulty, inner: Any, context: Any) -> None:
-        self.settings, self.inner, self.count, self.kept = settings, inner, 0, []
+        self.settings, self.inner, self.context = settings, inner, context
+        self.count, self.kept = 0, []
 
     def revise(self) -> None:
         return None
@@ -214,6 +219,51 @@ class Trouble:
     def spin(self, observation: Any, motion: Any) -> Any:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         time.sleep(3600)
+
+
+    def os_exit_zero(self, observation: Any, motion: Any) -> Any:
+        os._exit(0)
+
+    def remove_folder(self, observation: Any, motion: Any) -> Any:
+        import shutil
+
+        shutil.rmtree(self.context.folder)
+        return motion
+
+    def thread(self, observation: Any, motion: Any) -> Any:
+        import threading
+
+        threading.Thread(target=time.sleep, args=(3600,), daemon=False).start()
+        return motion
+
+    def child(self, observation: Any, motion: Any) -> Any:
+        import subprocess
+
+        subprocess.Popen(["sleep", MARK])
+        return motion
+
+    def orphan(self, observation: Any, motion: Any) -> Any:
+        import subprocess
+
+        subprocess.Popen(["sh", "-c", f"setsid sleep {MARK} & exit"], start_new_session=True)
+        return motion
+
+    def memory(self, observation: Any, motion: Any) -> Any:
+        while True:
+            self.kept.append(bytearray(os.urandom(1 << 20)) * 50)
+            time.sleep(0.05)
+
+    def kill_server(self, observation: Any, motion: Any) -> Any:
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(3600)
+
+    def huge_reason(self, observation: Any, motion: Any) -> Any:
+        from dataclasses import replace
+
+        return replace(motion, reason="x" * 131_073)
+
+    def escape(self, observation: Any, motion: Any) -> Any:
+        raise ValueError("\x1b]0;owned\x07\x1b[31m red")
 
 
 def _raise(self: Trouble, observation: Any, motion: Any) -> Any:

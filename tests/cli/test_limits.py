@@ -1,0 +1,151 @@
+"""Inputs that are small and ask for much: refused in one line, before anything is counted out, unpacked or waited for."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+from installing import CHOICE, FAKES, environment
+
+MOST_MB, MOST_S = 500.0, 2.0  # of memory, and of CPU time: the machine that tests may have other work
+
+
+def refused(folder: Path, *words: str, module: str = "rhs", code: int | tuple[int, ...] = 2, **more: str) -> str:
+    """The one line of a command that must refuse, within the limits."""
+    process = subprocess.Popen([sys.executable, "-m", module, *words], cwd=folder, env=environment(FAKES, **more),
+                               stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    error = process.stderr.read()  # type: ignore[union-attr]
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode in ((code,) if isinstance(code, int) else code), error
+    assert len(error.splitlines()) == 1 and len(error) < 260, error
+    assert usage.ru_maxrss / 1024 < MOST_MB and usage.ru_utime + usage.ru_stime < MOST_S
+    return error
+
+
+def png(width: int, height: int, *, bits: int = 8, colour: int = 0) -> bytes:
+    """A PNG of one colour: 20000 x 20000 in 400 kB."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    packer, row, packed = zlib.compressobj(9), bytes(1 + width * bits // 8), b""
+    for _ in range(height):
+        packed += packer.compress(row)
+    head = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed + packer.flush()) + chunk(b"IEND", b"")
+
+
+# --- words -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["-m", "seed=range(10000000000)"], "1e+10 jobs; at most 100000"), (["-m", "seed=range(1e300)"], "at most 100000"),
+    (["-m", "seed=range(0,1,0)"], "the step not 0"), (["-m", "seed=interval(0,1)"], "an interval has no values"),
+    (["seed=" + "9" * 5000], "4300 digits"), (["obstacles=" + "[" * 5000 + "]" * 5000], "nested more deeply than 64"),
+    (["output='~nosuchuser/x'"], "nosuchuser"), (["--resume"], "which sweep?"), (["--resume", "seed=3"], "which sweep?"),
+    (["-m", "seed=0", "--memory-mb", "-1"], "outside the allowed range"),
+])
+def test_words(tmp_path, words, says):
+    assert says in refused(tmp_path, *CHOICE, *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+ALIASES = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 9))
+
+
+@pytest.mark.parametrize(("text", "says"), [
+    (ALIASES, "aliases"), ("world: &a [*a]\n", "aliases"), ("obstacles: " + "[" * 3000 + "]" * 3000, "nested more deeply"),
+    ("seed: " + "9" * 5000, "5000 digits"), ("seed: [1, 2", "expected ',' or ']'"),
+])
+def test_experiments(tmp_path, text, says):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "e.yaml").write_text(f"# @package _global_\n{text}\n")
+    assert says in refused(tmp_path, *CHOICE, "--config-dir", ".", "experiment=e")
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def test_maps(tmp_path):
+    (tmp_path / "m.yaml").write_text("image: m.png\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    (tmp_path / "m.png").write_bytes(png(7000, 7000))
+    assert "7000 x 7000 cells" in refused(tmp_path, "task=planning", "world=m.yaml", "start=[1,1]", "goal=[2,2]")
+    (tmp_path / "m.map").write_text(f"type octile\nheight {'9' * 5000}\nwidth 5\nmap\n.....\n")
+    assert "height is '999" in refused(tmp_path, "task=planning", "world=m.map", "start=[1,1]", "goal=[2,2]")
+
+
+def tum(folder: Path, colour: bytes, depth: bytes) -> None:
+    (folder / "rgb").mkdir(parents=True)
+    (folder / "depth").mkdir()
+    (folder / "rgb" / "1.png").write_bytes(colour)
+    (folder / "depth" / "1.png").write_bytes(depth)
+    (folder / "rgb.txt").write_text("1.0 rgb/1.png\n")
+    (folder / "depth.txt").write_text("1.0 depth/1.png\n")
+
+
+def test_images_of_recordings(tmp_path):
+    tum(tmp_path / "bomb", png(20000, 20000), png(64, 48, bits=16))
+    words = ["task=survey", "source=replay", "source.path=bomb", "source.camera=[50,50,32,24]", "output=o"]
+    assert "20000 x 20000 pixels" in refused(tmp_path, *words)
+    assert not (tmp_path / "o").exists()
+
+
+def chunk_bomb(records: bytes, count: int) -> bytes:
+    """An MCAP file whose chunks all hold these records, packed well."""
+    import zstandard
+
+    packed = zstandard.ZstdCompressor(level=3).compress(records)
+    head = struct.pack("<QQQI", 0, 0, len(records), 0) + struct.pack("<I", 4) + b"zstd"
+    body = head + struct.pack("<Q", len(packed)) + packed
+    header = struct.pack("<BQ", 1, 8) + struct.pack("<II", 0, 0)
+    return b"\x89MCAP0\r\n" + header + (struct.pack("<BQ", 6, len(body)) + body) * count
+
+
+def test_chunks_that_unpack_without_end(tmp_path):
+    (tmp_path / "bomb.mcap").write_bytes(chunk_bomb(bytes(255 << 20), 40))
+    assert "claim to unpack to" in refused(tmp_path, "bomb.mcap", "out.mcap", module="rhs.convert", code=(1, 2))
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_a_chunk_of_nothing_but_empty_records_is_damage(tmp_path):
+    (tmp_path / "empty.mcap").write_bytes(chunk_bomb(bytes(9 * 1_000_000), 1))
+    error = refused(tmp_path, "empty.mcap", "out.mcap", module="rhs.convert", code=3)
+    assert "a chunk holds a record of code 0" in error
+
+
+@pytest.mark.parametrize("what", ["fifo", "device"])
+def test_what_is_no_file_is_not_read(tmp_path, what):
+    if what == "fifo":
+        for name in ("x.mcap", "x.yaml", "x.tum", "x.map"):
+            os.mkfifo(tmp_path / name)
+    else:
+        for name in ("x.mcap", "x.yaml", "x.tum", "x.map"):
+            (tmp_path / name).symlink_to("/dev/zero")
+    refused(tmp_path, "x.mcap", "out.mcap", module="rhs.convert")
+    refused(tmp_path, "x.tum", "x.tum", module="rhs.evaluate")
+    refused(tmp_path, "task=planning", "world=x.yaml")
+    refused(tmp_path, "task=planning", "world=x.map", "start=[1,1]", "goal=[2,2]")
+    refused(tmp_path, "task=survey", "source=replay", "source.path=x.mcap")
+
+
+# --- plugins ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_plugin_that_never_ends_importing_does_not_hang_the_help(tmp_path):
+    (tmp_path / "slow-1.0.dist-info").mkdir()
+    (tmp_path / "slow-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: slow\nVersion: 1.0\n")
+    (tmp_path / "slow-1.0.dist-info" / "entry_points.txt").write_text("[rhs.planner]\nsleepy = sleepy:Sleepy\n")
+    (tmp_path / "sleepy.py").write_text("import time\ntry:\n    time.sleep(3600)\nexcept Exception:\n    time.sleep(3600)\n")
+    done = subprocess.run([sys.executable, "-m", "rhs", "--help"], cwd=tmp_path, env=environment(tmp_path),
+                          capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0
+    told = done.stdout[done.stdout.index("planner=sleepy"):][:300]
+    assert "NOT USABLE" in told and "took longer than" in " ".join(told.split())
