@@ -21,8 +21,8 @@ STRANGERS = sorted((ROOT / "tests" / "thirdparty").rglob("*.py"))
 FLOORS = [
     {"base"},
     {"api"},
-    {"estimation", "plots", "worlds"},
-    {"config", "recording", "runfolder"},
+    {"config", "estimation", "plots", "worlds"},
+    {"recording", "runfolder"},
     {"metrics", "testing"},
     {"reports"},
     {"patrol"},

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rhs.api.records import Belief, Knowing, Motion, Observation, View
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation, View
 
 
 @dataclass
@@ -26,7 +26,7 @@ class DeadReckoning:
     def __init__(self) -> None:
         import numpy as np
 
-        self._belief = Belief(np.eye(4), np.diag([100.0] * 3 + [10.0] * 3), Knowing.LOST, 0.0)
+        self._belief = Belief(np.eye(4), np.diag([100.0] * 3 + [10.0] * 3), BeliefStatus.LOST, 0.0)
 
     def learn(self, views: Sequence[View], grid: Any) -> None:
         """Nothing: dead reckoning has no use for the survey."""

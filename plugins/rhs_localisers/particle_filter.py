@@ -10,6 +10,7 @@ from the cloud turn it into particles.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -17,10 +18,10 @@ from rhs.api.belief import RIGHT_M, RIGHT_RAD
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar, se2
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, Knowing, Motion, Observation, Scan, View
-from rhs.estimation.filters.clusters import Caution, believed, heaps, resampled_by_heaps, reweighted_by_heaps
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Scan, View
+from rhs.estimation.filters.clusters import believed, cluster_labels, resampled_by_clusters, reweighted_by_clusters
 from rhs.estimation.filters.particles import (
-    Cloud,
+    ParticleSet,
     Peak,
     SizeLaw,
     around,
@@ -31,42 +32,45 @@ from rhs.estimation.filters.particles import (
     peak,
     reweighted,
 )
-from rhs.estimation.scans.likelihood_field import FieldSettings, LikelihoodField
-from rhs.estimation.views.motion_consistency import CARRIED, Continuity, scan_continuity
-from rhs.estimation.views.view_support import SILENCE
+from rhs.estimation.scans.likelihood_field import LikelihoodField
+from rhs.estimation.views.motion_consistency import Continuity, scan_continuity
 
+from .advanced import ParticleAdvanced, ScanAdvanced
+from .confirmation import Confirmation, Contradiction
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
-from .particle_places import Hearing, Places
+from .particle_places import NamedPlaces, PlaceEvidence
 from .scan_search import summits, throws
-from .vouching import Rumour, Vouching
 
-CAUTION = Caution()
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
-SHAKEN = 0.75  # below this mass a robot with places has to hear of one before it tracks again: scans fit every corridor
-SEARCHING = 0.2  # above this chance of being elsewhere a filter without places searches the whole map
-LONG_SURE = 10  # views of knowing its place after which a robot takes what is not on the map for something new
-BASE_SIGMA = np.array([0.005, 0.005, 0.003])  # least motion noise: metres, metres, radians
 
 
 class ParticleLocaliser:
-    """See rhs.contracts.Localiser. places: evidence from stored views, or None for scans alone."""
+    """See rhs.api.contracts.Localiser. places: evidence from stored views, or None for scans alone."""
 
-    def __init__(self, settings: ParticleFilter | ParticleFilterScan, context: Context, places: Places | None) -> None:
+    def __init__(
+        self, settings: ParticleFilter | ParticleFilterScan, context: Context, places: PlaceEvidence | None
+    ) -> None:
         self._settings, self._places, self._rng = settings, places, context.rng
-        self._law = SizeLaw(settings.particles_min, settings.particles_max)
+        a = self._advanced = settings.advanced
+        self._law = SizeLaw(settings.particles_min, settings.particles_max, a.kld_epsilon, a.kld_quantile, a.kld_cell_m,
+                            float(np.radians(a.kld_cell_deg)))
+        self._base_sigma = np.array([a.base_sigma_m, a.base_sigma_m, a.base_sigma_rad])
+        self._by_places = a if isinstance(a, ParticleAdvanced) else ParticleAdvanced()
+        self._rules = self._by_places.confirmation
         self._field: LikelihoodField | None = None
-        self._cloud: Cloud | None = None
+        self._cloud: ParticleSet | None = None
         self._elsewhere = 1.0
         self._peak: Peak | None = None
         self._expected: np.ndarray | None = None  # where the last belief and the motion since put the robot
         self._scan: Scan | None = None  # the last one
-        self._rumour = Rumour()
+        self._contradiction = Contradiction(self._rules)
         self._sure_views = 0
-        self._vouching = Vouching(places is None)
+        self._confirmation = Confirmation(places is None, self._rules)
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
-        self._field = LikelihoodField(grid, FieldSettings(trust=self._settings.scan_trust, surprise=self._settings.surprise))
+        s = self._settings
+        self._field = LikelihoodField(grid, s.advanced.likelihood, trust=s.scan_trust, surprise=s.surprise)
         if self._places is not None:
             self._places.learn(views, grid)
 
@@ -77,34 +81,35 @@ class ParticleLocaliser:
             states = self._field.anywhere(self._settings.particles_max, self._rng)
             self._elsewhere = 0.5
         else:
-            spread = belief.covariance[PLANE] + np.diag(BASE_SIGMA**2)
+            spread = belief.covariance[PLANE] + np.diag(self._base_sigma**2)
             states = around(planar(belief.map_from_body), spread, 2 * self._settings.particles_min, self._rng)
             self._elsewhere = float(np.clip(1.0 - belief.probability, 1e-4, 0.99))
         self._cloud = even(states)
         self._peak, self._scan = None, None
         if self._places is not None:
             self._places.watching.begin()
-        self._rumour = Rumour()
-        told = belief is not None and belief.probability > 0.9
-        self._sure_views = LONG_SURE if told else 0
-        self._vouching = Vouching(told or self._places is None)
+        self._contradiction = Contradiction(self._rules)
+        given = belief is not None and belief.probability > 0.9
+        self._sure_views = self._advanced.long_sure if given else 0
+        self._confirmation = Confirmation(given or self._places is None, self._rules)
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
-        """Move, weigh, let the places speak, resample, and say what is believed."""
+        """Move, weigh, use the named places, resample, and say what is believed."""
         assert self._cloud is not None and self._field is not None, "start() comes before update()"
         self._move(motion)
         self._watch(observation, motion)
         self._weigh(observation, motion)
-        self._hear_places(observation, motion)
+        self._use_places(observation, motion)
         if effective_size(self._cloud) < 0.5 * len(self._cloud):
-            self._cloud = resampled_by_heaps(self._cloud, self._law, self._rng)
-        self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD)
+            self._cloud = resampled_by_clusters(self._cloud, self._law, self._rng, self._advanced.clusters)
+        self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD, cluster_m=self._advanced.cluster_m,
+                          cluster_rad=self._advanced.cluster_rad)
         if self._places is not None:
             if self._expected is not None:
-                self._vouching.follow(self._expected, self._peak.mean)
-            if self._peak.mass * (1.0 - self._elsewhere) < SHAKEN:
-                self._vouching.divided()
-        self._sure_views = self._sure_views + 1 if self._status() is Knowing.TRACKING else 0
+                self._confirmation.follow(self._expected, self._peak.mean)
+            if self._peak.mass * (1.0 - self._elsewhere) < self._by_places.shaken:
+                self._confirmation.divided()
+        self._sure_views = self._sure_views + 1 if self._status() is BeliefStatus.TRACKING else 0
         return self._belief(self._peak)
 
     def _watch(self, observation: Observation, motion: Motion) -> None:
@@ -112,23 +117,23 @@ class ParticleLocaliser:
         self._expected = None if self._peak is None else planar(se2(*self._peak.mean) @ motion.previous_from_body)
         if self._places is not None:
             seen = self._places.watching.goes_on(observation, motion, self._expected)
-            self._rumour.move(motion.previous_from_body)
-            self._vouching.travel(motion.previous_from_body, seen)
+            self._contradiction.move(motion.previous_from_body)
+            self._confirmation.travel(motion.previous_from_body, seen)
         else:
             last, self._scan = self._scan, scan_of(observation, motion)
-            seen = scan_continuity(last, self._scan, motion.previous_from_body)
+            seen = scan_continuity(last, self._scan, motion.previous_from_body, self._advanced.continuity)
         if seen is Continuity.BROKEN:
             self._sure_views = 0
-            self._elsewhere = max(self._elsewhere, CARRIED)
+            self._elsewhere = max(self._elsewhere, self._advanced.continuity.carried)
 
     def _move(self, motion: Motion) -> None:
         travel = planar(motion.previous_from_body)
         share = self._settings.motion_share
         length_m, turn_rad = float(np.hypot(travel[0], travel[1])), abs(float(travel[2]))
-        sigma = BASE_SIGMA + share * np.array([length_m, length_m, turn_rad + 0.2 * length_m])
+        sigma = self._base_sigma + share * np.array([length_m, length_m, turn_rad + 0.2 * length_m])
         covariance = motion.covariance[PLANE] + np.diag(sigma**2)
         assert self._cloud is not None
-        self._cloud = Cloud(displaced(self._cloud.states, travel, covariance, self._rng), self._cloud.log_weights)
+        self._cloud = ParticleSet(displaced(self._cloud.states, travel, covariance, self._rng), self._cloud.log_weights)
         self._elsewhere += self._settings.kidnap_rate * (1.0 - self._elsewhere)
 
     def _weigh(self, observation: Observation, motion: Motion) -> None:
@@ -137,16 +142,21 @@ class ParticleLocaliser:
         The less the robot knows, the more scouts there are, and the more of them join the cloud: as they are where places
         are to be named, else the places that they climb to."""
         assert self._cloud is not None and self._field is not None
-        searching = self._places is None and self._elsewhere >= SEARCHING and scan_of(observation, motion) is not None
-        scouts = even(self._field.anywhere(throws(self._field.area_m2) if searching else self._scouts(), self._rng))
+        a, search = self._advanced, None
+        if isinstance(a, ScanAdvanced) and self._elsewhere >= a.searching and scan_of(observation, motion) is not None:
+            search = a.search
+        count = self._scouts() if search is None else throws(self._field.area_m2, search)
+        scouts = even(self._field.anywhere(count, self._rng))
         evidence = self._evidence(np.concatenate([self._cloud.states, scouts.states]), observation, motion)
         here, there = evidence[: len(self._cloud)], evidence[len(self._cloud) :]
-        self._cloud, gain = reweighted_by_heaps(self._cloud, here, heaps(self._cloud.states), CAUTION)
+        labels = cluster_labels(self._cloud.states, a.clusters)
+        self._cloud, gain = reweighted_by_clusters(self._cloud, here, labels, a.clusters)
         weighed, gain_elsewhere = reweighted(scouts, there)
         self._share_out(gain, gain_elsewhere)
         if self._elsewhere > 0.02:
-            if searching:
-                weighed = summits(scouts.states, there, lambda s: self._evidence(s, observation, motion), self._rng)
+            if search is not None:
+                score = partial(self._evidence, observation=observation, motion=motion)
+                weighed = summits(scouts.states, there, score, self._rng, search)
             joining = 0.5 * self._elsewhere
             self._cloud = merged(self._cloud, 1.0 - self._elsewhere, weighed, joining)
             self._elsewhere -= joining
@@ -156,9 +166,10 @@ class ParticleLocaliser:
         return max(few, int(self._elsewhere * self._settings.particles_max)) if self._elsewhere > 0.05 else few
 
     def _share_out(self, gain: float, gain_elsewhere: float) -> None:
-        """Bayes between the cloud and `elsewhere`, as cautiously as between heaps."""
+        """Bayes between the cloud and `elsewhere`, as cautiously as between clusters."""
+        caution = self._advanced.clusters
         ahead = min(max(gain_elsewhere - gain, -50.0), 50.0)
-        ahead = float(np.sign(ahead)) * max(abs(ahead) - CAUTION.margin, 0.0) * CAUTION.share
+        ahead = float(np.sign(ahead)) * max(abs(ahead) - caution.margin, 0.0) * caution.share
         odds = np.log(self._elsewhere) - np.log1p(-self._elsewhere) + ahead
         self._elsewhere = self._bounded(1.0 / (1.0 + np.exp(-odds)))
 
@@ -171,75 +182,77 @@ class ParticleLocaliser:
         scan = scan_of(observation, motion)
         out = np.zeros(len(states))
         if scan is not None and self._settings.scan_trust > 0:
-            out += self._field.log_likelihood(states, scan, forgiving=self._sure_views >= LONG_SURE)
-        if self._places is not None and not self._vouching.held:  # a robot that knows its place is not moved by likeness
+            out += self._field.log_likelihood(states, scan, forgiving=self._sure_views >= self._advanced.long_sure)
+        if self._places is not None and not self._confirmation.held:  # a robot that knows its place is not moved by likeness
             out += self._places.log_likelihood(states, observation)
         return out
 
-    def _hear_places(self, observation: Observation, motion: Motion) -> None:
+    def _use_places(self, observation: Observation, motion: Motion) -> None:
         """Weigh by verified places and put particles there, as far as `elsewhere` allows."""
         assert self._cloud is not None
-        if self._places is None or not self._places.due(sure=self._status() is Knowing.TRACKING):
+        if self._places is None or not self._places.due(sure=self._status() is BeliefStatus.TRACKING):
             return
-        hearing = self._places.hear(observation, believed(self._cloud))
-        if not hearing.claims:
-            self._hear_nothing(observation)
+        named = self._places.named(observation, believed(self._cloud, self._advanced.clusters))
+        if not named.claims:
+            self._use_silence(observation)
             return
-        if self._expected is not None and not self._heeds(hearing, self._expected, scan_of(observation, motion)):
+        if self._expected is not None and not self._accepts(named, self._expected, scan_of(observation, motion)):
             return
-        self._cloud, gain = reweighted(self._cloud, hearing.log_likelihood(self._cloud.states))
-        fresh = even(hearing.draw(max(self._settings.particles_min // 2, 1), self._rng))
-        there = self._elsewhere * hearing.support
+        self._cloud, gain = reweighted(self._cloud, named.log_likelihood(self._cloud.states))
+        fresh = even(named.draw(max(self._settings.particles_min // 2, 1), self._rng))
+        there = self._elsewhere * named.hit
         here = (1.0 - self._elsewhere) * float(np.exp(min(gain, 50.0)))
-        rest = self._elsewhere * hearing.miss
+        rest = self._elsewhere * named.miss
         total = there + here + rest
         self._elsewhere = self._bounded(rest / total)
         self._cloud = merged(self._cloud, max(here, 1e-12) / total, fresh, there / total)
 
-    def _hear_nothing(self, observation: Observation) -> None:
+    def _use_silence(self, observation: Observation) -> None:
         """No place was recognised; that speaks against the belief where one ought to be."""
         assert self._places is not None
         if self._expected is None or not self._places.expects(observation, self._expected):
             return
         self._places.doubt(True)
-        if self._vouching.silent():
-            odds = SILENCE * self._elsewhere / (1.0 - self._elsewhere)
+        if self._confirmation.silent():
+            odds = self._by_places.places.explain.silence * self._elsewhere / (1.0 - self._elsewhere)
             self._elsewhere = self._bounded(odds / (1.0 + odds))
 
-    def _heeds(self, hearing: Hearing, expected: np.ndarray, scan: Scan | None) -> bool:
-        """Whether the named places may move the belief; what they do to its standing is noted. A place vouches only if the
+    def _accepts(self, named: NamedPlaces, expected: np.ndarray, scan: Scan | None) -> bool:
+        """Whether the named places may move the belief; what they do to its standing is noted. A place confirms only if the
         scan could have been taken there, too."""
         assert self._places is not None
-        contradicted = not hearing.confirms(expected)
+        contradicted = not named.confirms(expected)
         self._places.doubt(contradicted)
-        named = [mean for mean, _, _ in hearing.claims]
+        poses = [mean for mean, _, _ in named.claims]
         against = contradicted and self._sure_views > 0
-        if against and not hearing.strong or not self._rumour.convinces(named, against=against, held=self._vouching.held):
+        if against and not named.strong:
             return False
-        if contradicted and hearing.strong:
-            self._vouching.hear(False)
-            self._vouching.doubt()
-        elif not contradicted and (self._vouching.vouched or (hearing.strong and self._places.fits(scan, expected))):
-            self._vouching.hear(True)
+        if not self._contradiction.convinces(poses, against=against, held=self._confirmation.held):
+            return False
+        if contradicted and named.strong:
+            self._confirmation.place_named(agrees=False)
+            self._confirmation.doubt()
+        elif not contradicted and (self._confirmation.confirmed or (named.strong and self._places.fits(scan, expected))):
+            self._confirmation.place_named(agrees=True)
         return True
 
-    def _status(self) -> Knowing:
+    def _status(self) -> BeliefStatus:
         if self._peak is None:
-            return Knowing.LOST
+            return BeliefStatus.LOST
         mass = self._peak.mass * (1.0 - self._elsewhere)
-        named_elsewhere = self._rumour.pending >= 2 and not self._vouching.held
-        if mass >= self._settings.tracking_above and self._vouching.vouched and not named_elsewhere:
-            return Knowing.TRACKING
-        return Knowing.CONVERGING if mass >= self._settings.lost_below else Knowing.LOST
+        named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held
+        if mass >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
+            return BeliefStatus.TRACKING
+        return BeliefStatus.CONVERGING if mass >= self._settings.lost_below else BeliefStatus.LOST
 
-    def _belief(self, heap: Peak) -> Belief:
+    def _belief(self, cluster: Peak) -> Belief:
         covariance = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])
-        covariance[PLANE] = heap.covariance
+        covariance[PLANE] = cluster.covariance
         assert self._cloud is not None
-        details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "heap_mass": heap.mass}
-        standing = self._rumour.chance(held=self._vouching.held) * self._vouching.chance
-        probability = heap.near * (1.0 - self._elsewhere) * standing
-        return Belief(se2(*heap.mean), covariance, self._status(), probability, details)
+        details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "cluster_mass": cluster.mass}
+        standing = self._contradiction.chance(held=self._confirmation.held) * self._confirmation.chance
+        probability = cluster.near * (1.0 - self._elsewhere) * standing
+        return Belief(se2(*cluster.mean), covariance, self._status(), probability, details)
 
 
 def scan_of(observation: Observation, motion: Motion) -> Scan | None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
+
+from .advanced import ParticleAdvanced, ScanAdvanced
 
 
 @dataclass
@@ -15,39 +17,36 @@ class ParticleFilter:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Fewest particles, when the belief is sharp.
     particles_min: int = 500
-    # Most particles, when the robot may be anywhere.
+    """Fewest particles, when the belief is sharp."""
     particles_max: int = 4000
-    # Particles thrown over the whole map at each view, to notice that the robot has been carried away.
+    """Most particles, when the robot may be anywhere."""
     scouts: int = 100
-    # Exponent on the likelihood of a scan (0: scans are ignored); beams share their errors, so 1 is far too sure.
+    """Particles thrown over the whole map at each view, to notice that the robot has been carried away."""
     scan_trust: float = 0.25
-    # How much a view's likeness to the stored view nearest a particle counts (0: not at all).
+    """Exponent on the likelihood of a scan (0: scans are ignored); beams share their errors, so 1 is far too sure."""
     likeness_trust: float = 6.0
-    # Views between two geometric checks while the robot knows its place; while it does not, every view is checked.
+    """How much a view's likeness to the stored view nearest a particle counts (0: not at all)."""
     check_every: int = 3
-    # Candidates checked by geometry.
+    """Views between two geometric checks while the robot knows its place; while it does not, every view is checked."""
     checks: int = 5
-    # Key-points that must agree on one motion between the views.
+    """Candidates checked by geometry."""
     min_inliers: int = 15
-    # Chance that a verified place answer is right.
+    """Key-points that must agree on one motion between the views."""
     p_true: float = 0.9
-    # Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
-    # place (a logarithm, per view): something new may stand there. Places tell it when it was carried away.
+    """Chance that a verified place answer is right."""
     surprise: float = 1.0
     """Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
     place (a logarithm, per view): something new may stand there. Recognised places show when it was carried away."""
-    # Chance per view that somebody carries the robot elsewhere.
     kidnap_rate: float = 0.0001
-    # Odometry noise assumed besides its own covariance, share of the motion.
+    """Chance per view that somebody carries the robot elsewhere."""
     motion_share: float = 0.05
-    # Above this share of the weight in one heap the robot calls itself tracking ...
+    """Odometry noise assumed besides its own covariance, share of the motion."""
     tracking_above: float = 0.9
     """Above this share of the weight in one cluster the robot calls itself tracking."""
-    # ... and below this one lost.
     lost_below: float = 0.5
     """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
+    advanced: ParticleAdvanced = field(default_factory=ParticleAdvanced)
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter", self)
@@ -60,9 +59,9 @@ class ParticleFilter:
 
     def build(self, context: Any) -> Any:
         from .particle_filter import ParticleLocaliser
-        from .particle_places import Places
+        from .particle_places import PlaceEvidence
 
-        return ParticleLocaliser(self, context, Places(self, context))
+        return ParticleLocaliser(self, context, PlaceEvidence(self, context))
 
 
 @dataclass
@@ -72,28 +71,27 @@ class ParticleFilterScan:
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Fewest particles, when the belief is sharp.
     particles_min: int = 500
-    # Most particles, when the robot may be anywhere; a scan says less than a view, so more than with places.
+    """Fewest particles, when the belief is sharp."""
     particles_max: int = 10000
-    # Particles thrown over the whole map at each view, to notice that the robot has been carried away.
+    """Most particles, when the robot may be anywhere; a scan says less than a view, so more than with places."""
     scouts: int = 100
-    # Exponent on the likelihood of a scan; beams share their errors, so 1 is far too sure.
+    """Particles thrown over the whole map at each view, to notice that the robot has been carried away."""
     scan_trust: float = 0.25
-    # Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
-    # place (a logarithm, per view): something new may stand there. 100: it counts in full, since
-    # nothing but scans can tell this filter.
+    """Exponent on the likelihood of a scan; beams share their errors, so 1 is far too sure."""
     surprise: float = 100.0
-    # Chance per view that somebody carries the robot elsewhere.
+    """Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
+    place (a logarithm, per view): something new may stand there. 100: it counts in full, since nothing but scans
+    can tell this filter."""
     kidnap_rate: float = 0.0001
-    # Odometry noise assumed besides its own covariance, share of the motion.
+    """Chance per view that somebody carries the robot elsewhere."""
     motion_share: float = 0.05
-    # Above this share of the weight in one heap the robot calls itself tracking ...
+    """Odometry noise assumed besides its own covariance, share of the motion."""
     tracking_above: float = 0.9
     """Above this share of the weight in one cluster the robot calls itself tracking."""
-    # ... and below this one lost.
     lost_below: float = 0.5
     """Below this share of the weight in the heaviest cluster the robot calls itself lost."""
+    advanced: ScanAdvanced = field(default_factory=ScanAdvanced)
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter_scan", self)

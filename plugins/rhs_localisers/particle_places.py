@@ -14,38 +14,36 @@ from rhs.api.jit import compiled
 from rhs.api.records import Observation, Scan, View
 from rhs.estimation.filters.particles import around
 from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.explainability import expected
 from rhs.estimation.views.features import features
-from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings, shares
+from rhs.estimation.views.place_database import PlaceDatabase, shares
 from rhs.estimation.views.place_memory import Memory, memory_of
 from rhs.estimation.views.retrieval import Vlad
-from rhs.estimation.views.view_pose import SightingSettings
-from rhs.estimation.views.view_support import expected
+from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
+from .advanced import ConfirmationRules, ParticleAdvanced
+from .confirmation import fits, possible, same_place
+from .continuity_watch import ContinuityWatch
 from .particle_filter_config import ParticleFilter
-from .vouching import STRONG, fits, possible, same_place
-from .watching import Watching
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
-CLAIM_SIGMA = np.array([0.05, 0.05, 0.02])  # least spread of a claim: what the check's own covariance leaves out
 CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to this pose"
-WEAK = 0.5  # chance that a place named with little support is right
-NEAR_M, NEAR_RAD = 1.2, np.radians(35.0)  # a stored view further off says nothing about a pose
-METRES_PER_RADIAN = 2.0  # turning by a radian changes the view as much as moving by so many metres
 
 
 @dataclass(frozen=True, eq=False)
-class Hearing:
+class NamedPlaces:
     """Verified places of one view. claims: (mean (3,), covariance (3, 3), share) each. areas: how many places could have
     been named; p_true: chance that a named place is right. Likelihoods are relative to that of a random naming. strong: the
-    best of them has so much support that it can vouch."""
+    best of them explains so much of the view that it can confirm."""
 
     claims: tuple[tuple[np.ndarray, np.ndarray, float], ...]
     areas: float
     p_true: float
     strong: bool = True
+    rules: ConfirmationRules = ConfirmationRules()
 
     @property
-    def support(self) -> float:
+    def hit(self) -> float:
         """Likelihood of these claims for a robot that stands where they say, but was not expected there."""
         return self.p_true
 
@@ -67,7 +65,7 @@ class Hearing:
 
     def confirms(self, mean: np.ndarray) -> bool:
         """Whether a claim is the place of a planar pose (3,)."""
-        return any(same_place(claim, mean) for claim, _, _ in self.claims)
+        return any(same_place(claim, mean, self.rules) for claim, _, _ in self.claims)
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """(count, 3) states round the claims, as many round each as its share."""
@@ -78,28 +76,29 @@ class Hearing:
         )
 
 
-class Places:
+class PlaceEvidence:
     """Evidence from stored views. watching: whether each view goes on from the last."""
 
-    watching: Watching
+    watching: ContinuityWatch
 
     def __init__(self, settings: ParticleFilter, context: Context) -> None:
         self._settings, self._context = settings, context
         self._vlad: Vlad | None = None
         self._since_check = settings.check_every
-        self._heard: tuple[Observation, np.ndarray] | None = None
+        self._likenesses: tuple[Observation, np.ndarray] | None = None
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the views and tabulate which of them is nearest to any pose."""
-        self._walls = ScanMatcher(grid)
-        self.watching = Watching(self._context.features, self._walls)
-        sighting = SightingSettings(self._settings.min_inliers, ratio=self._context.features.ratio)
+        a = self._settings.advanced
+        self._walls = ScanMatcher(grid, a.match)
+        self.watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
+        sighting = SightingSettings(self._settings.min_inliers, a.min_coverage, self._context.features.ratio, a.ransac)
         memory = memory_of(views)
-        settings = PlaceSettings("vlad", self._settings.checks, sighting=sighting)
+        settings = PlaceSettings("vlad", self._settings.checks, sighting, a.places)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
         self._vlad = self._database.retrieval if isinstance(self._database.retrieval, Vlad) else None
         self._areas = max(2.0, 0.5 * len(memory))
-        self._table = NearestView(memory)
+        self._table = NearestView(memory, a)
 
     def log_likelihood(self, states: np.ndarray, observation: Observation) -> np.ndarray:
         """(N,) how much more the view looks like the stored view nearest each state than like an average one."""
@@ -126,54 +125,57 @@ class Places:
 
     def expects(self, observation: Observation, mean: np.ndarray) -> bool:
         """Whether this view, taken from a planar pose (3,), ought to be recognised."""
-        return expected(self._database.memory, features(observation, self._context.features), se2(*mean))
+        return expected(self._database.memory, features(observation, self._context.features), se2(*mean),
+                        self._settings.advanced.places.explain)
 
-    def hear(self, observation: Observation, believed: Sequence[np.ndarray]) -> Hearing:
+    def named(self, observation: Observation, believed: Sequence[np.ndarray]) -> NamedPlaces:
         """Ask the database where this was seen; the poses believed in (4x4) are checked as well."""
         answer = self._database.ask(features(observation, self._context.features), observation.camera, believed)
-        places = possible(answer, self._walls)
+        a = self._settings.advanced
+        places, least = possible(answer, self._walls, a.confirmation), (a.claim_sigma_m, a.claim_sigma_m, a.claim_sigma_rad)
         claims = tuple(
-            (planar(r.map_from_body), r.covariance[PLANE] + np.diag(CLAIM_SIGMA**2), float(share))
-            for r, share in zip(places, shares(places), strict=True)
+            (planar(r.map_from_body), r.covariance[PLANE] + np.diag(np.array(least) ** 2), float(share))
+            for r, share in zip(places, shares(places, a.places), strict=True)
         )
-        strong = bool(places) and places[0].score >= STRONG
-        return Hearing(claims, self._areas, self._settings.p_true if strong else WEAK, strong)
+        strong = bool(places) and places[0].score >= a.confirmation.strong
+        return NamedPlaces(claims, self._areas, self._settings.p_true if strong else a.weak, strong, a.confirmation)
 
     def fits(self, scan: Scan | None, pose: np.ndarray) -> bool:
         """Whether the scan could have been taken from a planar pose (3,)."""
-        return fits(scan, self._walls, pose)
+        return fits(scan, self._walls, pose, self._settings.advanced.confirmation)
 
     def _likeness(self, observation: Observation) -> np.ndarray:
-        if self._heard is None or self._heard[0] is not observation:
+        if self._likenesses is None or self._likenesses[0] is not observation:
             assert self._vlad is not None
             seen = features(observation, self._context.features)
-            self._heard = (observation, self._vlad.likeness(seen.descriptors))
-        return self._heard[1]
+            self._likenesses = (observation, self._vlad.likeness(seen.descriptors))
+        return self._likenesses[1]
 
 
 class NearestView:
     """Table over cells and headings: which stored view is nearest, -1 where none is near."""
 
-    def __init__(self, memory: Memory) -> None:
+    def __init__(self, memory: Memory, s: ParticleAdvanced) -> None:
+        near_rad = np.radians(s.near_deg)
         stands = np.array([planar(pose) for pose in memory.poses]).reshape(-1, 3)
         self._table: np.ndarray = np.full((1, 1, HEADINGS), -1)
         if len(stands) == 0:
             self._corner = np.zeros(2)
             return
-        self._corner = stands[:, :2].min(axis=0) - 2.0 * NEAR_M
-        size = np.ceil((stands[:, :2].max(axis=0) + 2.0 * NEAR_M - self._corner) / CELL_M).astype(int)
+        self._corner = stands[:, :2].min(axis=0) - 2.0 * s.near_m
+        size = np.ceil((stands[:, :2].max(axis=0) + 2.0 * s.near_m - self._corner) / CELL_M).astype(int)
         x = self._corner[0] + (np.arange(size[0]) + 0.5) * CELL_M
         y = self._corner[1] + (np.arange(size[1]) + 0.5) * CELL_M
         heading = (np.arange(HEADINGS) + 0.5) * 2.0 * np.pi / HEADINGS - np.pi
         best = np.full((size[0], size[1], HEADINGS), np.inf)
         self._table = np.full(best.shape, -1)
         for place, (px, py, yaw) in enumerate(stands):
-            near_x, near_y = np.abs(x - px) <= NEAR_M, np.abs(y - py) <= NEAR_M
+            near_x, near_y = np.abs(x - px) <= s.near_m, np.abs(y - py) <= s.near_m
             turned = np.abs(wrap(heading - yaw))
-            box = np.ix_(near_x, near_y, turned <= NEAR_RAD)
+            box = np.ix_(near_x, near_y, turned <= near_rad)
             gap = np.hypot((x[near_x] - px)[:, None], (y[near_y] - py)[None, :])[:, :, None]
-            cost = gap + METRES_PER_RADIAN * turned[turned <= NEAR_RAD]
-            cost = np.where(gap <= NEAR_M, cost, np.inf)
+            cost = gap + s.metres_per_radian * turned[turned <= near_rad]
+            cost = np.where(gap <= s.near_m, cost, np.inf)
             closer = cost < best[box]
             best[box] = np.where(closer, cost, best[box])
             self._table[box] = np.where(closer, place, self._table[box])

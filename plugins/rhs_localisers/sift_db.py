@@ -1,9 +1,9 @@
 """Localiser `sift_db`: odometry, corrected by places it has seen before, held to the walls of the map by the scan.
 
 Between places the belief is dead reckoning with a growing covariance, and every few views the scan is laid onto the map
-(rhs.scanmatch): it corrects what it can see, which along a corridor is the side and the heading. Every few views the
-place database is asked; its verified answers confirm, correct or replace the guesses (rhs.hypotheses). When it abstains
-nothing changes.
+(rhs.estimation.scans.scan_match): it corrects what it can see, which along a corridor is the side and the heading.
+Every few views the place database is asked; its verified answers confirm, correct or replace the guesses
+(rhs.estimation.filters.pose_hypotheses). When it abstains nothing changes.
 """
 
 from __future__ import annotations
@@ -17,23 +17,32 @@ from rhs.api.belief import chance_right
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, Knowing, Motion, Observation, Scan, View
-from rhs.estimation.filters.pose_hypotheses import Claim, Guesses, Trust, begin, carried, confirms, predict, silent, update
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Scan, View
+from rhs.estimation.filters.pose_hypotheses import (
+    Hypotheses,
+    PlaceFix,
+    Trust,
+    begin,
+    carried,
+    confirms,
+    predict,
+    silent,
+    update,
+)
 from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.explainability import expected
 from rhs.estimation.views.features import features
-from rhs.estimation.views.motion_consistency import CARRIED, Continuity
-from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, PlaceSettings, Recognised, shares
+from rhs.estimation.views.motion_consistency import Continuity
+from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, Recognised, shares
 from rhs.estimation.views.place_memory import memory_of
-from rhs.estimation.views.view_pose import SightingSettings
-from rhs.estimation.views.view_support import SILENCE, expected
+from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
+from .confirmation import Confirmation, Contradiction, fits, possible
+from .continuity_watch import ContinuityWatch
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
-from .vouching import STRONG, Rumour, Vouching, fits, possible
-from .watching import Watching
 
-WEAK = 0.5  # chance that a place named with little support is right
-NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of not knowing, square metres and square radians
+NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of an unknown pose, square metres and square radians
 
 
 class PlaceLocaliser:
@@ -41,25 +50,27 @@ class PlaceLocaliser:
 
     def __init__(self, settings: SiftDb, context: Context) -> None:
         self._settings, self._context = settings, context
-        self._trust = Trust(p_true=settings.p_true, kidnap=settings.kidnap_rate)
-        self._state: Guesses = begin(None, None)
+        a = self._advanced = settings.advanced
+        self._trust = Trust(settings.p_true, settings.kidnap_rate, a.gate_probability, a.keep, a.floor)
+        self._state: Hypotheses = begin(None, None)
         self._database: PlaceDatabase | None = None
         self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
         self._matcher: ScanMatcher | None = None  # ... and, if that is wished, to correct the belief by
         self._steps = 0
         self._contradicted = False
         self._last = np.eye(4)
-        self._watching = Watching(context.features, None)
-        self._vouching, self._rumour = Vouching(False), Rumour()
+        self._watching = ContinuityWatch(context.features, None, a.continuity, smooth_share=a.smooth_share)
+        self._confirmation, self._contradiction = Confirmation(False, a.confirmation), Contradiction(a.confirmation)
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the surveyed views as places."""
-        sighting = SightingSettings(min_inliers=self._settings.min_inliers, ratio=self._context.features.ratio)
-        settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting=sighting)
+        a = self._advanced
+        sighting = SightingSettings(self._settings.min_inliers, a.min_coverage, self._context.features.ratio, a.ransac)
+        settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting, a.places)
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
-        self._walls = ScanMatcher(grid) if grid is not None else None
-        self._watching = Watching(self._context.features, self._walls)
+        self._walls = ScanMatcher(grid, a.match) if grid is not None else None
+        self._watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
         self._matcher = self._walls if self._settings.match_every > 0 else None
         self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
 
@@ -67,8 +78,8 @@ class PlaceLocaliser:
         """Begin from a belief, or anywhere."""
         self._steps, self._contradicted = 0, False
         self._watching.begin()
-        self._rumour = Rumour()
-        self._vouching = Vouching(belief is not None and belief.probability > 0.9)
+        self._contradiction = Contradiction(self._advanced.confirmation)
+        self._confirmation = Confirmation(belief is not None and belief.probability > 0.9, self._advanced.confirmation)
         if belief is None:
             self._state = begin(None, None)
         else:
@@ -78,14 +89,15 @@ class PlaceLocaliser:
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Predict by the motion, ask the places when it is time, and say how sure this is."""
         s = self._settings
-        noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m)
+        noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m,
+                        s.advanced.steady_m)
         self._state = predict(self._state, motion.previous_from_body, noise, self._trust)
         self._watch(observation, motion)
         details: dict[str, float] = {}
         scan = observation.scan if observation.scan is not None else motion.scan
         if self._due():
             answer = self._ask(observation)
-            self._hear(possible(answer, self._walls), observation, scan)
+            self._use_places(possible(answer, self._walls, s.advanced.confirmation), observation, scan)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
         if self._matcher is not None and scan is not None and self._steps % s.match_every == 0:
             self._state = replace(
@@ -98,52 +110,54 @@ class PlaceLocaliser:
         best = self._state.best
         expected = None if best is None else planar(best.map_from_body)
         seen = self._watching.goes_on(observation, motion, expected)
-        self._vouching.travel(motion.previous_from_body, seen)
-        self._rumour.move(motion.previous_from_body)
+        self._confirmation.travel(motion.previous_from_body, seen)
+        self._contradiction.move(motion.previous_from_body)
         if seen is Continuity.BROKEN:
-            self._state, self._contradicted = carried(self._state, CARRIED, self._trust), True
+            self._state, self._contradicted = carried(self._state, self._advanced.continuity.carried, self._trust), True
 
-    def _hear(self, places: list[Recognised], observation: Observation, scan: Scan | None) -> None:
+    def _use_places(self, places: list[Recognised], observation: Observation, scan: Scan | None) -> None:
         """Named places confirm the belief, speak against it, or put another in its stead."""
         before = self._state
         if not places:
             self._contradicted = self._expects(observation)
-            if self._contradicted and self._vouching.silent():
-                self._state = silent(self._state, SILENCE, self._trust)
+            if self._contradicted and self._confirmation.silent():
+                self._state = silent(self._state, self._advanced.places.explain.silence, self._trust)
         else:
-            claims = [Claim(r.map_from_body, r.covariance, float(s)) for r, s in zip(places, shares(places), strict=True)]
+            weights = shares(places, self._advanced.places)
+            claims = [PlaceFix(r.map_from_body, r.covariance, float(w)) for r, w in zip(places, weights, strict=True)]
             self._contradicted = not confirms(self._state, claims, self._trust)
-            strong = places[0].score >= STRONG
-            if not self._heeds(claims, strong, scan):
+            strong = places[0].score >= self._advanced.confirmation.strong
+            if not self._accepts(claims, strong, scan):
                 return
-            trust = self._trust if strong else replace(self._trust, p_true=WEAK)
+            trust = self._trust if strong else replace(self._trust, p_true=self._advanced.weak)
             self._state = update(self._state, claims, self._areas, trust)
         if before.best is not None and self._state.best is not None:
-            self._vouching.follow(planar(before.best.map_from_body), planar(self._state.best.map_from_body))
+            self._confirmation.follow(planar(before.best.map_from_body), planar(self._state.best.map_from_body))
         if self._state.best is None or self._state.best.weight < self._settings.lost_below:
-            self._vouching.divided()
+            self._confirmation.divided()
 
-    def _heeds(self, claims: list[Claim], strong: bool, scan: Scan | None) -> bool:
+    def _accepts(self, claims: list[PlaceFix], strong: bool, scan: Scan | None) -> bool:
         """Whether the claims may change the belief; what they do to its standing is noted."""
-        known = self._vouching.vouched
+        known = self._confirmation.confirmed
         against = self._contradicted and known
         named = [planar(claim.map_from_body) for claim in claims]
-        if against and not strong or not self._rumour.convinces(named, against=against, held=self._vouching.held):
+        if against and not strong or not self._contradiction.convinces(named, against=against, held=self._confirmation.held):
             return False
         if self._contradicted and strong:
-            self._vouching.hear(False)
-            self._vouching.doubt()
+            self._confirmation.place_named(agrees=False)
+            self._confirmation.doubt()
         elif not self._contradicted and (known or (strong and self._fits(scan))):
-            self._vouching.hear(True)
+            self._confirmation.place_named(agrees=True)
         return True
 
     def _fits(self, scan: Scan | None) -> bool:
         best = self._state.best
-        return best is not None and fits(scan, self._walls, planar(best.map_from_body))
+        return best is not None and fits(
+            scan, self._walls, planar(best.map_from_body), self._advanced.confirmation)
 
     def _due(self) -> bool:
         sure = 1.0 - self._state.elsewhere >= self._settings.tracking_above
-        sure = sure and self._vouching.vouched
+        sure = sure and self._confirmation.confirmed
         return not sure or self._contradicted or self._steps % self._settings.every == 0
 
     def _ask(self, observation: Observation) -> PlaceAnswer:
@@ -155,23 +169,24 @@ class PlaceLocaliser:
         """Whether the best guess says that this view ought to be recognised."""
         assert self._database is not None, "learn() comes before update()"
         best, seen = self._state.best, features(observation, self._context.features)
-        return best is not None and expected(self._database.memory, seen, best.map_from_body)
+        return best is not None and expected(
+            self._database.memory, seen, best.map_from_body, self._advanced.places.explain)
 
     def _belief(self, details: dict[str, float]) -> Belief:
         best = self._state.best
         if best is None:
-            return Belief(self._last, NOWHERE, Knowing.LOST, 0.0, details)
+            return Belief(self._last, NOWHERE, BeliefStatus.LOST, 0.0, details)
         self._last = best.map_from_body
-        standing = self._rumour.chance(held=self._vouching.held) * self._vouching.chance
+        standing = self._contradiction.chance(held=self._confirmation.held) * self._confirmation.chance
         probability = best.weight * chance_right(best.covariance) * standing
         details["guesses"] = float(len(self._state.guesses))
         return Belief(best.map_from_body, best.covariance, self._status(best.weight), probability, details)
 
-    def _status(self, weight: float) -> Knowing:
-        named_elsewhere = self._rumour.pending >= 2 and not self._vouching.held
-        if weight >= self._settings.tracking_above and self._vouching.vouched and not named_elsewhere:
-            return Knowing.TRACKING
-        return Knowing.CONVERGING if weight >= self._settings.lost_below else Knowing.LOST
+    def _status(self, weight: float) -> BeliefStatus:
+        named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held
+        if weight >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
+            return BeliefStatus.TRACKING
+        return BeliefStatus.CONVERGING if weight >= self._settings.lost_below else BeliefStatus.LOST
 
 
 def _inliers(answer: PlaceAnswer) -> float:

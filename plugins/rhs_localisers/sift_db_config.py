@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_choice, check_range
+
+from .advanced import SiftDbAdvanced
 
 
 @dataclass
@@ -15,33 +17,30 @@ class SiftDb:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # The places are asked every so many views, and at each view while lost.
     every: int = 3
-    # How candidates are found: votes (the thesis), kd_tree or vlad (fastest).
+    """The places are asked every so many views, and at each view while lost."""
     retrieval: str = "vlad"
-    # So many candidates are checked by geometry: about 7 ms each at 320x240.
+    """How candidates are found: votes (the thesis), kd_tree or vlad (fastest)."""
     checks: int = 5
-    # Key-points that must agree on one motion between the views.
+    """So many candidates are checked by geometry: about 7 ms each at 320x240."""
     min_inliers: int = 15
-    # Chance that a verified answer is right; with 8 unique paintings of 71 about 97 % are.
+    """Key-points that must agree on one motion between the views."""
     p_true: float = 0.95
-    # Chance per view that somebody carries the robot elsewhere.
+    """Chance that a verified answer is right; with 8 unique paintings of 71 about 97 % are."""
     kidnap_rate: float = 0.0001
-    # The scan is laid onto the map every so many views, so that the walls hold the robot where no place is recognised (a
-    # corridor driven the other way round); 0: never.
+    """Chance per view that somebody carries the robot elsewhere."""
     match_every: int = 3
-    # Drift assumed beside the odometry's own covariance, metres per metre (visual odometry: 0.002 to 0.02) ...
+    """The scan is laid onto the map every so many views, so that the walls hold the robot where no place is
+    recognised (a corridor driven the other way round); 0: never."""
     drift_m_per_m: float = 0.02
     """Drift assumed beside the odometry's own covariance, metres per metre (visual odometry: 0.002 to 0.02)."""
-    # ... and radians per metre.
     drift_rad_per_m: float = 0.003
     """Turn assumed to drift beside the odometry's own covariance, radians per metre."""
-    # Above this chance of being right the robot calls itself tracking ...
     tracking_above: float = 0.9
     """Above this chance of being right the robot calls itself tracking."""
-    # ... and below this one lost.
     lost_below: float = 0.5
     """Below this chance of being right the robot calls itself lost."""
+    advanced: SiftDbAdvanced = field(default_factory=SiftDbAdvanced)
 
     def __post_init__(self) -> None:
         owner = "localiser.sift_db"

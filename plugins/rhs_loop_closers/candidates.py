@@ -16,8 +16,6 @@ from rhs.estimation.views.retrieval import Vlad
 
 from .pose_graph_config import PoseGraph
 
-APART_M = 4.5  # two views of one place stand at most so far apart, half a metre of drift included
-
 
 def possible_pairs(
     views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph, rng: np.random.Generator
@@ -31,7 +29,7 @@ def possible_pairs(
     way = way_m[at][None, :] - way_m[at][:, None]
     gap = np.linalg.norm(poses[at][:, None, :2, 3] - poses[at][None, :, :2, 3], axis=2)
     again = (way > settings.min_way_m) | looked_back(poses[at][:, :3, :3], np.radians(settings.min_turn_deg))
-    earlier, later = np.nonzero(again & (way >= 0) & (gap < APART_M + settings.max_drift_share * way))
+    earlier, later = np.nonzero(again & (way >= 0) & (gap < settings.advanced.apart_m + settings.max_drift_share * way))
     order = np.argsort(-likeness[earlier, later], kind="stable")
     return at[earlier[order]], at[later[order]]
 

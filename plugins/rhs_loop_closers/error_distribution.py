@@ -29,7 +29,7 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, planar, se2, wrap
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.views.loops import closing_gap, ends_meet, poses_of, travelled_m
-from rhs.estimation.views.view_pose import SightingSettings
+from rhs.estimation.views.settings import SightingSettings
 
 from .error_distribution_config import ErrorDistribution
 
@@ -42,7 +42,8 @@ class ErrorSpreader:
     def __init__(self, settings: ErrorDistribution, context: Context) -> None:
         self._settings = settings
         self._rng = context.rng
-        self._sighting = SightingSettings(min_inliers=settings.min_inliers, ratio=context.features.ratio)
+        a = settings.advanced
+        self._sighting = SightingSettings(settings.min_inliers, a.min_coverage, context.features.ratio, a.ransac)
 
     def close(self, views: Sequence[View]) -> Closure:
         """Find the end among the beginning, and divide the error through the steps between."""
@@ -72,7 +73,7 @@ class ErrorSpreader:
         distance_m = travelled_m(poses)
         way_m = distance_m[edge.later] - distance_m[edge.earlier]
         shift_m = float(np.linalg.norm(closing_gap(poses, edge)[:3, 3]))
-        if shift_m <= 0.5 + self._settings.max_drift_share * way_m:
+        if shift_m <= self._settings.advanced.base_m + self._settings.max_drift_share * way_m:
             return edge
         reason = f"moves the end by {shift_m:.1f} m after {way_m:.1f} m of way"
         return LoopEdge(edge.earlier, edge.later, edge.earlier_from_later, edge.covariance, edge.inliers, False, reason)

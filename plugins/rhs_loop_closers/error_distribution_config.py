@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_choice, check_range
+
+from .advanced import ErrorDistributionAdvanced
 
 
 @dataclass
@@ -15,26 +17,27 @@ class ErrorDistribution:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # printed: the equation alone, axis by axis; turned: angles first, then the steps are walked again with them.
     positions: str = "turned"
-    # Whom to believe at the end. sighting: the recognised place alone (the thesis). both: place and odometry, each by its
-    # covariance; for an odometry whose covariance is that of its pose, as corridor_ekf's: it knows headings better.
+    """printed: the equation alone, axis by axis; turned: angles first, then the steps are walked again with them."""
     trust: str = "sighting"
-    # trust=both: what the covariance of a sighting lacks, because points lifted on walls are themselves estimates (1 sigma).
+    """Whom to believe at the end. sighting: the recognised place alone (the thesis). both: place and odometry, each
+    by its covariance; for an odometry whose covariance is that of its pose, as corridor_ekf's: it knows headings
+    better."""
     sighting_sigma_m: float = 0.05
     """trust=both: what the covariance of a sighting lacks in position, because points lifted on walls are themselves
     estimates, metres (1 sigma)."""
     sighting_sigma_deg: float = 1.0
     """trust=both: what the covariance of a sighting lacks in each angle, degrees (1 sigma)."""
-    # The last and the first so many stored views are compared.
     reach_views: int = 6
-    # So many of their pairs, those with most matches, are checked by geometry.
+    """The last and the first so many stored views are compared."""
     checks: int = 8
-    # Key-points that must agree on one rigid motion.
+    """So many of their pairs, those with most matches, are checked by geometry."""
     min_inliers: int = 20
-    # A closure that moves the end by more than this share of the distance travelled (plus half a metre) is refused:
-    # visual odometry drifts by 1-4 %, in bad light by 10 %.
+    """Key-points that must agree on one rigid motion."""
     max_drift_share: float = 0.15
+    """A closure that moves the end by more than this share of the distance travelled (plus half a metre) is refused:
+    visual odometry drifts by 1-4 %, in bad light by 10 %."""
+    advanced: ErrorDistributionAdvanced = field(default_factory=ErrorDistributionAdvanced)
 
     def __post_init__(self) -> None:
         owner = "loop_closer.error_distribution"

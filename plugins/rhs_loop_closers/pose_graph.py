@@ -1,14 +1,15 @@
 """Loop closer `pose_graph`: loops anywhere on the route, tested before one is believed, then least squares.
 
 1. Appearance: VLAD likeness of all pairs of stored views far apart along the way; which are checked: candidates.py.
-2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show (rhs.sighting).
+2. Geometry: one rigid motion (or PnP) explains the matches and covers what both views should show
+   (rhs.estimation.views.view_pose).
 3. Odometry over a window: the loop moves and turns no pose further than the odometry, straightened by the walls seen on
    the way, can have drifted; neighbouring views close the same loop; all accepted loops agree pairwise round the cycles
-   they make (rhs.consistency).
+   they make (rhs.estimation.views.edge_consistency).
 4. Scans: where a corridor is walked back the other way round no camera recognises anything; its walls on the way there
-   and on the way back are laid onto one another (rhs.scanloops), which stand the same tests.
-5. Graph: after solving (rhs.posegraph), a loop that stays unhappy or bends the odometry between its neighbours is thrown
-   out and the rest is solved again.
+   and on the way back are laid onto one another (rhs.estimation.scans.scan_loops), which stand the same tests.
+5. Graph: after solving (rhs.estimation.filters.pose_graph), a loop that stays unhappy or bends the odometry between its
+   neighbours is thrown out and the rest is solved again.
 
 What lies between the loops is held by the odometry, and by the straight walls that scans saw on the way (walls.py), which
 know its heading far better; with walls, what share the odometry's metres are too short by is solved for too. Without loops
@@ -26,22 +27,16 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import log_so3
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.filters.kalman import gate
-from rhs.estimation.filters.pose_graph import CommonScale, Edges, Effort, Solution, chain, joined, optimise
-from rhs.estimation.scans.scan_loops import ScanLoopSettings, scan_edges
-from rhs.estimation.views.edge_consistency import DriftBounds, agreement, largest_agreeing, supported
+from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, chain, joined, optimise
+from rhs.estimation.scans.scan_loops import scan_edges
+from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported
 from rhs.estimation.views.loops import closing_gap, edge_between, poses_of, travelled_m
-from rhs.estimation.views.view_pose import SightingSettings
+from rhs.estimation.views.settings import SightingSettings
 
+from .advanced import PoseGraphAdvanced
 from .candidates import beside, possible_pairs, progress_m, spread
 from .pose_graph_config import PoseGraph
-from .walls import WallGraph, WallSettings, crooked, followed, wall_graph
-
-# A loop edge is trusted to this much at best: the check's own covariance leaves out what all its points share.
-EDGE_SIGMA_M, EDGE_SIGMA_RAD = 0.02, 0.005
-# Odometry may turn by this share too much or too little.
-TURN_SHARE = 0.05
-# The graph with walls is solved when a step lowers its cost by less than this share: to a tenth of a millimetre.
-EFFORT = Effort(settled=1e-5)
+from .walls import WallGraph, crooked, followed, wall_graph
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +63,9 @@ class PoseGraphCloser:
     """Finds, tests and uses loops."""
 
     def __init__(self, settings: PoseGraph, context: Context) -> None:
-        self._settings, self._rng = settings, context.rng
-        self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio)
+        self._settings, self._advanced, self._rng = settings, settings.advanced, context.rng
+        ransac = settings.advanced.ransac
+        self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio, ransac)
 
     def close(self, views: Sequence[View]) -> Closure:
         """Walls, candidates, geometry, odometry, graph."""
@@ -90,8 +86,9 @@ class PoseGraphCloser:
 
     def _between(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> Between:
         every_m = self._settings.walls_every_m
-        seen = WallSettings(every_m)
-        walls = wall_graph(followed(views, poses, seen), poses, seen) if every_m > 0 and len(views) > 1 else None
+        rules, walls = self._advanced.walls, None
+        if every_m > 0 and len(views) > 1:
+            walls = wall_graph(followed(views, poses, rules, every_m=every_m), poses, rules)
         odometry = _odometry_edges(views, poses, way_m, self._settings)
         return Between(poses, odometry, walls)
 
@@ -116,7 +113,7 @@ class PoseGraphCloser:
         """What follows after the scans of corridors walked the other way round have been heard too."""
         if self._settings.scan_every_m <= 0 or len(views) < 2:
             return solved
-        found = scan_edges(views, solved.poses, way_m, ScanLoopSettings(self._settings.scan_every_m))
+        found = scan_edges(views, solved.poses, way_m, self._advanced.scan_loops, every_m=self._settings.scan_every_m)
         more = self._judged(found, solved.poses, way_m)
         if not any(edge.accepted for edge in more):
             return replace(solved, edges=solved.edges + more)
@@ -131,7 +128,7 @@ class PoseGraphCloser:
             if count < self._settings.support:
                 edges[k] = _refused(edges[k], f"stands alone: {count} of {self._settings.support} views close this loop")
         alive = [k for k in alive if edges[k].accepted]
-        agree = agreement([edges[k] for k in alive], poses, way_m, DriftBounds())
+        agree = agreement([edges[k] for k in alive], poses, way_m, self._advanced.drift)
         chosen = set(largest_agreeing(agree, np.array([float(edges[k].inliers) for k in alive])))
         for n, k in enumerate(alive):
             if n not in chosen:
@@ -142,11 +139,11 @@ class PoseGraphCloser:
         way = way_m[edge.later] - way_m[edge.earlier]
         gap = closing_gap(poses, edge)
         shift_m, turn_rad = float(np.linalg.norm(gap[:3, 3])), float(np.linalg.norm(log_so3(gap[:3, :3])))
-        if shift_m > 0.5 + self._settings.max_drift_share * way:
+        if shift_m > self._advanced.base_m + self._settings.max_drift_share * way:
             return _refused(edge, f"moves the later view by {shift_m:.1f} m after {way:.1f} m of way")
         turned_rad = max(progress_m(poses[edge.earlier : edge.later + 1])[-1] - way, 0.0)
-        bounds = DriftBounds()
-        if turn_rad > bounds.base_rad + bounds.rad_per_m * way + TURN_SHARE * turned_rad:
+        bounds = self._advanced.drift
+        if turn_rad > bounds.base_rad + bounds.rad_per_m * way + self._advanced.turn_share * turned_rad:
             return _refused(edge, f"turns the later view by {np.degrees(turn_rad):.0f} degrees after {way:.1f} m of way")
         return edge
 
@@ -157,8 +154,8 @@ class PoseGraphCloser:
             alive = [k for k, edge in enumerate(edges) if edge.accepted]
             solution = self._optimised([edges[k] for k in alive], poses, replace(between, walls=walls))
             loops, seen = np.split(solution.chi2[len(between.odometry):], [len(alive)])
-            bad = crooked(walls, seen, WallSettings()) if walls is not None else np.zeros(0, bool)
-            worst = _unhappy(loops, kernel)
+            bad = crooked(walls, seen, self._advanced.walls) if walls is not None else np.zeros(0, bool)
+            worst = _unhappy(loops, kernel, self._advanced.gate_probability)
             if walls is not None and bad.any():
                 walls = walls.without(bad)
             elif worst is not None:
@@ -169,13 +166,13 @@ class PoseGraphCloser:
 
     def _optimised(self, loops: list[LoopEdge], poses: np.ndarray, between: Between) -> Solution:
         """The graph of odometry, loops and walls, in this order, solved from `poses` on."""
-        graph, walls = joined(between.odometry, _loop_edges(loops)), between.walls
+        graph, walls = joined(between.odometry, _loop_edges(loops, self._advanced)), between.walls
         if walls is None:
             return optimise(poses, graph, kernel=self._settings.kernel_sigma)
         graph = joined(graph, walls.edges)
         stretched = np.arange(len(graph)) < len(between.odometry)
         return optimise(np.concatenate([poses, walls.nodes(poses)]), graph, kernel=self._settings.kernel_sigma,
-                        scale=CommonScale(stretched, self._settings.scale_sigma), effort=EFFORT)  # fmt: skip
+                        scale=CommonScale(stretched, self._settings.scale_sigma), effort=self._advanced.effort)  # fmt: skip
 
 
 def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph) -> Edges:
@@ -190,8 +187,8 @@ def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray,
     return chain(poses, turn + floor)
 
 
-def _loop_edges(edges: Sequence[LoopEdge]) -> Edges:
-    floor = np.diag([EDGE_SIGMA_M**2] * 3 + [EDGE_SIGMA_RAD**2] * 3)
+def _loop_edges(edges: Sequence[LoopEdge], s: PoseGraphAdvanced) -> Edges:
+    floor = np.diag([s.edge_sigma_m**2] * 3 + [s.edge_sigma_rad**2] * 3)
     return Edges(
         np.array([edge.earlier for edge in edges], int), np.array([edge.later for edge in edges], int),
         np.array([edge.earlier_from_later for edge in edges]).reshape(-1, 4, 4),
@@ -199,10 +196,10 @@ def _loop_edges(edges: Sequence[LoopEdge]) -> Edges:
     )  # fmt: skip
 
 
-def _unhappy(chi2: np.ndarray, kernel: float) -> int | None:
+def _unhappy(chi2: np.ndarray, kernel: float, probability: float) -> int | None:
     """Which loop (position among their squared residuals) is worst and outside the gate, or None when all fit."""
     worst = int(chi2.argmax()) if len(chi2) else -1
-    return worst if worst >= 0 and chi2[worst] > gate(6, 0.999) * kernel**2 else None
+    return worst if worst >= 0 and chi2[worst] > gate(6, probability) * kernel**2 else None
 
 
 def _of_walls(solved: Solved) -> dict[str, float]:

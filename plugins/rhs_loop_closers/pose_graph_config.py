@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_range
+
+from .advanced import PoseGraphAdvanced
 
 
 @dataclass
@@ -15,42 +17,41 @@ class PoseGraph:
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Two views closer than this along the way are neighbours, not a loop, metres.
     min_way_m: float = 5.0
-    # ... nor are views between which the camera looked away by more than this and back, degrees: a hand hardly moves on.
+    """Two views closer than this along the way are neighbours, not a loop, metres."""
     min_turn_deg: float = 90.0
-    """Two views between which the camera looked away by less than this are neighbours, not a loop, degrees: a hand
-    hardly moves on."""
-    # So many pairs of views, the likeliest ones, are checked by geometry: about 8 ms each at 320x240.
+    """Views closer than min_way_m are a loop all the same when the camera looked away by more than this between them
+    and back, degrees: a hand hardly moves on."""
     checks: int = 60
-    # Key-points that must agree on one motion between the views.
+    """So many pairs of views, the likeliest ones, are checked by geometry: about 8 ms each at 320x240."""
     min_inliers: int = 20
-    # Least share of the key-points that both views should show which are found again; look-alike paintings in a
-    # different setting fall below it.
+    """Key-points that must agree on one motion between the views."""
     min_coverage: float = 0.12
-    # An edge needs so many different later views near it (window_m) that close the same loop.
+    """Least share of the key-points that both views should show which are found again; look-alike paintings in a
+    different setting fall below it."""
     support: int = 2
-    # Metres of way in which the supporting views must lie.
+    """An edge needs so many different later views near it (window_m) that close the same loop."""
     window_m: float = 3.0
-    # A loop may not move a pose by more than this share of the way between its ends (plus half a metre).
+    """Metres of way in which the supporting views must lie."""
     max_drift_share: float = 0.15
-    # Where a corridor is walked back the other way round its scans are tried every so many metres; 0: never.
+    """A loop may not move a pose by more than this share of the way between its ends (plus half a metre)."""
     scan_every_m: float = 1.0
-    # Straight walls hold the way between loops: the scans of every so many metres (a radian of turning counts as one) are
-    # looked at; 0: never. No camera that is carried, and no scan that was made from walls an odometry believes in.
+    """Where a corridor is walked back the other way round its scans are tried every so many metres; 0: never."""
     walls_every_m: float = 0.6
-    # With walls: the odometry's metres may all be too long or too short by such a share (1 sigma), which is solved for; a
-    # wheel whose radius is not quite known is 0.01 to 0.03 off.
+    """Straight walls hold the way between loops: the scans of every so many metres (a radian of turning counts as
+    one) are looked at; 0: never. No camera that is carried, and no scan that was made from walls an odometry
+    believes in."""
     scale_sigma: float = 0.03
-    # Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a step) ...
+    """With walls: the odometry's metres may all be too long or too short by such a share (1 sigma), which is solved
+    for; a wheel whose radius is not quite known is 0.01 to 0.03 off."""
     drift_m_per_m: float = 0.03
     """Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a
     step)."""
-    # ... and radians per metre.
     drift_rad_per_m: float = 0.01
     """Odometry noise of the heading the graph assumes at least: radians per metre."""
-    # Scale of the robust (Cauchy) kernel on loop edges, sigmas.
     kernel_sigma: float = 3.0
+    """Scale of the robust (Cauchy) kernel on loop edges, sigmas."""
+    advanced: PoseGraphAdvanced = field(default_factory=PoseGraphAdvanced)
 
     def __post_init__(self) -> None:
         owner = "loop_closer.pose_graph"

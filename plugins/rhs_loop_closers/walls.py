@@ -21,42 +21,14 @@ import numpy as np
 from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.records import View
 from rhs.estimation.filters.pose_graph import Edges, adjoints
-from rhs.estimation.scans.wall_lines import WallLine, wall_lines
+from rhs.estimation.scans.wall_lines import WallLine, find_wall_lines
 
+from .advanced import WallSettings
 from .candidates import progress_m
-
-# What no scan tells: where along the wall it is (metres), its height and tilt.
-BLIND = np.diag([10.0, 1.0, 1.0, 1.0, 1.0, 1.0]) ** 2
-
-
-@dataclass(frozen=True)
-class WallSettings:
-    """every_m: way between two scans looked at; a radian of turning counts as a metre here and below. forget_m: a wall is
-    followed over so much way without sight of it. off_m: how far a sighting may lie off the last one. match_sigma: the same
-    for its heading, in sigmas, against the last and the first sighting, since when the odometry may have drifted by
-    drift_rad_per_m of the way and drift_share of the turning as well. gap_m: between the stretches seen. sigma_m, sigma_rad:
-    no sighting is better than this (walls are not flat, and depth errs alike in all scans). least: scans that must see a
-    wall. bend_sigma: a wall whose scans together show more curvature than so many sigmas is bent; bend_per_m: and of one
-    that may be bent by more than this (1/m) too little was seen. fit_sigma: a wall whose sightings lie further off than
-    this (rms) after solving is none."""
-
-    every_m: float = 0.6
-    forget_m: float = 6.0
-    off_m: float = 0.06
-    match_sigma: float = 3.0
-    drift_rad_per_m: float = 0.005
-    drift_share: float = 0.05
-    gap_m: float = 0.3
-    sigma_m: float = 0.01
-    sigma_rad: float = np.radians(0.1)
-    least: int = 3
-    bend_sigma: float = 3.0
-    bend_per_m: float = 0.03
-    fit_sigma: float = 3.0
 
 
 @dataclass
-class Wall:
+class FollowedWall:
     """A wall being followed: its sightings, its frame in the map as last seen well (x, y, yaw), the stretch seen so far
     along that x (low, high); way, turning and yaw at the first sighting and at the one the frame is of; way at the last."""
 
@@ -91,19 +63,21 @@ class WallGraph:
         return WallGraph(self.first, self.first_from_wall, edges, self.wall_of[kept])
 
 
-def followed(views: Sequence[View], poses: np.ndarray, settings: WallSettings) -> list[Wall]:
-    """The walls that several scans see, from believed poses (N, 4, 4)."""
+def followed(
+    views: Sequence[View], poses: np.ndarray, settings: WallSettings, *, every_m: float = 0.6
+) -> list[FollowedWall]:
+    """The walls that several scans see, from believed poses (N, 4, 4). every_m: way between two scans looked at."""
     way_m, turned_rad = progress_m(poses), _turned_rad(poses)
-    walls: list[Wall] = []
-    for k in _looks(views, way_m, settings.every_m):
+    walls: list[FollowedWall] = []
+    for k in _looks(views, way_m, every_m):
         scan = views[k].scan
         at = float(way_m[k]), float(turned_rad[k])
-        for line in wall_lines(scan) if scan is not None else []:
+        for line in find_wall_lines(scan, settings.lines) if scan is not None else []:
             state = planar(poses[k] @ line.body_from_line)
             wall = _same(walls, line, state, at, settings)
             if wall is None:
                 stretch = float(line.ends_m[0]), float(line.ends_m[1])
-                wall = Wall(state, line.sigma_rad, stretch, (*at, float(state[2])), (*at, float(state[2])), at[0])
+                wall = FollowedWall(state, line.sigma_rad, stretch, (*at, float(state[2])), (*at, float(state[2])), at[0])
                 walls.append(wall)
             else:
                 _extend(wall, line, state, at)
@@ -112,7 +86,7 @@ def followed(views: Sequence[View], poses: np.ndarray, settings: WallSettings) -
     return [wall for wall in walls if _is_straight(wall, settings)]
 
 
-def wall_graph(walls: Sequence[Wall], poses: np.ndarray, settings: WallSettings) -> WallGraph | None:
+def wall_graph(walls: Sequence[FollowedWall], poses: np.ndarray, settings: WallSettings) -> WallGraph | None:
     """Nodes and edges of the walls, with the views at believed poses (N, 4, 4); None without walls."""
     if not walls:
         return None
@@ -126,9 +100,11 @@ def wall_graph(walls: Sequence[Wall], poses: np.ndarray, settings: WallSettings)
     along = (inverse(body_from_line) @ inverse(poses[view_at]) @ node)[:, 0, 3]
     shift = np.tile(np.eye(4), (len(seen), 1, 1))
     shift[:, 0, 3] = along  # nothing is known of the place along the wall: it is taken to be as believed
-    spread = np.tile(BLIND, (len(seen), 1, 1))
+    # what no scan shows: where along the wall it is, its height and its tilt
+    spread = np.tile(np.diag([settings.blind_m, 1.0, 1.0, 1.0, 1.0, 1.0]) ** 2, (len(seen), 1, 1))
+    sigma_rad = float(np.radians(settings.sigma_deg))
     spread[:, 1, 1] = [line.sigma_m**2 + settings.sigma_m**2 for line in lines]
-    spread[:, 5, 5] = [line.sigma_rad**2 + settings.sigma_rad**2 for line in lines]
+    spread[:, 5, 5] = [line.sigma_rad**2 + sigma_rad**2 for line in lines]
     move = adjoints(inverse(shift))
     edges = Edges(view_at, len(poses) + wall_of, body_from_line @ shift, move @ spread @ np.swapaxes(move, 1, 2),
                   np.ones(len(seen), bool))  # fmt: skip
@@ -158,7 +134,7 @@ def _turned_rad(poses: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(yaw)))])
 
 
-def _is_straight(wall: Wall, settings: WallSettings) -> bool:
+def _is_straight(wall: FollowedWall, settings: WallSettings) -> bool:
     """Whether enough scans see the wall and show no curvature, all of them together."""
     weight = np.array([line.sigma_bend**-2 for _, line in wall.sightings])
     bend = np.array([line.bend_per_m for _, line in wall.sightings])
@@ -168,7 +144,9 @@ def _is_straight(wall: Wall, settings: WallSettings) -> bool:
     return bool(abs(weight @ bend) / weight.sum() < unsure < settings.bend_per_m)
 
 
-def _same(walls: list[Wall], line: WallLine, state, at: tuple[float, float], settings: WallSettings) -> Wall | None:
+def _same(
+    walls: list[FollowedWall], line: WallLine, state, at: tuple[float, float], settings: WallSettings
+) -> FollowedWall | None:
     """The wall that a line, believed at `state` (3,), sees the most of again, or None. at: way and turning up to there."""
     best, most_m = None, -np.inf
     for wall in walls:
@@ -179,9 +157,11 @@ def _same(walls: list[Wall], line: WallLine, state, at: tuple[float, float], set
     return best
 
 
-def _shared_m(wall: Wall, line: WallLine, state: np.ndarray, at: tuple[float, float], settings: WallSettings) -> float:
+def _shared_m(
+    wall: FollowedWall, line: WallLine, state: np.ndarray, at: tuple[float, float], settings: WallSettings
+) -> float:
     """Metres of the wall seen before that a line, believed at `state` (3,), sees again; -inf when it is another wall."""
-    sigma_rad = np.sqrt(line.sigma_rad**2 + wall.sigma_rad**2 + 2.0 * settings.sigma_rad**2)
+    sigma_rad = np.sqrt(line.sigma_rad**2 + wall.sigma_rad**2 + 2.0 * np.radians(settings.sigma_deg) ** 2)
     for then_m, then_rad, yaw_rad in (wall.frame, wall.first):
         drift_rad = settings.drift_rad_per_m * (at[0] - then_m) + settings.drift_share * (at[1] - then_rad)
         if abs(wrap(state[2] - yaw_rad)) > settings.match_sigma * sigma_rad + drift_rad:
@@ -194,7 +174,7 @@ def _shared_m(wall: Wall, line: WallLine, state: np.ndarray, at: tuple[float, fl
     return high - low if same else -np.inf
 
 
-def _extend(wall: Wall, line: WallLine, state: np.ndarray, at: tuple[float, float]) -> None:
+def _extend(wall: FollowedWall, line: WallLine, state: np.ndarray, at: tuple[float, float]) -> None:
     """The wall with the stretch of one more sighting; its frame moves there unless that sighting is much vaguer."""
     if line.sigma_rad <= 1.5 * wall.sigma_rad:
         back_m = _seen_from(state, wall.state)[0]

@@ -15,17 +15,17 @@ class Occupancy:
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Side of a cell, metres. The thesis uses 0.1.
     resolution_m: float = 0.1
-    # TrueHit: chance that the sensor reports an obstacle that is there. The thesis gives no value.
+    """Side of a cell, metres. The thesis uses 0.1."""
     true_hit: float = 0.8
-    # FalseAlarm: chance that it reports one that is not there.
+    """TrueHit: chance that the sensor reports an obstacle that is there. The thesis gives no value."""
     false_alarm: float = 0.1
-    # Beams are used up to here, metres; what lies further only says that the way there is free. Depth noise grows with
-    # the square of the distance and passes one cell (0.1 m) near 8 m.
+    """FalseAlarm: chance that it reports one that is not there."""
     range_max_m: float = 7.0
-    # Beliefs stay within [1 - bound, bound], so that a cell can change its mind after a hundred equal views.
+    """Beams are used up to here, metres; what lies further only says that the way there is free. Depth noise grows
+    with the square of the distance and passes one cell (0.1 m) near 8 m."""
     belief_bound: float = 0.99
+    """Beliefs stay within [1 - bound, bound], so that a cell can change its mind after a hundred equal views."""
 
     def __post_init__(self) -> None:
         owner = "mapper.occupancy"

@@ -15,10 +15,11 @@ class BitStar(PlannerSettings):
 
     preload = ("rhs_planners.tree",)
 
-    batch: int = 100  # samples per batch, OMPL's default
-    # steps of the search, all of them used; 0: 20,000 (5000 miss the gap of map 4 in two seeds of five), and while there is
-    # no path as many again, until there were three for every free cell
+    batch: int = 100
+    """samples per batch, OMPL's default"""
     iterations: int = 0
+    """steps of the search, all of them used; 0: 20,000 (5000 miss the gap of map 4 in two seeds of five), and while
+    there is no path as many again, until there were three for every free cell"""
 
     def __post_init__(self):
         self.check("planner.bit_star")
@@ -44,11 +45,12 @@ class Fmt(PlannerSettings):
 
     preload = ("rhs_planners.tree",)
 
-    samples: int = 2000  # in the one batch; 1000 miss the narrow passage of map 4 in a fifth of the seeds
-    # samples, also those that fall on blocked cells, and steps of the sweep together, before the budget is spent; 0: 10,000,
-    # and while there is no path four times as many for a new batch of twice as many samples, until there were three for
-    # every free cell
+    samples: int = 2000
+    """in the one batch; 1000 miss the narrow passage of map 4 in a fifth of the seeds"""
     iterations: int = 0
+    """samples, also those that fall on blocked cells, and steps of the sweep together, before the budget is spent; 0:
+    10,000, and while there is no path four times as many for a new batch of twice as many samples, until there were
+    three for every free cell"""
 
     def __post_init__(self):
         self.check("planner.fmt")

@@ -24,11 +24,10 @@ from .problem import Ground, Task, begin, finish
 
 _FIELD = nb.types.Array(nb.float64, 2, "C")
 _SOURCE_CELLS = 3  # half width of the square round the goal that gets exact times
-_SLOWEST = 0.1  # speed of the wave in a cell beside a wall, when it slows down near walls
 
 
 class FastMarchingPlanner:
-    """rhs.contracts.Planner. Settings: fast_marching_config.FastMarching."""
+    """rhs.api.contracts.Planner. Settings: fast_marching_config.FastMarching."""
 
     def __init__(self, settings):
         self._settings, self._ground = settings, Ground()
@@ -60,7 +59,7 @@ class FastMarchingPlanner:
         if self._settings.comfort_m <= 0.0:
             return np.ones(task.grid.shape)
         away = distance_transform_edt(task.grid == 0) * task.problem.resolution_m
-        return np.clip(away / self._settings.comfort_m, _SLOWEST, 1.0)
+        return np.clip(away / self._settings.comfort_m, self._settings.advanced.slowest, 1.0)
 
 
 @typed(nb.float64(_FIELD, nb.int64, nb.int64, nb.float64))

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from rhs.api.errors import check_range
+from rhs.api.errors import check_range, check_ranges
 
 from .shared_config import PlannerSettings
+
+
+@dataclass
+class FastMarchingAdvanced:
+    """Thresholds of `planner=fast_marching`."""
+
+    slowest: float = 0.1
+    """speed of the wave in a cell beside a wall, when it slows down near walls; 1 in the open"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, slowest=(1e-3, 1.0))
 
 
 @dataclass
@@ -16,7 +27,9 @@ class FastMarching(PlannerSettings):
 
     preload = ("rhs_planners.fast_marching",)
 
-    comfort_m: float = 0.0  # the wave is slower this near to blocked cells, so paths keep away; 0: shortest paths
+    comfort_m: float = 0.0
+    """the wave is slower this near to blocked cells, so paths keep away; 0: shortest paths"""
+    advanced: FastMarchingAdvanced = field(default_factory=FastMarchingAdvanced)
 
     def __post_init__(self):
         self.check("planner.fast_marching")

@@ -15,7 +15,8 @@ class AStar(PlannerSettings):
 
     preload = ("rhs_planners.grid_search",)
 
-    expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
+    expansions: int = 100_000_000
+    """cells taken up before the budget is spent; above any map's number of cells"""
 
     def __post_init__(self):
         self.check("planner.astar")
@@ -33,7 +34,8 @@ class ThetaStar(PlannerSettings):
 
     preload = ("rhs_planners.grid_search",)
 
-    expansions: int = 100_000_000  # cells taken up before the budget is spent; above any map's number of cells
+    expansions: int = 100_000_000
+    """cells taken up before the budget is spent; above any map's number of cells"""
 
     def __post_init__(self):
         self.check("planner.theta_star")

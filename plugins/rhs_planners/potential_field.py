@@ -24,7 +24,7 @@ _FIELD = nb.types.Array(nb.float64, 2, "C")
 
 
 class PotentialFieldPlanner:
-    """rhs.contracts.Planner. Settings: potential_field_config.PotentialField."""
+    """rhs.api.contracts.Planner. Settings: potential_field_config.PotentialField."""
 
     def __init__(self, settings):
         self._settings, self._ground = settings, Ground()

@@ -16,14 +16,19 @@ class PotentialField(PlannerSettings):
 
     preload = ("rhs_planners.potential_field",)
 
-    repulsion_m3: float = 0.01  # gain: 0.5 * gain * (1/d - 1/reach)^2 at d metres from a blocked cell
-    reach_m: float = 0.2  # blocked cells farther than this do not repel; two cells of 0.1 m
-    trail_step_m: float = 0.1  # way between two cones of the trail; one cell where cells are larger
-    # height of a cone, in steps of the trail: 1 undoes one step to the goal; from 2 on the walk begins to wall itself
-    # in, below 1 it takes thousands of steps to leave a dead end
+    repulsion_m3: float = 0.01
+    """gain: 0.5 * gain * (1/d - 1/reach)^2 at d metres from a blocked cell"""
+    reach_m: float = 0.2
+    """blocked cells farther than this do not repel; two cells of 0.1 m"""
+    trail_step_m: float = 0.1
+    """way between two cones of the trail; one cell where cells are larger"""
     trail: float = 1.5
-    trail_radius_m: float = 0.3  # how far round the cell a cone reaches; below 3 steps the walk takes long
-    steps: int = 20_000  # of the trail, before the budget is spent: from cell to cell with cells of 0.1 m and larger
+    """height of a cone, in steps of the trail: 1 undoes one step to the goal; from 2 on the walk begins to wall
+    itself in, below 1 it takes thousands of steps to leave a dead end"""
+    trail_radius_m: float = 0.3
+    """how far round the cell a cone reaches; below 3 steps the walk takes long"""
+    steps: int = 20_000
+    """of the trail, before the budget is spent: from cell to cell with cells of 0.1 m and larger"""
 
     def __post_init__(self):
         owner = "planner.potential_field"

@@ -18,11 +18,9 @@ from rhs.api.records import Path, PlanningProblem
 from .problem import Ground, Task, already_there, begin, finish
 from .roadmap import Roadmap
 
-_OTHER_MAP = 0.25  # more changed cells than this share are another map, not an obstacle: the roadmap is learnt anew
-
 
 class RoadmapPlanner:
-    """rhs.contracts.Planner over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
+    """rhs.api.contracts.Planner over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
 
     def __init__(self, settings, rng: np.random.Generator, begin_growing: Callable):
         self._settings, self._rng, self._begin_growing = settings, rng, begin_growing
@@ -65,7 +63,7 @@ class RoadmapPlanner:
         if self._version == self._ground.version:
             return
         self._version = self._ground.version
-        if self._roadmap is None or self._roadmap.changed_share(task.grid) > _OTHER_MAP:
+        if self._roadmap is None or self._roadmap.changed_share(task.grid) > self._settings.advanced.other_map_share:
             self._grower, self._stale = self._begin_growing(task, self._rng), False
             self._grow(task, self._settings.milestones)
             counts["learnt"] = 1.0

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
-from rhs.api.errors import check_choice, check_range
+from rhs.api.errors import check_choice, check_range, check_ranges
 
 from .shared_config import PlannerSettings, scaled_to
+
+
+@dataclass
+class RoadmapAdvanced:
+    """Thresholds of the roadmap planners."""
+
+    other_map_share: float = 0.25
+    """more changed cells than this share are another map, not an obstacle: the roadmap is learnt anew"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, other_map_share=(0.0, 1.0))
 
 
 @dataclass
@@ -17,13 +28,18 @@ class _Roadmap(PlannerSettings):
     _star: ClassVar[bool]
     preload = ("rhs_planners.prm", "rhs_planners.native_roadmap")
 
-    backend: str = "native"  # native: compiled, learns about eight times faster; ompl: the same method by OMPL
-    milestones: int = 500  # vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed
-    growth: int = 250  # vertices added when start and goal are not joined yet
-    # how often a query may add them before its budget is spent; null: until there is a vertex for every 20 free cells, at
-    # least 20 times
+    backend: str = "native"
+    """native: compiled, learns about eight times faster; ompl: the same method by OMPL"""
+    milestones: int = 500
+    """vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed"""
+    growth: int = 250
+    """vertices added when start and goal are not joined yet"""
     growth_rounds: int | None = None
-    links: int = 12  # vertices in sight that start and goal are joined to
+    """how often a query may add them before its budget is spent; null: until there is a vertex for every 20 free
+    cells, at least 20 times"""
+    links: int = 12
+    """vertices in sight that start and goal are joined to"""
+    advanced: RoadmapAdvanced = field(default_factory=RoadmapAdvanced)
 
     def __post_init__(self):
         owner = f"planner.{self._word}"

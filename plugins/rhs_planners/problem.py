@@ -124,8 +124,7 @@ def already_there(task: Task) -> np.ndarray | None:
 
 
 def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras: dict | None = None,
-           knob: Knob | None = None, sketch: Callable[[], np.ndarray] | None = None,
-           keep_shape: bool = False) -> Path:
+           knob: Knob | None = None, sketch: Callable[[], np.ndarray] | None = None, keep_shape: bool = False) -> Path:
     """The Path of a path (N, 2) in cells, as it was found; or, for None, the reason why there is none.
 
     extras: numbers for the table. knob: the setting that bounded the search, and the number it stood for. sketch gives

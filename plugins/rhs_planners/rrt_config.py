@@ -15,9 +15,12 @@ class Rrt(PlannerSettings):
 
     preload = ("rhs_planners.tree",)
 
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    goal_bias: float = 0.05  # share of samples that are the goal itself
-    iterations: int = 0  # samples before the budget is spent; 0: three for every free cell, at least 20,000
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    goal_bias: float = 0.05
+    """share of samples that are the goal itself"""
+    iterations: int = 0
+    """samples before the budget is spent; 0: three for every free cell, at least 20,000"""
 
     def __post_init__(self):
         _check_first(self, "rrt")
@@ -41,9 +44,12 @@ class RrtConnect(PlannerSettings):
 
     preload = ("rhs_planners.native_rrt_connect",)
 
-    backend: str = "native"  # native: compiled whole, about five times faster; ompl: the same method by OMPL
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    iterations: int = 0  # samples before the budget is spent; 0: three for every free cell, at least 10,000
+    backend: str = "native"
+    """native: compiled whole, about five times faster; ompl: the same method by OMPL"""
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    iterations: int = 0
+    """samples before the budget is spent; 0: three for every free cell, at least 10,000"""
 
     def __post_init__(self):
         _check_first(self, "rrt_connect")
@@ -71,12 +77,15 @@ class RrtStar(PlannerSettings):
 
     preload = ("rhs_planners.tree",)
 
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    goal_bias: float = 0.05  # share of samples that are the goal itself
-    iterations: int = 5000  # samples, all of them used
-    # as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there were
-    # as many samples as free cells, at least 4 times
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    goal_bias: float = 0.05
+    """share of samples that are the goal itself"""
+    iterations: int = 5000
+    """samples, all of them used"""
     extensions: int | None = None
+    """as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there
+    were three for every free cell, at least 4 times"""
 
     def __post_init__(self):
         _check_star(self, "rrt_star")
@@ -100,12 +109,15 @@ class InformedRrtStar(PlannerSettings):
 
     preload = ("rhs_planners.tree",)
 
-    range_m: float = 0.0  # longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice
-    goal_bias: float = 0.05  # share of samples that are the goal itself
-    iterations: int = 5000  # samples, all of them used
-    # as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there were
-    # as many samples as free cells, at least 4 times
+    range_m: float = 0.0
+    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
+    goal_bias: float = 0.05
+    """share of samples that are the goal itself"""
+    iterations: int = 5000
+    """samples, all of them used"""
     extensions: int | None = None
+    """as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there
+    were three for every free cell, at least 4 times"""
 
     def __post_init__(self):
         _check_star(self, "informed_rrt_star")
@@ -147,4 +159,4 @@ def extended(iterations: int, extensions: int | None, free_cells: int) -> list[i
     """The samples of each round: one that is used up, and more for as long as there is no path."""
     if extensions is not None:
         return [iterations] * (extensions + 1)
-    return repeated(iterations, scaled_to(free_cells, each=1.0, least=5 * iterations))
+    return repeated(iterations, scaled_to(free_cells, each=3.0, least=5 * iterations))

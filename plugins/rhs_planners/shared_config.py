@@ -32,7 +32,8 @@ class PlannerSettings:
     provides: ClassVar[frozenset[str]] = frozenset()
     preload: ClassVar[tuple[str, ...]]
 
-    start_radius_m: float = 0.3  # a start in a blocked cell is set off to a free one this near; one robot radius
+    start_radius_m: float = 0.3
+    """a start in a blocked cell is set off to a free one this near; one robot radius"""
 
     def check(self, owner: str) -> None:
         """Refuse shared settings out of range."""

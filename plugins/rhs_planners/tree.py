@@ -1,4 +1,4 @@
-"""OMPL's single-query planners behind rhs.contracts.Planner: one fresh, freshly seeded OMPL planner per problem."""
+"""OMPL's single-query planners behind rhs.api.contracts.Planner: one fresh, freshly seeded OMPL planner per problem."""
 
 from __future__ import annotations
 

@@ -15,8 +15,10 @@ class Laser:
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "wheel", "command"})
 
-    min_range_m: float = 0.05  # nearer readings are unknown, metres (dirt and the robot itself)
-    max_range_m: float = 30.0  # readings beyond this say only that nothing is nearer, metres
+    min_range_m: float = 0.05
+    """nearer readings are unknown, metres (dirt and the robot itself)"""
+    max_range_m: float = 30.0
+    """readings beyond this say only that nothing is nearer, metres"""
 
     def __post_init__(self) -> None:
         owner = "sensor.laser"

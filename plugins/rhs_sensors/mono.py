@@ -13,18 +13,25 @@ if TYPE_CHECKING:
 
 @dataclass
 class Mono:
-    """One eye only: depth and scan are taken away, the image is noisy."""
+    """One camera without depth: depth and scan are taken away, the image is noisy."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "wheel", "command"})
 
-    noise: bool = True  # false: an ideal sensor; views of recordings keep the noise they have, whatever is said here
-    image_sigma: float = 2.0  # noise of each colour channel, grey levels of 255 (1 sigma)
-    wheel_scale_sigma: float = 0.02  # each run's encoders count distance and turn too long by such a share (1 sigma)
-    wheel_distance_share: float = 0.02  # noise of one reading, share of the distance since the last view (1 sigma)
-    wheel_turn_share: float = 0.03  # the same for the turn
-    wheel_slip_chance: float = 0.0  # chance per view that the wheels spin: they count wheel_slip_share too much
-    wheel_slip_share: float = 0.5  # share counted too much when the wheels spin
+    noise: bool = True
+    """false: an ideal sensor; views of recordings keep the noise they have, whatever is said here"""
+    image_sigma: float = 2.0
+    """noise of each colour channel, grey levels of 255 (1 sigma)"""
+    wheel_scale_sigma: float = 0.02
+    """each run's encoders count distance and turn too long by such a share (1 sigma)"""
+    wheel_distance_share: float = 0.02
+    """noise of one reading of distance, share of it since the last view (1 sigma)"""
+    wheel_turn_share: float = 0.03
+    """noise of one reading of turn, share of it since the last view (1 sigma)"""
+    wheel_slip_chance: float = 0.0
+    """chance per view that the wheels spin: they count wheel_slip_share too much"""
+    wheel_slip_share: float = 0.5
+    """share counted too much when the wheels spin"""
 
     def __post_init__(self) -> None:
         owner = "sensor.mono"

@@ -18,21 +18,36 @@ class Rgbd:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
 
-    noise: bool = True  # false: an ideal sensor; views of recordings keep the noise they have, whatever is said here
-    min_range_m: float = 0.4  # nearer depths are unknown, metres along the optical axis (Kinect: 0.4)
-    max_range_m: float = 8.0  # further depths are unknown, metres (Kinect: 8)
-    depth_constant_m: float = 0.0012  # sigma_z = constant + quadratic * (z - 0.4 m)^2, metres (Nguyen 2012, Kinect)
-    depth_quadratic_per_m: float = 0.0019  # the same, 1/m
-    disparity_step_px: float = 0.125  # disparity is reported in steps of this many pixels (Kinect: 1/8); 0 = exact
-    disparity_m_px: float = 43.5  # focal length times baseline, metre pixels (Kinect: 580 px * 0.075 m)
-    image_sigma: float = 2.0  # noise of each colour channel, grey levels of 255 (1 sigma)
-    beams: int = 0  # beams of the scan, evenly spaced columns; 0 = one per image column
-    scan_rows: int = 1  # odd number of rows around the camera's height whose median is the scan; 1 = the thesis
-    wheel_scale_sigma: float = 0.02  # each run's encoders count distance and turn too long by such a share (1 sigma)
-    wheel_distance_share: float = 0.02  # noise of one reading, share of the distance since the last view (1 sigma)
-    wheel_turn_share: float = 0.03  # the same for the turn
-    wheel_slip_chance: float = 0.0  # chance per view that the wheels spin: they count wheel_slip_share too much
-    wheel_slip_share: float = 0.5  # share counted too much when the wheels spin
+    noise: bool = True
+    """false: an ideal sensor; views of recordings keep the noise they have, whatever is said here"""
+    min_range_m: float = 0.4
+    """nearer depths are unknown, metres along the optical axis (Kinect: 0.4)"""
+    max_range_m: float = 8.0
+    """further depths are unknown, metres (Kinect: 8)"""
+    depth_constant_m: float = 0.0012
+    """sigma_z = constant + quadratic * (z - 0.4 m)^2, metres (Nguyen 2012, Kinect)"""
+    depth_quadratic_per_m: float = 0.0019
+    """the quadratic part of sigma_z, 1/m (Nguyen 2012, Kinect); see depth_constant_m"""
+    disparity_step_px: float = 0.125
+    """disparity is reported in steps of this many pixels (Kinect: 1/8); 0 = exact"""
+    disparity_m_px: float = 43.5
+    """focal length times baseline, metre pixels (Kinect: 580 px * 0.075 m)"""
+    image_sigma: float = 2.0
+    """noise of each colour channel, grey levels of 255 (1 sigma)"""
+    beams: int = 0
+    """beams of the scan, evenly spaced columns; 0 = one per image column"""
+    scan_rows: int = 1
+    """odd number of rows around the camera's height whose median is the scan; 1 = the thesis"""
+    wheel_scale_sigma: float = 0.02
+    """each run's encoders count distance and turn too long by such a share (1 sigma)"""
+    wheel_distance_share: float = 0.02
+    """noise of one reading of distance, share of it since the last view (1 sigma)"""
+    wheel_turn_share: float = 0.03
+    """noise of one reading of turn, share of it since the last view (1 sigma)"""
+    wheel_slip_chance: float = 0.0
+    """chance per view that the wheels spin: they count wheel_slip_share too much"""
+    wheel_slip_share: float = 0.5
+    """share counted too much when the wheels spin"""
 
     def __post_init__(self) -> None:
         owner = "sensor.rgbd"

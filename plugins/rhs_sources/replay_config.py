@@ -17,55 +17,54 @@ class Replay:
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel", "extras"})
 
-    # Folder or file to read; relative paths count from where the command is typed.
     path: str = ""
-    # tum_fr1, tum_fr2, tum_fr3, icl_nuim, primesense, seven_scenes, [fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3] in
-    # pixels and OpenCV's distortion, or auto: what the recording says.
+    """Folder or file to read; relative paths count from where the command is typed."""
     camera: Any = "auto"
-    # How to read the path: auto, tum, seven_scenes, run (run.mcap), bag or carmen; auto looks at the files.
+    """tum_fr1, tum_fr2, tum_fr3, icl_nuim, primesense, seven_scenes, [fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]
+    in pixels and OpenCV's distortion, or auto: what the recording says."""
     format: str = "auto"
-    # Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000).
+    """How to read the path: auto, tum, seven_scenes, run (run.mcap), bag or carmen; auto looks at the files."""
     depth_scale: float = 0.0
-    # Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m.
+    """Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
     max_depth_m: float = 20.0
-    # File of true camera poses of a TUM folder (stamp tx ty tz qx qy qz qw); empty: its groundtruth.txt or *.freiburg.
+    """Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m."""
     truth: str = ""
-    # Colour, depth and true pose belong together when their stamps differ by at most this, seconds (TUM's habit).
+    """File of true camera poses of a TUM folder (stamp tx ty tz qx qy qz qw); empty: its groundtruth.txt or
+    *.freiburg."""
     max_difference_s: float = 0.02
-    # True poses are interpolated across gaps up to this long, seconds; beyond it the truth is unknown.
+    """Colour, depth and true pose belong together when their stamps differ by at most this, seconds (TUM's habit)."""
     max_truth_gap_s: float = 0.1
-    # A stamp further than this ahead of the one before is a jump of the clock, seconds; rejected when alone.
+    """True poses are interpolated across gaps up to this long, seconds; beyond it the truth is unknown."""
     max_jump_s: float = 60.0
-    # First recorded view to use.
+    """A stamp further than this ahead of the one before is a jump of the clock, seconds; rejected when alone."""
     start: int = 0
-    # Every how many of them.
+    """First recorded view to use."""
     stride: int = 1
-    # Number of views to use at most; 0 means all.
+    """Every how many of them."""
     count: int = 0
-    # Part of a run recorded by rhs to hand out: survey, patrol or all.
+    """Number of views to use at most; 0 means all."""
     phase: str = "survey"
-    # Topics of a bag; empty takes the only topic of a fitting type, none goes without.
-    color_topic: str = ""  # colour or grey images
+    """Part of a run recorded by rhs to hand out: survey, patrol or all."""
+    color_topic: str = ""
     """Topic of a bag with colour or grey images; empty takes the only topic of a fitting type, none goes without."""
-    depth_topic: str = ""  # depth images
+    depth_topic: str = ""
     """Topic of a bag with depth images; empty and none as for color_topic."""
-    info_topic: str = ""  # CameraInfo
+    info_topic: str = ""
     """Topic of a bag with CameraInfo; empty and none as for color_topic."""
-    scan_topic: str = ""  # LaserScan
+    scan_topic: str = ""
     """Topic of a bag with LaserScan; empty and none as for color_topic."""
-    wheel_topic: str = ""  # Odometry of the wheels
+    wheel_topic: str = ""
     """Topic of a bag with Odometry of the wheels; empty and none as for color_topic."""
-    # Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown.
     truth_topic: str = ""
-    # Or the fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth.
+    """Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown."""
     truth_frame: str = ""
     """Fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth."""
-    # Half the side of the square to map round the start, metres; a recording does not say how large its world is.
     extent_m: float = 10.0
-    # Beams of a CARMEN laser cover this many degrees, centred ahead.
+    """Half the side of the square to map round the start, metres; a recording does not say how large its world is."""
     laser_fov_deg: float = 180.0
-    # A laser reading of a CARMEN log at or beyond this means that nothing was hit, metres.
+    """Beams of a CARMEN laser cover this many degrees, centred ahead."""
     max_laser_m: float = 30.0
+    """A laser reading of a CARMEN log at or beyond this means that nothing was hit, metres."""
 
     def __post_init__(self) -> None:
         owner = "source.replay"

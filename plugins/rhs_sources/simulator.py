@@ -1,6 +1,6 @@
-"""The simulator source: a camera led round a PyBullet world, then a robot driven in it.
+"""The simulator source: a camera led along the route of a PyBullet world, then a robot driven in it.
 
-The robot is a unicycle: a Twist turns and moves it along an arc; what it really does differs from what it is told by a
+The robot is a unicycle: a Twist turns and moves it along an arc; what it really does differs from what it is commanded by a
 lasting and a fresh error. Whether it touches something is judged by PyBullet on the true geometry.
 """
 
@@ -12,24 +12,23 @@ import numpy as np
 
 from rhs.api.contracts import SourceContext
 from rhs.api.errors import ConfigError, RhsError
-from rhs.api.floorplan import Box, World
+from rhs.api.floorplan import World
 from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
 from rhs.api.records import Capture, Twist
 from rhs.worlds.world import reversed_world
 
 from .lens import Lens
 from .simulator_config import Simulator
-from .simulator_route import Pace, Waypoint, Wobble, waypoints
+from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
 from .simulator_scene import Look, Scene
 from .simulator_solid import Solid
 
 SUBSTEP_S = 0.05  # a robot at 0.5 m/s moves a twelfth of its radius between two tests for collision
-OBSTACLE_HEIGHT_M = 1.8  # of boxes given in the settings: a person's
 BISECTIONS = 8  # contact is found to 1/256 of a substep
 
 
 class SimulatorSource:
-    """See rhs.contracts.Source."""
+    """See rhs.api.contracts.Source."""
 
     def __init__(self, settings: Simulator, context: SourceContext) -> None:
         if context.world is None:
@@ -106,7 +105,7 @@ class SimulatorSource:
     def drive(self, command: Twist) -> Capture:
         """Follow the command as well as this robot can, stopping at contact, and look."""
         if not np.all(np.isfinite([command.forward_mps, command.turn_radps, command.duration_s])):
-            raise RhsError(f"source.simulator was told to drive {command}; expected finite numbers")
+            raise RhsError(f"source.simulator was given the command {command}; expected finite numbers")
         error = 1.0 + self.bias + self.rng.normal(0.0, self.settings.command_noise_percent / 100, 2)
         forward, turn = command.forward_mps * error[0], command.turn_radps * error[1]
         before = self.stand
@@ -193,28 +192,12 @@ def dressed(world: World, settings: Simulator) -> World:
     if settings.wall_roughness is not None:
         walls = tuple(replace(w, surface=replace(w.surface, roughness=settings.wall_roughness)) for w in walls)
     seed = world.seed if settings.texture_seed is None else settings.texture_seed
-    obstacles = world.obstacles + more_obstacles(world, settings.obstacles)
-    return replace(world, paintings=paintings, walls=walls, seed=seed, obstacles=obstacles)
+    return replace(world, paintings=paintings, walls=walls, seed=seed)
 
 
-def more_obstacles(world: World, numbers: list[float]) -> tuple[Box, ...]:
-    """Boxes of OBSTACLE_HEIGHT_M from the settings. Raises ConfigError if one would be put on the waiting robot."""
-    end = np.array(world.route_m[-1])
-    boxes = []
-    for i in range(0, len(numbers), 4):
-        x, y, length, width = (float(v) for v in numbers[i : i + 4])
-        box = Box(f"setting {i // 4}", (x, y), (length, width, OBSTACLE_HEIGHT_M))
-        gap = np.maximum(np.abs(end - (x, y)) - (length / 2, width / 2), 0.0)
-        if np.hypot(*gap) < world.robot_radius_m:
-            raise ConfigError(f"source.obstacles: the box at ({x:g}, {y:g}) would be put in {np.hypot(*gap):.2f} m from the "
-                              f"robot waiting at ({end[0]:g}, {end[1]:g}); its radius is {world.robot_radius_m:g} m")
-        boxes.append(box)
-    return tuple(boxes)
-
-
-def pace(settings: Simulator) -> Pace:
+def pace(settings: Simulator) -> RoutePace:
     """The survey's pace in SI units."""
-    return Pace(settings.step_m, float(np.radians(settings.turn_step_deg)), settings.speed_mps,
+    return RoutePace(settings.step_m, float(np.radians(settings.turn_step_deg)), settings.speed_mps,
                 float(np.radians(settings.turn_rate_dps)), settings.arc_radius_m if settings.turn == "arc" else 0.0)
 
 

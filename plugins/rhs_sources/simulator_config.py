@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Optional
+from typing import Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
 
@@ -12,30 +12,49 @@ from rhs.api.errors import ConfigError, check_choice, check_range
 class Simulator:
     """A PyBullet world seen by a camera on a round robot: led along the survey route, then driven by commands."""
 
-    image_width: int = 320  # pixels; the height is three quarters of it
-    hfov_deg: float = 57.0  # horizontal field of view, degrees; 57 is a Kinect's
-    # Of the lens: k1, k2, p1, p2 and perhaps k3 as OpenCV has them; empty: none. hfov_deg is then that of the pinhole
-    # behind it: a barrel (k1 < 0) sees more, and a wider view is drawn so that its corners are not empty.
+    image_width: int = 320
+    """pixels; the height is three quarters of it"""
+    hfov_deg: float = 57.0
+    """horizontal field of view, degrees; 57 is a Kinect's"""
     distortion: list[float] = field(default_factory=list)
-    renderer: str = "tiny"  # tiny: PyBullet's software renderer, the canonical one; egl: OpenGL, smoother
-    texture_px_per_m: float = 150.0  # pixels per metre of wall; finer ones alias in the distance
-    direction: str = "ccw"  # ccw: the survey route as written; cw: from its end back to its start
-    step_m: float = 0.2  # metres between two views of the survey on a straight
-    turn: str = "pivot"  # how corners of the route are taken: pivot on the spot, or arc, which keeps the camera moving
-    turn_step_deg: float = 10.0  # most degrees between two views of the survey in a corner
-    arc_radius_m: float = 0.7  # metres, radius of arcs; shrunk where a leg of the route is too short for it
-    speed_mps: float = 0.5  # metres per second of the survey; sets the time stamps and the commands
-    turn_rate_dps: float = 30.0  # degrees per second of turns on the spot in the survey
-    wobble_m: float = 0.02  # metres rms by which the led camera strays sideways from the route
-    wobble_deg: float = 0.5  # degrees rms by which the led camera's heading strays from the route
-    pitch_roll_deg: float = 0.0  # degrees rms of camera pitch and of roll while moving; 0: the floor is flat
-    command_bias_percent: float = 1.0  # per cent, one sigma: lasting error of distance and of turn against the command
-    command_noise_percent: float = 3.0  # per cent, one sigma: fresh error of distance and of turn at each command
-    paintings_unique: Optional[int] = None  # how many different paintings exist; null: as the world says  # noqa: UP045
-    paintings_density: Optional[float] = None  # 0..1, share of hanging places used; null: as the world says  # noqa: UP045
-    wall_roughness: Optional[float] = None  # grey levels of the walls' own pattern; null: as the world says  # noqa: UP045
-    obstacles: list[float] = field(default_factory=list)  # more boxes put in after the survey: x, y, length, width, m
-    texture_seed: Optional[int] = None  # seed of all paintings and surfaces; null: as the world says  # noqa: UP045
+    """Of the lens: k1, k2, p1, p2 and perhaps k3 as OpenCV has them; empty: none. hfov_deg is then that of the
+    pinhole behind it: a barrel (k1 < 0) sees more, and a wider view is drawn so that its corners are not empty."""
+    renderer: str = "tiny"
+    """tiny: PyBullet's software renderer, the canonical one; egl: OpenGL, smoother"""
+    texture_px_per_m: float = 150.0
+    """pixels per metre of wall; finer ones alias in the distance"""
+    direction: str = "ccw"
+    """ccw: the survey route as written; cw: from its end back to its start"""
+    step_m: float = 0.2
+    """metres between two views of the survey on a straight"""
+    turn: str = "pivot"
+    """how corners of the route are taken: pivot on the spot, or arc, which keeps the camera moving"""
+    turn_step_deg: float = 10.0
+    """most degrees between two views of the survey in a corner"""
+    arc_radius_m: float = 0.7
+    """metres, radius of arcs; shrunk where a leg of the route is too short for it"""
+    speed_mps: float = 0.5
+    """metres per second of the survey; sets the time stamps and the commands"""
+    turn_rate_dps: float = 30.0
+    """degrees per second of turns on the spot in the survey"""
+    wobble_m: float = 0.02
+    """metres rms by which the led camera strays sideways from the route"""
+    wobble_deg: float = 0.5
+    """degrees rms by which the led camera's heading strays from the route"""
+    pitch_roll_deg: float = 0.0
+    """degrees rms of camera pitch and of roll while moving; 0: the floor is flat"""
+    command_bias_percent: float = 1.0
+    """per cent, one sigma: lasting error of distance and of turn against the command"""
+    command_noise_percent: float = 3.0
+    """per cent, one sigma: fresh error of distance and of turn at each command"""
+    paintings_unique: int | None = None
+    """how many different paintings exist; null: as the world says"""
+    paintings_density: float | None = None
+    """0..1, share of hanging places used; null: as the world says"""
+    wall_roughness: float | None = None
+    """grey levels of the walls' own pattern; null: as the world says"""
+    texture_seed: int | None = None
+    """seed of all paintings and surfaces; null: as the world says"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "driving", "teleport"})
@@ -62,7 +81,6 @@ class Simulator:
         check_range("source", "pitch_roll_deg", self.pitch_roll_deg, low=0, high=15, unit="degrees")
         check_range("source", "command_bias_percent", self.command_bias_percent, low=0, high=30, unit="%")
         check_range("source", "command_noise_percent", self.command_noise_percent, low=0, high=30, unit="%")
-        self._check_obstacles()
         if self.paintings_unique is not None:
             check_range("source", "paintings_unique", self.paintings_unique, low=1, high=100_000)
         if self.paintings_density is not None:
@@ -72,16 +90,8 @@ class Simulator:
         if self.texture_seed is not None:
             check_range("source", "texture_seed", self.texture_seed, low=0, high=2**31 - 1)
 
-    def _check_obstacles(self) -> None:
-        if len(self.obstacles) % 4:
-            raise ConfigError(f"source.obstacles={list(self.obstacles)} has {len(self.obstacles)} numbers; expected four "
-                              "for each: x, y, length along x, width along y, in metres")
-        for i, value in enumerate(self.obstacles):
-            low = -1e4 if i % 4 < 2 else 0.01
-            check_range("source", f"obstacles[{i}]", value, low=low, high=1e4, unit="m")
-
     def build(self, context: Any) -> Any:
-        """context: rhs.contracts.SourceContext with a world."""
+        """context: rhs.api.contracts.SourceContext with a world."""
         from .simulator import SimulatorSource
 
         return SimulatorSource(self, context)

@@ -24,7 +24,7 @@ class Waypoint:
 
 
 @dataclass(frozen=True)
-class Pace:
+class RoutePace:
     """step_m and turn_step_rad between views, speed_mps, turn_rate_radps on the spot, arc_radius_m (0: pivot)."""
 
     step_m: float
@@ -34,7 +34,7 @@ class Pace:
     arc_radius_m: float
 
 
-def waypoints(route_m: np.ndarray, start_yaw_rad: float, pace: Pace) -> list[Waypoint]:
+def waypoints(route_m: np.ndarray, start_yaw_rad: float, pace: RoutePace) -> list[Waypoint]:
     """The intended views along a polyline (N, 2): straights in equal steps, corners by pivots or arcs."""
     legs = np.diff(route_m, axis=0)
     headings = np.arctan2(legs[:, 1], legs[:, 0])
@@ -52,14 +52,14 @@ def waypoints(route_m: np.ndarray, start_yaw_rad: float, pace: Pace) -> list[Way
     return views
 
 
-def _cut(turn: float, pace: Pace, shorter_leg_m: float) -> float:
+def _cut(turn: float, pace: RoutePace, shorter_leg_m: float) -> float:
     """How far before and after a corner its arc begins and ends; 0 where the robot must pivot."""
     if pace.arc_radius_m <= 0 or abs(turn) < 1e-6 or abs(turn) > np.radians(150):
         return 0.0
     return min(pace.arc_radius_m * float(np.tan(abs(turn) / 2)), 0.5 * shorter_leg_m)
 
 
-def _straight(views: list[Waypoint], length_m: float, heading: float, pace: Pace) -> None:
+def _straight(views: list[Waypoint], length_m: float, heading: float, pace: RoutePace) -> None:
     if length_m < 1e-6:
         return
     steps = int(np.ceil(length_m / pace.step_m - 1e-6))
@@ -70,7 +70,7 @@ def _straight(views: list[Waypoint], length_m: float, heading: float, pace: Pace
                               step / pace.speed_mps, step))
 
 
-def _pivot(views: list[Waypoint], turn: float, pace: Pace) -> None:
+def _pivot(views: list[Waypoint], turn: float, pace: RoutePace) -> None:
     if abs(turn) < 1e-9:
         return
     steps = int(np.ceil(abs(turn) / pace.turn_step_rad - 1e-6))
@@ -80,7 +80,7 @@ def _pivot(views: list[Waypoint], turn: float, pace: Pace) -> None:
         views.append(Waypoint(last.x_m, last.y_m, yaw, abs(turn) / steps / pace.turn_rate_radps, 0.0))
 
 
-def _arc(views: list[Waypoint], turn: float, cut_m: float, pace: Pace) -> None:
+def _arc(views: list[Waypoint], turn: float, cut_m: float, pace: RoutePace) -> None:
     radius = cut_m / np.tan(abs(turn) / 2)
     length = radius * abs(turn)
     steps = int(np.ceil(max(length / pace.step_m, abs(turn) / pace.turn_step_rad) - 1e-6))

@@ -22,7 +22,7 @@ DARK_BEYOND = 40.0  # the wall is drawn up to this many sizes away; further it i
 
 
 class TubeSource:
-    """See rhs.contracts.Source. The map begins under the camera's first place, on the bottom of the tube."""
+    """See rhs.api.contracts.Source. The map begins under the camera's first place, on the bottom of the tube."""
 
     renderer = "numpy"
 

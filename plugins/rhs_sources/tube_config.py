@@ -15,27 +15,41 @@ class Tube:
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "texture"})
 
-    shape: str = "round"  # round or rectangular
-    size_m: float = 0.25  # radius, or half the width of the rectangle
-    aspect: float = 1.0  # height over width of the rectangle
-    # The centre line: metres of a piece and its bend in degrees (left positive), one after the other; empty: straight.
+    shape: str = "round"
+    """round or rectangular"""
+    size_m: float = 0.25
+    """radius, or half the width of the rectangle"""
+    aspect: float = 1.0
+    """height over width of the rectangle"""
     pieces: list[float] = field(default_factory=list)
-    length_m: float = 4.0  # the camera is led so far
-    step_m: float = 0.05  # metres between two views
-    speed_mps: float = 0.25  # metres per second; sets the stamps and the commands
-    wobble_share: float = 0.03  # the camera strays from the centre line by this share of size_m (rms)
-    wobble_deg: float = 1.0  # and its angles by so much (rms)
+    """The centre line: metres of a piece and its bend in degrees (left positive), one after the other; empty:
+    straight."""
+    length_m: float = 4.0
+    """the camera is led so far"""
+    step_m: float = 0.05
+    """metres between two views"""
+    speed_mps: float = 0.25
+    """metres per second; sets the stamps and the commands"""
+    wobble_share: float = 0.03
+    """the camera strays from the centre line by this share of size_m (rms)"""
+    wobble_deg: float = 1.0
     """the camera's angles stray by so much (rms), degrees"""
-    image_width: int = 320  # pixels; the height is three quarters of it
-    hfov_deg: float = 90.0  # horizontal field of view; wide, or the wall beside the camera is never seen
-    skew_px: float = 0.0  # of the camera's axes, pixels
+    image_width: int = 320
+    """pixels; the height is three quarters of it"""
+    hfov_deg: float = 90.0
+    """horizontal field of view; wide, or the wall beside the camera is never seen"""
+    skew_px: float = 0.0
     """skew of the camera's axes, pixels"""
-    distortion: list[float] = field(default_factory=list)  # of the lens: k1, k2, p1, p2, k3 as OpenCV has them
+    distortion: list[float] = field(default_factory=list)
     """distortion of the lens: k1, k2, p1, p2, k3 as OpenCV has them; empty: none"""
-    camera_share: float = 0.5  # height of the camera in the section: 0 at the bottom, 1 at the top
-    finest_share: float = 0.06  # size of the texture's finest grains, share of size_m
-    command_bias_percent: float = 1.0  # lasting error of the distance against the command, per cent (1 sigma)
-    command_noise_percent: float = 3.0  # fresh error of each command, per cent (1 sigma)
+    camera_share: float = 0.5
+    """height of the camera in the section: 0 at the bottom, 1 at the top"""
+    finest_share: float = 0.06
+    """size of the texture's finest grains, share of size_m"""
+    command_bias_percent: float = 1.0
+    """lasting error of the distance against the command, per cent (1 sigma)"""
+    command_noise_percent: float = 3.0
+    """fresh error of each command, per cent (1 sigma)"""
 
     def __post_init__(self) -> None:
         check_choice("source.tube", "shape", self.shape, ("round", "rectangular"))
@@ -62,7 +76,7 @@ class Tube:
             check_range("source.tube", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
 
     def build(self, context: Any) -> Any:
-        """context: rhs.contracts.SourceContext; the world is not looked at."""
+        """context: rhs.api.contracts.SourceContext; the world is not looked at."""
         from .tube import TubeSource
 
         return TubeSource(self, context)

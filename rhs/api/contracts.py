@@ -45,6 +45,7 @@ from .records import (
     WorldFacts,
 )
 
+API_VERSION = 1  # of the contracts in this module; a plugin that declares a newer one is refused
 # The parts of the chain, in building order ...
 KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "replan")
 # ... a part that takes the place of several of them ...
@@ -123,7 +124,7 @@ class Source(Protocol):
 
 
 class Sensor(Protocol):
-    """Degrades a Capture into an Observation: range, noise, one eye only. May be called once per capture, in order.
+    """Degrades a Capture into an Observation: range, noise, one camera only. May be called once per capture, in order.
 
     Index and stamp are the capture's. Scan bearings are counted from the body's x axis, left positive; ranges are metres
     from `origin_xy_m`, which is in the body frame. Noise comes from `context.rng` only: one seed, one observation."""

@@ -8,6 +8,8 @@ from rhs.base.errors import (
     RhsError,
     check_choice,
     check_range,
+    check_ranges,
 )
 
-__all__ = ["ConfigError", "ContractError", "PluginError", "RecordingError", "RhsError", "check_choice", "check_range"]
+__all__ = ["ConfigError", "ContractError", "PluginError", "RecordingError", "RhsError", "check_choice", "check_range",
+           "check_ranges"]

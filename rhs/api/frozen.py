@@ -11,27 +11,27 @@ import numpy as np
 Value = TypeVar("Value")
 
 
-def seal(value: Value) -> Value:
+def freeze(value: Value) -> Value:
     """The same value; every array in it, in its records and sequences, can no longer be written to."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, (tuple, list)):
         for item in value:
-            seal(item)
+            freeze(item)
     elif isinstance(value, Mapping):
         for item in value.values():
-            seal(item)
+            freeze(item)
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
         for item in dataclasses.fields(value):
-            seal(getattr(value, item.name))
+            freeze(getattr(value, item.name))
     return value
 
 
-def sealed_copy(array: np.ndarray) -> np.ndarray:
+def frozen_copy(array: np.ndarray) -> np.ndarray:
     """A copy that cannot be written to; the original stays its owner's."""
-    return seal(np.array(array))
+    return freeze(np.array(array))
 
 
-def with_sealed_copies(record: Any, *names: str) -> Any:
-    """A record whose arrays of these names are sealed copies."""
-    return dataclasses.replace(record, **{name: sealed_copy(getattr(record, name)) for name in names})
+def with_frozen_copies(record: Any, *names: str) -> Any:
+    """A record whose arrays of these names are frozen copies."""
+    return dataclasses.replace(record, **{name: frozen_copy(getattr(record, name)) for name in names})

@@ -45,7 +45,7 @@ class Metric:
     """One column. name: ends in its unit (`_m`, `_rad`, `_share`, `_pct`, `_ms`, ...); a name that ends in `_ms` depends on
     the machine. unit: as people write it, empty for counts and words. meaning: one sentence. source: the paper or file it
     follows. function: of the run folder; it returns NaN (or an empty word) where nobody knows. tasks: whose rows have it;
-    empty: every task's. word: whether the value is text."""
+    empty: every task's. word: the value is text. count: it is a whole number."""
 
     name: str
     unit: str
@@ -54,6 +54,7 @@ class Metric:
     function: Callable[[RunFiles], float | int | str]
     tasks: tuple[str, ...] = LOOP
     word: bool = False
+    count: bool = False
 
     @property
     def unknown(self) -> float | str:
@@ -62,11 +63,12 @@ class Metric:
 
 
 def columns_of(compute: Callable[[RunFiles], Mapping[str, float | int | str]],
-               *columns: tuple[str, str, str, str], tasks: tuple[str, ...] = LOOP, words: tuple[str, ...] = (),
-               ) -> tuple[Metric, ...]:
-    """Metrics that one function computes together. columns: (name, unit, meaning, source), one for each."""
+               *columns: tuple[str, str, str, str], tasks: tuple[str, ...] = LOOP,
+               words: tuple[str, ...] = (), counts: tuple[str, ...] = ()) -> tuple[Metric, ...]:
+    """Metrics that one function computes together. columns: (name, unit, meaning, source), one for each. words, counts:
+    those whose values are texts or whole numbers."""
     def one(name: str) -> Callable[[RunFiles], float | int | str]:
         return lambda run: run.once(compute)[name]
 
-    return tuple(Metric(name, unit, meaning, source, one(name), tasks, name in words)
+    return tuple(Metric(name, unit, meaning, source, one(name), tasks, name in words, name in counts)
                  for name, unit, meaning, source in columns)

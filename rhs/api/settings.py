@@ -30,13 +30,26 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
     for key, value in values.items():
         if key not in names:
             raise unknown_key(owner, str(key), names)
+        if dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
+            value = _over(defaults(cls).get(key, {}), value)  # what is not said is as this class has it
         arguments[key] = _convert(hints[key], value, dotted(owner, key))
     try:
         return cls(**arguments)
-    except ConfigError:
+    except ConfigError as error:
+        if owner and str(error).partition("=")[0] in names:  # a nested group knows its own names only
+            raise ConfigError(f"{owner}.{error}") from error
         raise
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{owner or cls.__name__}: {error}") from error
+
+
+def _over(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` laid over `base`, group by group."""
+    merged = dict(base)
+    for key, value in values.items():
+        below = merged.get(key)
+        merged[key] = _over(below, value) if isinstance(below, Mapping) and isinstance(value, Mapping) else value
+    return merged
 
 
 def unknown_key(owner: str, key: str, known: list[str]) -> ConfigError:
@@ -53,6 +66,7 @@ def nearest(word: str, known: list[str], owner: str = "") -> str:
 
 
 def dotted(owner: str, key: str) -> str:
+    """`owner.key`, or the key alone at the top."""
     return f"{owner}.{key}" if owner else str(key)
 
 

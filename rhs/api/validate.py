@@ -18,13 +18,13 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 
 from .errors import ContractError
-from .frozen import seal
+from .frozen import freeze
 from .grid import OccupancyGrid
 from .records import (
     Belief,
+    BeliefStatus,
     Capture,
     Closure,
-    Knowing,
     LoopEdge,
     Motion,
     Observation,
@@ -86,9 +86,9 @@ def check_motion(motion: Motion, *, who: str, reach_m: float = FAR_M) -> Motion:
 
 
 def check_belief(belief: Belief, *, who: str, reach_m: float = FAR_M) -> Belief:
-    """A Belief: pose within reach_m, covariance, a Knowing, a chance."""
+    """A Belief: pose within reach_m, covariance, a BeliefStatus, a chance."""
     belief = _record(belief, Belief, who)
-    _member(belief.status, Knowing, who, "status")
+    _member(belief.status, BeliefStatus, who, "status")
     if not isinstance(belief.probability, _NUMBER) or not 0.0 <= belief.probability <= 1.0:
         _refuse(who, "probability", _short(belief.probability), "a chance in [0, 1]")
     _details(belief.details, who)
@@ -135,7 +135,7 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
                 f"those of the capture: {capture.index}, {capture.stamp_s}")
     camera = observation.camera
     _images(observation.image, observation.depth, (camera.height, camera.width), who)
-    seal(camera.body_from_camera)
+    freeze(camera.body_from_camera)
     _command(observation.command, who)
     wheel = None if observation.wheel is None else _array(observation.wheel, who, "wheel", (3,), finite=False)
     scan = None if observation.scan is None else check_scan(observation.scan, who=who)
@@ -269,7 +269,7 @@ def _record(value: Any, kind: type[Record], who: str) -> Record:
     return value
 
 
-def _member(value: Any, words: type[Tracking] | type[Knowing] | type[PlanReason], who: str, field: str) -> None:
+def _member(value: Any, words: type[Tracking] | type[BeliefStatus] | type[PlanReason], who: str, field: str) -> None:
     if not isinstance(value, words):
         _refuse(who, field, repr(value)[:60], f"a {words.__name__}: {', '.join(words)}")
 
@@ -330,12 +330,12 @@ def _images(image: Any, depth: Any, size: tuple[int, int] | None, who: str) -> N
         if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
             _refuse(who, "image", f"of shape {np.shape(image)} and type {getattr(image, 'dtype', type(image).__name__)}",
                     "(H, W, 3) uint8 RGB")
-        size = _same(seal(image).shape, size, who, "image")
+        size = _same(freeze(image).shape, size, who, "image")
     if depth is not None:
         if not isinstance(depth, np.ndarray) or depth.dtype.kind != "f" or depth.ndim != 2:
             _refuse(who, "depth", f"of shape {np.shape(depth)} and type {getattr(depth, 'dtype', type(depth).__name__)}",
                     "(H, W) float32 metres")
-        _same(seal(depth).shape, size, who, "depth")
+        _same(freeze(depth).shape, size, who, "depth")
 
 
 def _same(shape: tuple[int, ...], size: tuple[int, int] | None, who: str, field: str) -> tuple[int, int]:
@@ -354,7 +354,7 @@ def _command(command: Twist | None, who: str) -> None:
 
 def _det(rotation: np.ndarray) -> float:
     (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()  # ten times as fast as numpy's for so small a matrix
-    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return float(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
 
 
 def _short(value: Any) -> str:

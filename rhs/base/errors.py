@@ -38,6 +38,13 @@ def check_range(owner: str, name: str, value: float, *, low: float, high: float,
         raise ConfigError(f"{key}={value} is outside the allowed range [{low:.10g}, {high:.10g}]{unit_text}")
 
 
+def check_ranges(owner: str, settings: object, **ranges: tuple[float, float]) -> None:
+    """`check_range` of several numbers of one settings object: name=(low, high). A group nested in other settings passes the
+    owner "", the key it stands under is put before the name when the configuration is read."""
+    for name, (low, high) in ranges.items():
+        check_range(owner, name, getattr(settings, name), low=low, high=high)
+
+
 def check_choice(owner: str, name: str, value: str, choices: tuple[str, ...]) -> None:
     """Refuse a word that is not one of `choices`."""
     if value not in choices:

@@ -87,7 +87,7 @@ def read_text(path: Path, most_bytes: int = _LIMIT_BYTES) -> str:
 def parse_yaml(text: str, name: str) -> Any:
     """The content of YAML text; `name` is used in errors."""
     try:
-        return yaml.load(text, _Loader)  # noqa: S506  a SafeLoader, made stricter
+        return yaml.load(text, _Loader)  # noqa: S506
     except yaml.YAMLError as error:
         raise ConfigError(one_line(error, name)) from None
     except RecursionError:

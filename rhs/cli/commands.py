@@ -61,7 +61,7 @@ def compare(words: Sequence[str]) -> int:
 
 def show_help(words: Sequence[str]) -> int:
     """`help TOPIC`."""
-    from rhs.metrics.dictionary import lines
+    from rhs.config.dictionary import lines
 
     topic = words[0] if words else "commands"
     if topic == "commands":

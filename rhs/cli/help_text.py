@@ -1,6 +1,6 @@
 """The text of --help, made from what is registered: every plugin, every setting, its meaning, type and default.
 
-The meaning of a setting is the comment above it, or behind it, in its settings dataclass: one home for each fact.
+The meaning of a setting is the string literal after it in its settings dataclass: one home for each fact.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from rhs.api import settings
-from rhs.api.contracts import CHOICES
+from rhs.api.contracts import CHOICES, FeatureSettings
 from rhs.base.data_dirs import data_dir
 from rhs.base.strict_yaml import load_yaml
 from rhs.config import registry
-from rhs.config.documented import comments, summary
+from rhs.config.documented import field_docs, summary
 
 WIDTH = 118
 
 TOP = """\
 python -m rhs [options] key=value ...     one run: map a world, then patrol it
 python -m rhs -m key=value1,value2 ...    a sweep: one run for every combination
-python -m rhs planner=prm --help          one part in full
+python -m rhs planner=prm --help          one part in full, with its advanced thresholds
 python -m rhs COMMAND ...                 table, compare, report, evaluate, convert, verify, recover, check, new, help
 
 Options
@@ -52,7 +52,7 @@ def help_text(words: Sequence[str] = ()) -> str:
     """All of it, or only the parts that the words `kind=name` choose."""
     wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in CHOICES and "=" in word]
     if wanted:
-        return "\n".join("\n".join(_plugin(kind, name, is_default=False)) for kind, name in wanted)
+        return "\n".join("\n".join(_plugin(kind, name, is_default=False, full=True)) for kind, name in wanted)
     lines = [TOP, "Experiments and stacks", *_folder_lines(), "", "Settings of a run", *_core_settings(), ""]
     chosen = _defaults()
     for kind in CHOICES:
@@ -80,7 +80,7 @@ def _first_comment(path: Path) -> str:
     return next((line for line in comments if line and not line.startswith("@")), "")
 
 
-def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
+def _plugin(kind: str, name: str, *, is_default: bool, full: bool = False) -> list[str]:
     if failure := registry.failure(kind, name):
         return list(_entry(f"  {kind}={name}", f"NOT USABLE: {failure}"))
     cls = registry.load(kind, name)
@@ -89,28 +89,29 @@ def _plugin(kind: str, name: str, *, is_default: bool) -> list[str]:
                                "" if origin.distribution.startswith("rhs ") else f"from {origin.distribution}",
                                f"needs {', '.join(sorted(cls.needs))}" if cls.needs else "",  # type: ignore[attr-defined]
                                ) if note]
-    told = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
-    lines = list(_entry(f"  {kind}={name}", told))
-    for line in _settings(cls, "" if kind == "task" else kind):
-        lines.append(line)
-    return lines
+    meaning = summary(cls) + (f" ({'; '.join(notes)})" if notes else "")
+    lines = list(_entry(f"  {kind}={name}", meaning))
+    owner = "" if kind == "task" else kind
+    return lines + list(_settings(cls, owner, skip=() if full else ("advanced",)))
 
 
 def _core_settings() -> Iterator[str]:
     from rhs.config.compose import Core
 
-    yield from _settings(Core, "")
+    yield from _settings(Core, "", skip=("features",))
+    yield from _settings(FeatureSettings, "features", skip=("advanced",))
 
 
-def _settings(cls: type, owner: str) -> Iterator[str]:
-    """One entry per setting: `key=default`, meaning, type; nested settings follow."""
-    hints, meanings, values = typing.get_type_hints(cls), comments(cls), settings.defaults(cls)
+def _settings(cls: type, owner: str, skip: Sequence[str] = (), values: dict[str, Any] | None = None) -> Iterator[str]:
+    """One entry per setting: `key=default`, meaning, type; nested settings follow, with the defaults (`values`) that the
+    class above gives them."""
+    hints, meanings, values = typing.get_type_hints(cls), field_docs(cls), values or settings.defaults(cls)
     for item in dataclasses.fields(cls):
-        if not item.init:
+        if not item.init or item.name in skip:
             continue
         key = settings.dotted(owner, item.name)
         if dataclasses.is_dataclass(hints[item.name]):
-            yield from _settings(hints[item.name], key)  # type: ignore[arg-type]
+            yield from _settings(hints[item.name], key, values=values[item.name])  # type: ignore[arg-type]
             continue
         kind = settings.type_name(hints[item.name])
         yield from _entry(f"    {key}={show(values[item.name])}", f"{meanings.get(item.name, '')} [{kind}]".strip())

@@ -18,6 +18,7 @@ import argparse  # noqa: E402
 import signal  # noqa: E402
 import threading  # noqa: E402
 import traceback  # noqa: E402
+import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from rhs.base.commands import plain  # noqa: E402
@@ -46,6 +47,7 @@ def main(words: list[str] | None = None) -> int:
     if (ask := command(words)) is not None:
         return run_command(ask)
     debug = "--debug" in words
+    warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
     ends = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
     before = {number: signal.signal(number, _terminate) for number in ends}
     try:
@@ -140,14 +142,14 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     from rhs.patrol.run import run_config
     from rhs.runfolder.folders import claim_run
 
-    from . import say as told
+    from . import say
 
     on_compile(lambda: print("compiling inner loops, once for this installation: 10 to 60 s", file=sys.stderr, flush=True))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)
         claim.publish()
         cause = row.pop("_cause", None)
-        print(f"{told.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
+        print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
     status = row.get("status")
     if status == "ok" and row.get("lost"):
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
@@ -193,7 +195,7 @@ def _run_sweep(plan, folder: Path, limits) -> int:
 
     from rhs.sweeps import sweep
 
-    from . import say as told
+    from . import say
 
     counts: dict[str, int] = {}
     with tqdm(total=len(plan.jobs), unit="job", disable=None, dynamic_ncols=True) as shown:
@@ -210,7 +212,7 @@ def _run_sweep(plan, folder: Path, limits) -> int:
             print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
             raise
     try:
-        print(told.of_sweep(folder))
+        print(say.of_sweep(folder))
     except RhsError as error:  # the account below is printed all the same
         print(f"no table: {error}")
     if plan.repeated:

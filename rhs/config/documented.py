@@ -1,13 +1,14 @@
-"""What a settings dataclass says about itself: its docstring, and the comments of its fields."""
+"""What a settings dataclass says about itself: its docstring, and the string literal after each field.
+
+An attribute docstring is what an IDE shows, what documentation tools print and what --help says: one home for each fact.
+"""
 
 from __future__ import annotations
 
 import ast
 import dataclasses
 import inspect
-import io
 import textwrap
-import tokenize
 
 
 def summary(cls: type) -> str:
@@ -18,40 +19,26 @@ def summary(cls: type) -> str:
     return " ".join(text.split("\n\n", 1)[0].split())
 
 
-def comments(cls: type) -> dict[str, str]:
-    """Field -> its comment: the lines of comment right above it and the one behind it, base classes included."""
+def field_docs(cls: type) -> dict[str, str]:
+    """Field -> the string literal right after it on one line, "" where there is none; base classes included."""
     out: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         if dataclasses.is_dataclass(base):
-            out.update(_own_comments(base))
+            out.update(_own_docs(base))
     return out
 
 
-def _own_comments(cls: type) -> dict[str, str]:
+def _own_docs(cls: type) -> dict[str, str]:
     try:
         source = textwrap.dedent(inspect.getsource(cls))
-        tree = ast.parse(source)
+        node = ast.parse(source).body[0]
     except (OSError, TypeError, SyntaxError):
         return {}
-    lines = source.splitlines()
-    notes = {token.start[0]: token.string.lstrip("#").strip()
-             for token in tokenize.generate_tokens(io.StringIO(source).readline) if token.type == tokenize.COMMENT}
-    body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
-    out: dict[str, str] = {}
-    last_name, last_line = "", 0
-    for node in body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            shared = out.get(last_name, "") if node.lineno == last_line + 1 else ""
-            out[node.target.id] = _comment_of(node, notes, lines) or shared  # right below: one comment for both
-            last_name, last_line = node.target.id, node.end_lineno or node.lineno
+    body = node.body if isinstance(node, ast.ClassDef) else []
+    out: dict[str, str] = {field.target.id: "" for field in body if isinstance(field, ast.AnnAssign)
+                           and isinstance(field.target, ast.Name)}
+    for field, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+                out[field.target.id] = " ".join(after.value.value.split())
     return out
-
-
-def _comment_of(node: ast.AnnAssign, notes: dict[int, str], lines: list[str]) -> str:
-    above: list[str] = []
-    number = node.lineno - 1
-    while number in notes and lines[number - 1].lstrip().startswith("#"):
-        above.insert(0, notes[number])
-        number -= 1
-    behind = [notes[n] for n in range(node.lineno, (node.end_lineno or node.lineno) + 1) if n in notes]
-    return " ".join(above + behind)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import FeatureSettings, LoopCloser, Mapper, Odometry
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Features, Observation, Step, View, Wall
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
@@ -37,14 +37,14 @@ class ViewCollector:
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
         for step in steps:
             stored = len(self.views) % self.every == 0 and step.observation.image is not None
-            features = seal(self.features(step.observation, self.settings)) if stored else None
+            features = freeze(self.features(step.observation, self.settings)) if stored else None
             belief = step.belief
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
                                    belief.map_from_body, belief.covariance, step.scan, features))
             self.last = step.observation
             yield step
         if self.views and self.views[-1].features is None and self.last is not None and self.last.image is not None:
-            self.views[-1] = replace(self.views[-1], features=seal(self.features(self.last, self.settings)))
+            self.views[-1] = replace(self.views[-1], features=freeze(self.features(self.last, self.settings)))
 
 
 def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",
@@ -56,11 +56,11 @@ def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",
         return tuple(views), ()
     revision = check_revision(revision, len(views), who=who, reach_m=reach_m)
     begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
-    revised = [replace(view, map_from_body=seal(begun @ pose), scan=seal(scan),
+    revised = [replace(view, map_from_body=freeze(begun @ pose), scan=freeze(scan),
                        features=_lifted(view, pose, revision.walls))
                for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
     if revision.covariance is not None:
-        revised[-1] = replace(revised[-1], covariance=seal(revision.covariance))
+        revised[-1] = replace(revised[-1], covariance=freeze(revision.covariance))
     return tuple(revised), tuple(shifted(wall, begun, begun) for wall in revision.walls)
 
 
@@ -68,7 +68,7 @@ def _lifted(view: View, pose: np.ndarray, walls: tuple[Wall, ...]) -> Features |
     """The view's features; those of one eye get the points where their rays meet the walls the odometry settled on."""
     if view.features is None or not walls or np.isfinite(view.features.points).any():
         return view.features
-    return seal(lift_on_walls(view.features, view.camera, pose, walls))
+    return freeze(lift_on_walls(view.features, view.camera, pose, walls))
 
 
 def shifted(wall: Wall, start_by: np.ndarray, end_by: np.ndarray) -> Wall:

@@ -144,4 +144,5 @@ CALIBRATION = columns_of(
      "views of the patrol in which the belief was wrong (0.25 m, 5 degrees) and sure of itself",
      "rhs.metrics.calibration"),
     ("belief_ece", "", "expected calibration error of the belief's probability, ten bins", "Guo et al. 2017, section 2"),
+    counts=("kidnaps",),
 )

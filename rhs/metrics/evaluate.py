@@ -7,25 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rhs.api.metric import Metric
 from rhs.api.trajectory import ALIGNMENTS, read_tum
 from rhs.base.errors import check_choice, check_range
-from rhs.config import registry
+from rhs.config.dictionary import metrics
 from rhs.runfolder.run import Run
 
 from .survey import TOLERANCE_S, trajectory_values
 
 Values = dict[str, float | int | str]
-
-
-def metrics(task: str) -> list[Metric]:
-    """The metrics of a task's rows, ours and everybody's, in the order of their names' groups."""
-    groups = sorted(registry.names("metric"), key=lambda name: (GROUPS.index(name) if name in GROUPS else len(GROUPS), name))
-    found = [metric for name in groups for metric in registry.load("metric", name)]  # type: ignore[attr-defined]
-    return [metric for metric in found if not metric.tasks or task in metric.tasks]
-
-
-GROUPS = ("survey", "patrol", "calibration", "map", "stages", "planning")
 
 
 def evaluate_folder(folder: Path) -> Values:

@@ -81,8 +81,8 @@ def fault_of(points: np.ndarray, problem: PlanningProblem) -> str:
     """Why a path is not valid: it does not join start and goal exactly, or a piece of it is not free; empty if valid."""
     if not len(points) or not np.isfinite(points).all():
         return "the path has no points or some that are not finite"
-    for word, point, end in (("begin at the start", points[0], problem.start_m),
-                             ("end at the goal", points[-1], problem.goal_m)):
+    ends = ("begin at the start", points[0], problem.start_m), ("end at the goal", points[-1], problem.goal_m)
+    for word, point, end in ends:
         if not np.array_equal(point, end):
             return f"the path does not {word} ({end[0]:.3f}, {end[1]:.3f}) m but at ({point[0]:.3f}, {point[1]:.3f}) m"
     frame = problem.blocked, problem.resolution_m, problem.origin_m

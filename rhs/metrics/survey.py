@@ -140,4 +140,5 @@ SURVEY = columns_of(
     ("end_error_before_closing_m", "m", "end error as believed while the survey went on", "thesis 3.5"),
     ("drift_pct", "%", "end error before closing, share of the distance", "rhs.metrics.survey"),
     words=("ate_alignment",),
+    counts=("survey_steps",),
 )

@@ -16,7 +16,7 @@ import numpy as np
 
 from rhs.api.belief import moved
 from rhs.api.contracts import Mapper, Odometry, Sensor, Slam, Source
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.records import Belief, Capture, Event, Motion, Observation, Path, Scan, Step, Twist
 from rhs.api.validate import (
     check_belief,
@@ -95,7 +95,7 @@ def with_extras(observation: Observation, capture: Capture) -> Observation:
     """The observation with the extra modalities of its capture, which pass every sensor that says nothing of them."""
     if not capture.extras or not isinstance(observation, Observation):
         return observation
-    return replace(observation, extras=seal({**capture.extras, **observation.extras}))
+    return replace(observation, extras=freeze({**capture.extras, **observation.extras}))
 
 
 def names(**parts: object) -> dict[str, str]:

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from rhs.api.contracts import Blockage, Blocked, Source
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.geometry import planar, wrap
 from rhs.api.grid import OccupancyGrid, configuration_space, inflate, nearest_open
 from rhs.api.records import (
     Belief,
+    BeliefStatus,
     Capture,
     Event,
-    Knowing,
     MissionStatus,
     Motion,
     Observation,
@@ -99,7 +99,7 @@ class Sentinel:
         return self.localiser.update(observation, motion)
 
     def note(self, belief: Belief, scan: Scan) -> None:
-        if belief.status is Knowing.TRACKING:
+        if belief.status is BeliefStatus.TRACKING:
             self.watch.look(belief.map_from_body, scan)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
@@ -115,7 +115,7 @@ class Sentinel:
         """Arrived? Lost? Blocked? Otherwise follow the path."""
         events = self.kidnapper.news() if self.kidnapper is not None else []
         self.views_spent += 1
-        if belief.status is not Knowing.TRACKING:
+        if belief.status is not BeliefStatus.TRACKING:
             return self._find_oneself(belief, scan, events)
         self.lost_steps = 0
         self.search.begin()
@@ -186,7 +186,7 @@ class Sentinel:
         def ask(growth_cells: float, mapped: np.ndarray) -> Path:
             blocked = mapped | inflate(self.watch.cells, growth_cells)
             near_m = nearest_open(self.grid, blocked, goal_m, self.settings.arrive_m - GOAL_SLACK_M)
-            problem = seal(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, start_m.copy(), near_m))
+            problem = freeze(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, start_m.copy(), near_m))
             began_s = time.process_time()
             plan = self.planner.plan(problem)
             plan_ms = 1e3 * (time.process_time() - began_s)

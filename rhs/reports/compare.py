@@ -4,7 +4,8 @@ Two runs are a pair when everything agrees but what is compared: task, world, se
 (config.yaml of their folders), start, goal, scenario. Per pair of values and column: mean difference with its 95 %
 interval, Wilcoxon's signed-rank test; the same difference over the pairs that both solved; and how often only one of the
 two succeeded (McNemar's exact test). Pairs of one world (or one problem) are one unit of the interval and the tests where
-there are several worlds (problems). p values are corrected for the number of comparisons (Holm 1979).
+there are several worlds (problems), and so are pairs that are equal for every seed. p values are corrected for the number
+of comparisons (Holm 1979).
 """
 
 from __future__ import annotations
@@ -51,9 +52,8 @@ def compare(table: pandas.DataFrame, key: str, columns: Sequence[str] = (), *, c
     label = independent(table)
     rows = []
     for pair in found:
-        once = _once(pair, label)
-        sample = clusters(table.iloc[once.a], cluster)
-        rows += [_row(scored, once, len(pair.a), column, sample) for column in columns]
+        sample = _samples(table, pair, label, cluster)
+        rows += [_row(scored, pair, column, sample) for column in columns]
     out = pd.DataFrame(rows)
     out["p"], out["least_p"] = holm(out["p"].to_numpy(float)), holm(out["least_p"].to_numpy(float))
     for column in columns:  # the same pairs whatever the column: corrected for the pairs alone
@@ -65,7 +65,7 @@ def compare(table: pandas.DataFrame, key: str, columns: Sequence[str] = (), *, c
 
 def pairs(table: pandas.DataFrame, key: str) -> tuple[list[Pairs], int]:
     """The pairs for each two values of `key`, and how many runs have no partner at all."""
-    choices = [_choices(table, index) for index in range(len(table))]
+    choices = [_choices(table, index, key) for index in range(len(table))]
     if not any(key in one for one in choices):
         check_columns(table, [key])
     groups: dict[frozenset, dict[object, int]] = {}
@@ -88,12 +88,12 @@ def pairs(table: pandas.DataFrame, key: str) -> tuple[list[Pairs], int]:
     return out, sum(len(members) == 1 for members in groups.values())
 
 
-def _choices(table: pandas.DataFrame, index: int) -> Chosen:
+def _choices(table: pandas.DataFrame, index: int, key: str) -> Chosen:
     """All that was chosen for a run: its configuration, and what the row says of it."""
     import pandas as pd
 
     row = table.iloc[index]
-    named = [name for name in table.columns if name in ("task", *KEYS) or is_setting(name)]
+    named = [name for name in table.columns if name in ("task", *KEYS, key) or is_setting(name)]
     known = {name: getattr(row[name], "item", lambda value=row[name]: value)() for name in named if not pd.isna(row[name])}
     settings = {name.removesuffix(".name"): value for name, value in settings_of(str(table.index[index])).items()}
     return settings | known
@@ -124,14 +124,13 @@ def _nothing_to_pair(key: str, choices: list[Chosen], rest: list[Chosen]) -> str
     return f"no two runs differ in {key} alone{also}; sweep {key} over the same worlds and seeds"
 
 
-def _once(pair: Pairs, label: np.ndarray) -> Pairs:
-    """The pairs without repetition: two results that are the same for every seed are one pair."""
-    _, first = np.unique(np.stack([label[pair.a], label[pair.b]]), axis=1, return_index=True)
-    first.sort()
-    return Pairs(pair.name, pair.a[first], pair.b[first])
+def _samples(table: pandas.DataFrame, pair: Pairs, label: np.ndarray, cluster: str) -> np.ndarray:
+    """(P,) labels of the units: pairs of one world or problem, or else pairs of which both results are the same."""
+    _, same = np.unique(np.stack([label[pair.a], label[pair.b]]), axis=1, return_inverse=True)
+    return clusters(table.iloc[pair.a].assign(independent_=same), cluster)
 
 
-def _row(scored: pandas.DataFrame, pair: Pairs, count: int, column: str, sample: np.ndarray) -> dict[str, object]:
+def _row(scored: pandas.DataFrame, pair: Pairs, column: str, sample: np.ndarray) -> dict[str, object]:
     values, done = numbers(scored, column), scored["success"].to_numpy(float)
     difference = values[pair.a] - values[pair.b]
     known, solved = np.isfinite(difference), (done[pair.a] == 1.0) & (done[pair.b] == 1.0)
@@ -140,8 +139,8 @@ def _row(scored: pandas.DataFrame, pair: Pairs, count: int, column: str, sample:
     won = _won(done[pair.a] - done[pair.b], sample)
     decided = int((won != 0.0).sum())
     return {
-        "column": column, "difference": pair.name, "pairs": count, "with_both": int(known.sum()), "units": len(one_each),
-        "mean": float(difference[known].mean()) if known.any() else np.nan, "low": low, "high": high,
+        "column": column, "difference": pair.name, "pairs": len(pair.a), "with_both": int(known.sum()),
+        "units": len(one_each), "mean": float(difference[known].mean()) if known.any() else np.nan, "low": low, "high": high,
         "p": signed_rank_p(one_each), "least_p": least_p(len(one_each)), "both_solved": int(solved.sum()),
         "mean_both_solved": mean_text(difference[solved], sample[solved]),
         "only_first_complete": int((done[pair.a] > done[pair.b]).sum()),
@@ -176,9 +175,8 @@ def _notes(view: pandas.DataFrame, key: str, alone: int, cluster: str) -> list[s
                      f"{first['difference']} on {first['column']}: n = {first['units']}, least possible corrected p "
                      f"{short(float(first['least_p']))}" + ("; fewer --columns help" if tests > differences else ""))
     if (view["units"] < view["with_both"]).any():
-        what = cluster or "worlds or problems"
-        notes.append(f"units: {what} with several pairs count once, by their mean; --cluster run counts every pair, and "
-                     f"then speaks of these {what} alone")
+        notes.append(f"units: each {cluster or 'world (or problem)'} counts once, by the mean of its pairs, and so do pairs "
+                     f"that are equal for every seed; --cluster run speaks of these worlds and problems alone")
     if (view["with_both"] > 0).any() and (view["units"] < LEAST).any():
         notes.append(f"no interval from fewer than {LEAST} units")
     if alone:

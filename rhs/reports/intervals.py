@@ -155,11 +155,11 @@ def _told(values: np.ndarray, kind: str, interval: tuple[float, float]) -> str:
     return text if low == high else f"{text} ({low} to {high})"
 
 
-def legend(text: str, over: str = "independent runs") -> list[str]:
+def legend(text: str, over: str = "independent runs, or the worlds or problems of a line") -> list[str]:
     """What the brackets in a table mean, for those that stand in it."""
     notes = []
     if "[" in text:
-        notes.append(f"[low, high]: 95 % interval over {over} (mean: t; share: Clopper-Pearson; median of _ms: its ranks)")
+        notes.append(f"[low, high]: 95 % interval over {over} (mean: t; share: Clopper-Pearson; median: ranks)")
     if re.search(r"\(\S+ to \S+\)", text):
         notes.append("(low to high): range of the runs, too few for an interval (mean: fewer than 3; median: fewer than 6)")
     return notes

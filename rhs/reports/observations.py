@@ -94,7 +94,7 @@ def _spl(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
 def _par2_ms(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
     import pandas as pd
 
-    took = numbers(table, "plan_ms") + np.nan_to_num(numbers(table, "plan_learn_ms"))
+    took = numbers(table, "plan_ms")  # of the first answer, learning included
     limit = pd.Series(took).groupby([table["world"].fillna("").to_numpy(), problems(table)]).transform("max").to_numpy()
     return np.where(planned(table), np.where(done == 1.0, took, 2.0 * limit), np.nan)
 
@@ -139,9 +139,10 @@ def independent(table: pandas.DataFrame) -> np.ndarray:
 
 def clusters(table: pandas.DataFrame, by: str = "") -> np.ndarray:
     """(N,) labels of what the runs are samples of: the column `by`; or else their worlds where there are several, their
-    problems where there are several, themselves otherwise (also for by="run")."""
+    problems where there are several, the independent ones among them otherwise (also for by="run")."""
+    known = table["independent_"].to_numpy() if "independent_" in table.columns else None
     if by == "run":
-        return np.arange(len(table))
+        return independent(table) if known is None else known
     if by:
         if by not in table.columns:
             raise ConfigError(f"--cluster {by}: no such column; give world, run, or another column of the table")
@@ -149,7 +150,7 @@ def clusters(table: pandas.DataFrame, by: str = "") -> np.ndarray:
     for label in (table["world"].astype("string").fillna("").to_numpy(dtype=object), problems(table)):
         if 1 < len(set(label)):
             return label
-    return np.arange(len(table))
+    return clusters(table, "run")
 
 
 def failures_told(table: pandas.DataFrame) -> str:

@@ -140,36 +140,35 @@ def _solved_by_all(found: Sequence[Group]) -> set[tuple[str, str]]:
 
 def _line(group: Group, by_all: set[tuple[str, str]] | None) -> dict[str, object]:
     part = group.rows
-    once = part[~part["independent_"].duplicated()]
-    sample = clusters(once)
-    cells = 1.0 / numbers(once, "map_resolution_m")
+    sample = clusters(part)
+    cells = 1.0 / numbers(part, "map_resolution_m")
     walk = "plan_walk_steps" if "plan_walk_steps" in part and part["plan_walk_steps"].notna().any() else "plan_steps_raw"
-    found = once["success"].to_numpy(float) == 1.0
-    above = np.round(numbers(once, "plan_above_optimum_pct"), 3)
+    found = part["success"].to_numpy(float) == 1.0
+    above = np.round(numbers(part, "plan_above_optimum_pct"), 3)
     line: dict[str, object] = {
         "map": group.place, "problem": group.problem, "planner": group.planner, "settings": group.settings, "n": len(part),
-        "failed": int((part["success"] == 0.0).sum()), "independent": len(once),
-        "success %": share_text(once["success"].to_numpy(float), sample, factor=100),
+        "failed": int((part["success"] == 0.0).sum()), "independent": part["independent_"].nunique(),
+        "success %": share_text(part["success"].to_numpy(float), sample, factor=100),
         "invalid": int((part["reason_"] == "invalid path").sum()),
-        "steps": mean_text(numbers(once, walk), sample),
-        "raw, cells": mean_text(numbers(once, "plan_length_raw_m") * cells, sample),
-        "length, cells": mean_text(numbers(once, "plan_length_m") * cells, sample),
-        "optimum, cells": _span(numbers(once, "plan_optimal_m") * cells),
+        "steps": mean_text(numbers(part, walk), sample),
+        "raw, cells": mean_text(numbers(part, "plan_length_raw_m") * cells, sample),
+        "length, cells": mean_text(numbers(part, "plan_length_m") * cells, sample),
+        "optimum, cells": _span(numbers(part, "plan_optimal_m") * cells),
         "above optimum %": mean_text(above, sample),
     }
     if by_all is not None:
-        common = np.array([(group.place, problem) in by_all for problem in once["problem_"]], bool)
-        line["solved by all"] = len(set(once["problem_"][common]))
+        common = np.array([(group.place, problem) in by_all for problem in part["problem_"]], bool)
+        line["solved by all"] = len(set(part["problem_"][common]))
         line["above optimum %, those"] = mean_text(above[common], sample[common])
     line |= {
-        "SPL": mean_text(numbers(once, "spl"), sample),
-        "clearance, cells": mean_text(np.round(numbers(once, "plan_clearance_min_m") * cells, 3), sample),
-        "smoothness, 1/m2": mean_text(numbers(once, "plan_smoothness"), sample),
+        "SPL": mean_text(numbers(part, "spl"), sample),
+        "clearance, cells": mean_text(np.round(numbers(part, "plan_clearance_min_m") * cells, 3), sample),
+        "smoothness, 1/m2": mean_text(numbers(part, "plan_smoothness"), sample),
         "learn ms": median_text(numbers(part, "plan_learn_ms")),
         "plan ms": median_text(numbers(part, "plan_ms")),
         "again ms": median_text(numbers(part, "plan_again_ms")),
-        "PAR-2 ms": mean_text(numbers(part, "par2_ms"), clusters(part)),
-        "classes": _shares(once["homotopy"].fillna("")[found] if "homotopy" in once else []),
+        "PAR-2 ms": mean_text(numbers(part, "par2_ms"), sample),
+        "classes": _shares(part["homotopy"].fillna("")[found] if "homotopy" in part else []),
         "reasons": _shares(part["reason_"]),
     }
     distance, seconds, success = THESIS.get(group.place, {}).get(group.planner, (np.nan,) * 3)
@@ -223,10 +222,9 @@ def _told(summary: pandas.DataFrame) -> str:
 
 
 def _bar(group: Group, column: str) -> tuple[str, str, float, float, float]:
-    part = group.rows[~group.rows["independent_"].duplicated()]
-    values = numbers(part, column)
+    values = numbers(group.rows, column)
     known = np.isfinite(values)
-    low, high = mean_interval(units(values[known], clusters(part)[known]))
+    low, high = mean_interval(units(values[known], clusters(group.rows)[known]))
     return group.where, group.who, float(values[known].mean()) if known.any() else float("nan"), low, high
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rhs.api.files import replacing, write_whole
-from rhs.base.commands import INTERRUPTED, Arguments, answered
+from rhs.base.commands import INTERRUPTED, Arguments, answered, check_regular
 from rhs.base.errors import ConfigError, RhsError
 from rhs.plots import new_figure, save
 from rhs.runfolder.row import KEYS, read_row
@@ -227,6 +227,8 @@ def _make(folder: Path, *, with_video: bool, unreadable: list[str]) -> Iterator[
     if not (folder / "row.json").exists():
         yield sweep(folder, unreadable)
         return
+    for path in (*folder.iterdir(), *folder.glob("places/*")):
+        check_regular(path)
     read_row(folder / "row.json")
     yield from pictures(folder)
     if with_video:

@@ -1,7 +1,8 @@
 """What a table says: per group, how many runs, how many independent, how many failed, means with 95 % intervals (level 5).
 
-Means (medians of times) are over the independent runs that have the number; `failed` stands beside them, and scores that
-count failures (`spl`, `par2_ms`), since a mean over successes alone flatters. Intervals: rhs.reports.intervals.
+Means (medians of times) are over the runs that have the number, their intervals over the independent ones; `failed` stands
+beside them, and scores that count failures (`spl`, `par2_ms`), since a mean over successes alone flatters. Intervals:
+rhs.reports.intervals.
 """
 
 from __future__ import annotations
@@ -60,12 +61,12 @@ def _swept(table: pandas.DataFrame) -> list[str]:
 
 
 def _group_row(part: pandas.DataFrame, wanted: Sequence[str], cluster: str) -> dict[str, object]:
-    once = part[~part["independent_"].duplicated()]
-    samples = clusters(once, cluster)
-    row: dict[str, object] = {"runs": len(part), "independent": len(once), "failed": int((part["success"] == 0.0).sum()),
-                              "complete": share_text(once["success"].to_numpy(float), samples)}
+    samples = clusters(part, cluster)
+    row: dict[str, object] = {"runs": len(part), "independent": part["independent_"].nunique(),
+                              "failed": int((part["success"] == 0.0).sum()),
+                              "complete": share_text(part["success"].to_numpy(float), samples)}
     for name in wanted:
-        values = numbers(once, name)
+        values = numbers(part, name)
         row[name] = median_text(values) if name.endswith("_ms") and name != "par2_ms" else mean_text(values, samples)
     return row
 

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 
 from rhs.base.commands import Arguments, answered, plain
 from rhs.base.errors import ConfigError, RhsError
-from rhs.runfolder.row import FLOATS, INTEGERS, KEYS, MACHINE, TEXT, WORDS, column_rank, machine_dependent, read_row
+from rhs.config.dictionary import kind_of
+from rhs.runfolder.row import KEYS, column_rank, machine_dependent, read_row
 from rhs.runfolder.row import canonical_hash as canonical_hash
 from rhs.runfolder.row import write_row as write_row
 
@@ -79,7 +80,7 @@ def some_rows(folders: Iterable[Path | str], unreadable: list[str]) -> pandas.Da
 def _odd_ones_out(found: dict[str, dict[str, object]]) -> list[str]:
     """Take out rows that have text where most have a number, or the reverse; complaints."""
     complaints = []
-    for name in sorted({name for row in found.values() for name in row} - {*WORDS}):
+    for name in sorted({name for row in found.values() for name in row if kind_of(name) != "word"}):
         text = [folder for folder, row in found.items() if isinstance(row.get(name), str)]
         other = [folder for folder, row in found.items() if row.get(name) is not None and folder not in set(text)]
         for folder in (text if len(text) <= len(other) else other) if text and other else ():
@@ -92,14 +93,10 @@ def frame(found: dict[str, dict[str, object]]) -> pandas.DataFrame:
     """DataFrame of named rows with fixed order and fixed types."""
     import pandas as pd
 
-    columns = sorted({*_known_columns(), *(name for row in found.values() for name in row)}, key=column_rank)
+    columns = sorted({"status", "reason", *KEYS, *(name for row in found.values() for name in row)}, key=column_rank)
     order = sorted(found, key=lambda run: _row_rank(found[run]))
     data = {name: _typed(name, [found[run].get(name) for run in order]) for name in columns}
     return pd.DataFrame(data, index=pd.Index(order, name="run", dtype="str"), columns=columns)
-
-
-def _known_columns() -> set[str]:
-    return {*TEXT, *INTEGERS, *FLOATS, *MACHINE}
 
 
 def _row_rank(row: dict[str, object]) -> tuple:
@@ -114,11 +111,12 @@ def _typed(name: str, values: Sequence[object]):
     import pandas as pd
 
     known = [value for value in values if value is not None]
-    if name in TEXT or any(isinstance(value, str) for value in known):
+    kind = kind_of(name)
+    if kind == "word" or any(isinstance(value, str) for value in known):
         return pd.array([None if v is None else str(v) for v in values], dtype="string")
     if known and all(isinstance(value, bool) for value in known):
         return pd.array(values, dtype="boolean")
-    if name in INTEGERS or (known and name not in FLOATS and all(isinstance(v, int) for v in known)
+    if kind == "count" or (known and not kind and all(isinstance(v, int) for v in known)
                             and not machine_dependent(name)):
         return pd.array([None if v is None else int(v) for v in values], dtype="Int64")  # type: ignore[call-overload]
     return pd.array([float("nan") if v is None else float(v) for v in values], dtype="float64")  # type: ignore[arg-type]

@@ -59,13 +59,14 @@ def settings_of(folder: Path | str) -> dict[str, object]:
 
 
 def flat(config: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
-    """{"planner": {"step_m": 1}} -> {"planner.step_m": 1}; lists become text."""
+    """{"planner": {"step_m": 1}} -> {"planner.step_m": 1}; lists and whatever else is no plain value become text."""
     out: dict[str, object] = {}
     for key, value in config.items():
         if isinstance(value, Mapping):
             out |= flat(value, f"{prefix}{key}.")
         else:
-            out[f"{prefix}{key}"] = str(value) if isinstance(value, list) else value
+            plain = value is None or isinstance(value, bool | int | float | str) and value == value
+            out[f"{prefix}{key}"] = value if plain else str(value)
     return out
 
 

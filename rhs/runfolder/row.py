@@ -19,33 +19,14 @@ import numpy as np
 from rhs.api.files import replacing
 from rhs.base.commands import check_regular
 from rhs.base.errors import RhsError
+from rhs.config.dictionary import kind_of, rank
 
 from .folders import is_in_use
 
 RUNNING, KILLED = "running", "killed"
 LONGEST_TEXT = 4000  # characters of a text in a row
 KEYS = ("world", "source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed")
-TEXT = ("status", "reason", *KEYS[:-1], "ate_alignment")
-INTEGERS = ("seed", "places_total", "places_visited", "missions", "replans", "collisions", "survey_steps",
-            "patrol_steps", "kidnaps")
-PATROL = ("clearance_min_m", "path_length_m", "path_optimal_m", "arrival_error_max_m", "patrol_rmse_m")
-SURVEY = (
-    "distance_m", "ate_rmse_m", "ate_before_closing_m", "ate_unaligned_m", "ate_mean_m", "ate_median_m", "ate_max_m",
-    "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad", "rpe_trans_per_second_m",
-    "rpe_rot_per_second_rad", "end_error_m", "end_error_before_closing_m", "half_error_m", "drift_pct",
-    "ate_tolerance_s", "matched_share", "covered_share", "tracked_share", "degenerate_share", "lost_share",
-    "gated_share",
-)
-MAP = ("map_agreement", "map_observed_share")
-KNOWING = ("kidnap_recovered_share", "kidnap_recovery_m", "kidnap_recovery_p90_m", "kidnap_recovery_s",
-           "kidnap_recovery_p90_s", "kidnap_wrong_sure_share", "belief_wrong_sure_share", "belief_ece")
-FLOATS = (*PATROL, *KNOWING, *SURVEY, *MAP)
-WORDS = (*TEXT, "task", "failure", "plan_reason", "homotopy", "config_hash", "commit", "versions", "renderer", "scale_from",
-         "lost")
-MACHINE = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms", "wall_ms", "real_time_factor",
-           "peak_memory_mb")
-# The order of a table; columns it does not name follow in alphabetical order, machine-dependent ones last.
-ORDER = ("status", "reason", *KEYS, *INTEGERS[1:6], *PATROL, *KNOWING, *SURVEY, "ate_alignment", *MAP, *INTEGERS[6:])
+LAST = 1_000_000  # after every column that somebody described
 LARGEST_BYTES = 4 << 20
 LARGEST_WHOLE = 2**63 - 1
 NOT_REPEATABLE = ("real_time_factor", "peak_memory_mb", "folder", "run", "date", "commit", "version", "versions",
@@ -118,13 +99,14 @@ def checked_value(name: str, value: object) -> object:
         (name + value).encode("utf-8")  # a lone surrogate is no text: a UnicodeEncodeError, which is a ValueError
     if value is None or value != value:
         return None
-    if name in WORDS and not isinstance(value, str):
+    kind = kind_of(name)
+    if kind == "word" and not isinstance(value, str):
         raise RhsError(f"{name} is {value!r}, expected text")
-    if name in (*INTEGERS, *FLOATS, *MACHINE) and not _is_number(value):
+    if kind in ("count", "number") and not _is_number(value):
         raise RhsError(f"{name} is {value!r}, expected a number")
     if _is_number(value) and isinstance(value, int) and abs(value) > LARGEST_WHOLE:
         raise RhsError(f"{name} is a whole number of more than 63 bits")
-    if name in INTEGERS and not float(value).is_integer():  # type: ignore[arg-type]
+    if kind == "count" and not float(value).is_integer():  # type: ignore[arg-type]
         raise RhsError(f"{name} is {value!r}, expected a whole number")
     return value
 
@@ -141,12 +123,11 @@ def canonical_hash(row: Mapping[str, object]) -> str:
 
 
 def column_rank(name: str) -> tuple[int, int, str]:
-    """Sort key of a column: the known ones in their order, then others, then machine-dependent ones."""
-    if name in ORDER:
-        return 0, ORDER.index(name), name
+    """Sort key of a column: the described ones in their order, then others, then machine-dependent ones."""
+    place = rank(name)
     if machine_dependent(name):
-        return 2, MACHINE.index(name) if name in MACHINE else len(MACHINE), name
-    return 1, 0, name
+        return 2, LAST if place is None else place, name
+    return (1, 0, name) if place is None else (0, place, name)
 
 
 def _encode(name: str, value: object) -> str:

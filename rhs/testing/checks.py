@@ -14,7 +14,7 @@ from typing import Any
 
 from rhs.api.contracts import KINDS
 from rhs.api.errors import ConfigError
-from rhs.config.documented import comments, summary
+from rhs.config.documented import field_docs, summary
 
 from .localisers import LOCALISER
 from .loop_closers import LOOP_CLOSER
@@ -69,9 +69,20 @@ def says_what_it_is(settings: Any, folder: Path) -> None:
 
 
 def says_what_every_setting_means(settings: Any, folder: Path) -> None:
-    meanings = comments(type(settings))
-    silent = [f.name for f in dataclasses.fields(settings) if f.init and not meanings.get(f.name)]
-    assert not silent, f"these settings have no comment above or behind them: {', '.join(silent)}"
+    silent = silent_settings(type(settings))
+    assert not silent, f"write a string literal after each of these settings saying what it means: {', '.join(silent)}"
+
+
+def silent_settings(cls: type, owner: str = "") -> list[str]:
+    """The settings without a meaning, those of nested groups included; a group says what it is by its own docstring."""
+    hints, meanings, out = typing.get_type_hints(cls), field_docs(cls), []
+    for item in dataclasses.fields(cls):
+        hint = hints[item.name]
+        if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+            out += ([] if summary(hint) else [owner + item.name]) + silent_settings(hint, f"{owner}{item.name}.")
+        elif item.init and not meanings.get(item.name):
+            out.append(owner + item.name)
+    return out
 
 
 def declares_what_it_needs_and_provides(settings: Any, folder: Path) -> None:

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import FeatureSettings
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.geometry import exp_se3, inverse, log_se3, planar, se2
-from rhs.api.records import Belief, Knowing, Motion, Observation, Tracking, View
+from rhs.api.records import Belief, BeliefStatus, FeatureSettings, Motion, Observation, Tracking, View
 from rhs.api.validate import check_belief
 
 from .room import RATE_HZ, blind, context, drive, empty_grid, for_part
@@ -39,7 +38,7 @@ def survey(stored: bool = True) -> tuple[View, ...]:
     for pose, seen in drive():
         motion = Motion(inverse(previous) @ pose, FINE, Tracking.OK)
         kept = features(seen, FeatureSettings()) if stored and seen.index % 2 == 0 else None
-        views.append(seal(View(seen.index, seen.stamp_s, seen.camera, motion, pose, FINE, seen.scan, kept)))
+        views.append(freeze(View(seen.index, seen.stamp_s, seen.camera, motion, pose, FINE, seen.scan, kept)))
         previous = pose
     return tuple(views)
 
@@ -51,7 +50,7 @@ def patrol() -> tuple[Seen, ...]:
     previous = drive()[0][0]
     for pose, seen in drive(seed=1):
         noise = SIGMA * rng.standard_normal(6) * [1, 1, 0, 0, 0, 1] * bool(seen.index)
-        out.append((seen, seal(Motion(inverse(previous) @ pose @ exp_se3(noise), np.diag(SIGMA**2), Tracking.OK))))
+        out.append((seen, freeze(Motion(inverse(previous) @ pose @ exp_se3(noise), np.diag(SIGMA**2), Tracking.OK))))
         previous = pose
     return tuple(out)
 
@@ -59,7 +58,7 @@ def patrol() -> tuple[Seen, ...]:
 def in_the_dark(motions: Sequence[np.ndarray], covariance: np.ndarray = FINE) -> list[Seen]:
     """Views with nothing in them, and these motions (4x4): there is nothing else to go by."""
     view = drive()[0][1]
-    return [(blind(view, k), seal(Motion(motion, covariance.copy(), Tracking.OK))) for k, motion in enumerate(motions)]
+    return [(blind(view, k), freeze(Motion(motion, covariance.copy(), Tracking.OK))) for k, motion in enumerate(motions)]
 
 
 def hard() -> list[Seen]:
@@ -75,13 +74,13 @@ def hard() -> list[Seen]:
 
 def _part(settings: Any, folder: Path, start: Belief | None, *, seed: int = 0, stored: bool = True) -> Any:
     part = settings.build(context(folder, seed))
-    part.learn(survey(stored), seal(empty_grid()))
+    part.learn(survey(stored), freeze(empty_grid()))
     part.start(start)
     return part
 
 
 def _start(covariance: np.ndarray = FINE) -> Belief:
-    return seal(Belief(np.array(drive()[0][0]), np.array(covariance)))
+    return freeze(Belief(np.array(drive()[0][0]), np.array(covariance)))
 
 
 def _beliefs(settings: Any, folder: Path, views: Sequence[Seen], start: Belief | None) -> list[Belief]:
@@ -120,7 +119,7 @@ def an_error_of_heading_grows_to_the_side(settings: Any, folder: Path) -> None:
 def is_where_it_says_while_it_tracks(settings: Any, folder: Path) -> None:
     beliefs = _beliefs(settings, folder, patrol(), _start())
     tracked = [(belief, pose) for belief, (pose, _) in zip(beliefs, drive(), strict=True)
-               if belief.status is Knowing.TRACKING]
+               if belief.status is BeliefStatus.TRACKING]
     assert len(tracked) >= len(beliefs) // 2, f"told where it is, it tracks in only {len(tracked)} of {len(beliefs)} views"
     surprise = []
     for belief, pose in tracked:
@@ -134,7 +133,7 @@ def is_where_it_says_while_it_tracks(settings: Any, folder: Path) -> None:
 def starting_from_nothing_is_not_knowing(settings: Any, folder: Path) -> None:
     part = _part(settings, folder, None, stored=False)
     belief = check_belief(part.update(for_part(settings, blind(drive()[0][1], 0)), LOST), who="update()")
-    assert belief.status is not Knowing.TRACKING, "no start, no places and nothing to see, yet it claims to track"
+    assert belief.status is not BeliefStatus.TRACKING, "no start, no places and nothing to see, yet it claims to track"
 
 
 def starts_anew_when_told(settings: Any, folder: Path) -> None:

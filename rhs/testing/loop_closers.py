@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import FeatureSettings
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.geometry import compose_covariance, inverse, log_se3, se2
-from rhs.api.records import Closure, Motion, Tracking, View
+from rhs.api.records import Closure, FeatureSettings, Motion, Tracking, View
 from rhs.api.validate import check_closure
 
 from .room import CAMERA, context, observe, paintings, scan_of
@@ -50,7 +49,7 @@ def survey(*, drifting: bool = True, stored: bool = True) -> tuple[View, ...]:
         seen = observe(CAMERA, true, paintings(), index)
         kept = features(seen, FeatureSettings()) if stored else None
         motion = Motion(step, np.diag(SIGMA**2), Tracking.OK)
-        views.append(seal(View(index, seen.stamp_s, CAMERA, motion, believed, spread, scan_of(true), kept)))
+        views.append(freeze(View(index, seen.stamp_s, CAMERA, motion, believed, spread, scan_of(true), kept)))
     return tuple(views)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.geometry import planar, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
@@ -29,7 +29,7 @@ NEAR_CELLS = 1.5  # a wall may be drawn one cell off
 def scan_at(pose: np.ndarray) -> Scan:
     """What a scanner that sits aside of the middle sees of the furnished room; beams beyond 4.5 m find nothing."""
     reach = ranges(FURNISHED, pose, BEARINGS, ORIGIN_M, HEIGHT_M)
-    return seal(Scan(BEARINGS.copy(), np.where(reach < 4.5, reach, np.inf), 4.5, ORIGIN_M))
+    return freeze(Scan(BEARINGS.copy(), np.where(reach < 4.5, reach, np.inf), 4.5, ORIGIN_M))
 
 
 def ends(pose: np.ndarray, scan: Scan, share: float = 1.0) -> np.ndarray:
@@ -43,7 +43,7 @@ def ends(pose: np.ndarray, scan: Scan, share: float = 1.0) -> np.ndarray:
 
 def _drawn(settings: Any, folder: Path, times: int = 6, poses: tuple[tuple[float, float, float], ...] = POSES) -> Any:
     mapper = settings.build(context(folder, room=FURNISHED))
-    scans = [(seal(se2(*pose)), scan_at(se2(*pose))) for pose in poses]
+    scans = [(freeze(se2(*pose)), scan_at(se2(*pose))) for pose in poses]
     with untouched(scans):
         for _ in range(times):
             for pose, scan in scans:

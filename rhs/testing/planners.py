@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.api.validate import check_path
 
@@ -28,10 +28,11 @@ def problem(blocked: np.ndarray, start: tuple[float, float] = START_M, goal: tup
     end = (0.1 * columns - 0.57, 0.1 * rows - 0.54) if goal is None else goal
     scale = resolution_m / RESOLUTION_M
     points = [scale * np.array(point) + ORIGIN_M for point in (start, end)]
-    return seal(PlanningProblem(blocked.copy(), resolution_m, ORIGIN_M, *points))
+    return freeze(PlanningProblem(blocked.copy(), resolution_m, ORIGIN_M, *points))
 
 
 def empty() -> np.ndarray:
+    """(ROWS, COLUMNS) bool: nothing blocked."""
     return np.zeros((ROWS, COLUMNS), bool)
 
 

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import Context, FeatureSettings
-from rhs.api.frozen import seal
+from rhs.api.contracts import Context
+from rhs.api.frozen import freeze
 from rhs.api.geometry import Camera, camera_from_fov, planar, se2
 from rhs.api.grid import OccupancyGrid, frame_of
-from rhs.api.records import Capture, Observation, Scan, Twist, WorldFacts
+from rhs.api.records import Capture, FeatureSettings, Observation, Scan, Twist, WorldFacts
 
 LOW, HIGH = np.array([-4.0, -3.0, 0.0]), np.array([4.0, 3.0, 2.6])
 TEXELS_PER_M = 40.0
@@ -126,7 +126,7 @@ def _to_tube(radius: float, eye: np.ndarray, directions: np.ndarray) -> np.ndarr
     y, z = eye[1], eye[2] - radius
     a = (directions[:, 1:] ** 2).sum(axis=1)
     b = directions[:, 1] * y + directions[:, 2] * z
-    return (-b + np.sqrt(b**2 + a * (radius**2 - y**2 - z**2))) / a
+    return np.asarray((-b + np.sqrt(b**2 + a * (radius**2 - y**2 - z**2))) / a)
 
 
 def ranges(room: Room, world_from_body: np.ndarray, bearings: np.ndarray,
@@ -160,7 +160,7 @@ def drive(room: Room = HALL, steps: tuple[tuple[float, float], ...] = TOUR,
         scan = replace(exact, ranges_m=exact.ranges_m + 0.005 * rng.standard_normal(len(BEARINGS)))
         moved = np.array([ahead, 0.0, left])
         wheel = moved + (0.02 * np.abs(moved) + 1e-3 * bool(index)) * rng.standard_normal(3)
-        out.append((pose, seal(replace(seen, image=image, depth=np.where(depth < 8.0, depth, np.nan).astype(np.float32),
+        out.append((pose, freeze(replace(seen, image=image, depth=np.where(depth < 8.0, depth, np.nan).astype(np.float32),
                                        scan=scan, wheel=wheel,
                                        command=Twist(ahead * RATE_HZ, left * RATE_HZ, 1.0 / RATE_HZ)))))
     return tuple(out)
@@ -170,7 +170,7 @@ def blind(observation: Observation, index: int) -> Observation:
     """The view with nothing in it: a grey image, no depth, no ranges, no wheel, no command."""
     scan = observation.scan
     assert observation.image is not None and scan is not None
-    return seal(replace(
+    return freeze(replace(
         observation, index=index, stamp_s=index / RATE_HZ, wheel=None, command=None,
         image=np.full_like(observation.image, 128), depth=np.full(observation.image.shape[:2], np.nan, np.float32),
         scan=replace(scan, ranges_m=np.full_like(scan.ranges_m, np.nan))))

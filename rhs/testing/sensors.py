@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.frozen import seal
+from rhs.api.frozen import freeze
 from rhs.api.records import Capture, Observation, Twist
 from rhs.api.validate import check_observation
 
@@ -28,7 +28,7 @@ def captures() -> tuple[tuple[np.ndarray, Capture], ...]:
     for index, ((pose, _), (ahead, left)) in enumerate(zip(drive(NEAR_THE_LEFT_WALL, SHORT), SHORT, strict=True)):
         capture = see(CAMERA, pose, paintings(), index, NEAR_THE_LEFT_WALL)
         assert capture.image is not None
-        out.append((pose, seal(replace(
+        out.append((pose, freeze(replace(
             capture, image=np.rint(capture.image * TINT).astype(np.uint8), travel=np.array([ahead, 0.0, left]),
             command=Twist(ahead * RATE_HZ, left * RATE_HZ, 1.0 / RATE_HZ), scan=scan_of(pose, NEAR_THE_LEFT_WALL)))))
     return tuple(out)
@@ -43,7 +43,7 @@ def hard() -> list[Capture]:
     blank = replace(last, index=n, stamp_s=n / RATE_HZ, image=np.full_like(last.image, 90))
     dark = replace(last, index=n + 1, stamp_s=(n + 1) / RATE_HZ, depth=np.full_like(last.depth, np.nan),
                    scan=replace(last.scan, ranges_m=np.full_like(last.scan.ranges_m, np.nan)))
-    return [*views, seal(blank), seal(dark)]
+    return [*views, freeze(blank), freeze(dark)]
 
 
 def _observations(settings: Any, folder: Path, views: list[Capture], seed: int = 0) -> list[Observation]:

@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.belief import chance_right, moved
 from rhs.api.geometry import planar, se2
-from rhs.api.records import Belief, Knowing, Motion, Tracking
+from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs_localisers.odometry_only import OdometryOnly
 
 
@@ -42,5 +42,5 @@ def test_started_from_nothing_dead_reckoning_says_that_it_is_lost():
     part.start(None)
     motion = Motion(np.eye(4), _covariance(0.05, 0.02), Tracking.OK)
     belief = part.update(None, motion)
-    assert belief.status is Knowing.LOST and belief.probability == 0.0
-    assert moved(belief, motion).status is Knowing.LOST
+    assert belief.status is BeliefStatus.LOST and belief.probability == 0.0
+    assert moved(belief, motion).status is BeliefStatus.LOST

@@ -27,7 +27,7 @@ from laps import SETTINGS, Lap, Taken, taken
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.randomness import generator
-from rhs.api.records import Belief, Knowing, Motion, Tracking
+from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.config.compose import compose_config
 from rhs.estimation.survey import draw
 from rhs.metrics.calibration import WITHIN_M, Beliefs, calibration_error, kidnaps, reliability
@@ -146,7 +146,7 @@ def follow(part, lap: Taken, begin: int, end: int, *, start: bool = True) -> Bel
         belief = part.update(lap.observations[k], lap.motions["procrustes"][k] if k > begin else STILL)
         gap = planar(inverse(lap.truth[k]) @ belief.map_from_body)
         rows.append((lap.observations[k].stamp_s, np.hypot(*gap[:2]), abs(float(wrap(gap[2]))), belief.probability,
-                     belief.status is Knowing.TRACKING))
+                     belief.status is BeliefStatus.TRACKING))
     stamps, wrong_m, wrong_rad, chance, sure = np.array(rows, float).T
     carried = np.arange(end - begin) == 0
     return Beliefs(stamps, lap.truth[begin:end, :2, 3], wrong_m, wrong_rad, chance, sure > 0, carried)

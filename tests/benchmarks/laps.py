@@ -3,8 +3,8 @@
     python tests/benchmarks/laps.py --keep results/laps square square_alike --seeds 0 1
 
 `taken(lap, folder)` leads a lap the first time and reads its file afterwards. A file holds what the estimators may see
-(key-points, views at a glance, scans, encoder readings, the motions of three odometries) and the true poses for the judge.
-Descriptors are kept as half floats (relative error 0.0005), images are not kept. Files without views at a glance are of
+(key-points, thumbnails, scans, encoder readings, the motions of three odometries) and the true poses for the judge.
+Descriptors are kept as half floats (relative error 0.0005), images are not kept. Files without thumbnails are of
 before 2026-11-21 18:00: places are then judged by key-points alone.
 """
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from rhs.api.geometry import Camera, camera_from_fov
 from rhs.api.randomness import generator
-from rhs.api.records import Features, FeatureSettings, Glance, Motion, Observation, Scan, Tracking, View
+from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan, Thumbnail, Tracking, View
 from rhs.config.compose import compose_config
 from rhs.estimation.views.features import features, share
 from rhs.testing.room import context
@@ -116,10 +116,10 @@ def _lead(lap: Lap) -> dict[str, np.ndarray]:
             out[f"{odometry}/status"] = np.array([str(m.status) for m in motions])
     found = [features(step.observation, SETTINGS) for step in steps]
     scans = [step.scan for step in steps]
-    glances = [f.glance for f in found if f.glance is not None]
+    thumbnails = [f.thumbnail for f in found if f.thumbnail is not None]
     out |= {
-        "greys": np.stack([g.grey for g in glances]),
-        "glance_depths": np.stack([g.depth for g in glances]).astype(np.float16),
+        "greys": np.stack([g.grey for g in thumbnails]),
+        "glance_depths": np.stack([g.depth for g in thumbnails]).astype(np.float16),
         "starts": np.concatenate([[0], np.cumsum([len(f.pixels) for f in found])]),
         "pixels": np.concatenate([f.pixels for f in found]), "points": np.concatenate([f.points for f in found]),
         "descriptors": np.concatenate([f.descriptors for f in found]).astype(np.float16),
@@ -146,7 +146,7 @@ def _read(data: dict[str, np.ndarray]) -> Taken:
         scan = Scan(data["bearings_rad"][k], data["ranges_m"][k], float(data["max_range_m"][k]),
                     tuple(data["origin_xy_m"][k].tolist()))
         seen = Observation(k, float(data["stamp_s"][k]), camera, scan=scan, wheel=data["wheel"][k])
-        found.append(Features(data["pixels"][rows], rootsift, data["points"][rows], _glance(data, k)))
+        found.append(Features(data["pixels"][rows], rootsift, data["points"][rows], _thumbnail(data, k)))
         share(seen, SETTINGS, found[-1])
         observations.append(seen)
     motions = {}
@@ -156,8 +156,8 @@ def _read(data: dict[str, np.ndarray]) -> Taken:
     return Taken(data["truth"], observations, found, motions, camera)
 
 
-def _glance(data: dict[str, Any], k: int) -> Glance | None:
-    return Glance(data["greys"][k], data["glance_depths"][k].astype(np.float32)) if "greys" in data else None
+def _thumbnail(data: dict[str, Any], k: int) -> Thumbnail | None:
+    return Thumbnail(data["greys"][k], data["glance_depths"][k].astype(np.float32)) if "greys" in data else None
 
 
 def main() -> int:

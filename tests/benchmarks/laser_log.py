@@ -23,7 +23,7 @@ from shared import write
 from rhs.api.contracts import Context, FeatureSettings, SourceContext
 from rhs.api.geometry import inverse, orthonormal, planar, wrap
 from rhs.api.randomness import generator
-from rhs.api.records import Belief, Knowing, Motion, Observation, Tracking, View
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Tracking, View
 from rhs.config.compose import compose_config
 from rhs.estimation.survey import close, draw
 from rhs.metrics.calibration import calibration_error
@@ -91,7 +91,7 @@ def followed(part, led: Led, begin: int, end: int | None, *, start: np.ndarray |
         spent_s = time.process_time() - clock
         gap = planar(inverse(poses[k]) @ belief.map_from_body)
         out.append((np.hypot(gap[0], gap[1]), abs(float(wrap(gap[2]))), belief.probability,
-                    belief.status is Knowing.TRACKING, spent_s))
+                    belief.status is BeliefStatus.TRACKING, spent_s))
     return np.array(out, float)
 
 

@@ -26,11 +26,12 @@ from laps import SETTINGS, Lap, Taken, taken
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar
 from rhs.api.randomness import generator
-from rhs.api.records import Knowing
+from rhs.api.records import BeliefStatus
 from rhs.config.compose import compose_config
 from rhs.estimation.survey import draw
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
 from rhs.estimation.views.place_memory import memory_of
+from rhs.estimation.views.settings import PlaceRules
 from rhs.reports.calibration_pictures import precision_recall_picture
 from rhs.worlds.world import load_world
 from rhs_tasks.places.task import write_tables
@@ -104,7 +105,7 @@ def kept_rows(table: Path) -> list[str]:
 
 def misses(seed: int, memory, asked: Taken, which: list[int], protocol: str) -> list[str]:
     """A line per query that VLAD with the check did not answer rightly; what a query costs goes to the screen."""
-    settings = PlaceSettings(faint_checks=SECOND_LOOK)
+    settings = PlaceSettings(rules=PlaceRules(faint_checks=SECOND_LOOK))
     database, out, spent_s, count = PlaceDatabase(memory, settings, np.random.default_rng(seed)), [], 0.0, 0
     for k in which:
         begin = time.process_time()
@@ -137,7 +138,7 @@ def sequences(stored: Taken, asked: Taken, count: int) -> list[Answered]:
             motion = asked.motions["procrustes"][k]
             way_m += float(np.hypot(*planar(motion.previous_from_body)[:2]))
             belief = part.update(asked.observations[k], motion)
-        sure = belief.status is Knowing.TRACKING
+        sure = belief.status is BeliefStatus.TRACKING
         out.append(Answered(judge_pose(belief.map_from_body if sure else None, asked.truth[k]), belief.probability))
     return out
 

@@ -133,7 +133,7 @@ def motion_planning(problem: PlanningProblem) -> dict[str, Plan]:
 
         def plan(seed: int) -> np.ndarray | None:
             random.seed(seed)
-            np.random.seed(seed)  # noqa: NPY002 (their generator)
+            np.random.seed(seed)  # noqa: NPY002
             path, told = planner.plan()
             return np.array(path, float) * problem.resolution_m + centre if told["success"] else None
 

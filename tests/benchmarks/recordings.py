@@ -73,7 +73,7 @@ def cost(path: Path, folder: Path):
         target = folder / f"{level}.mcap"
         recorder = Recorder(target, level, head.camera, head.facts)
         recorder.step(steps[0])  # imports
-        spent = timed_ms(lambda: [recorder.step(step) for step in steps])  # noqa: B023 - used at once
+        spent = timed_ms(lambda: [recorder.step(step) for step in steps])  # noqa: B023
         recorder.close()
         yield f"write {level} {size}", spent / len(steps), "ms CPU per view", len(steps)
         yield f"size {level} {size}", target.stat().st_size / 1e3 / (len(steps) + 1), "kB per view", len(steps)

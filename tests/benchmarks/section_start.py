@@ -23,7 +23,7 @@ from rhs.api.geometry import camera_from_fov, inverse, log_so3, se2
 from rhs_odometry.section.ekf import section_core
 from rhs_odometry.section.ekf_config import SectionEkf, TubeEkf
 from rhs_odometry.tracks import synthetic
-from rhs_odometry.tracks.monocular import OneEye
+from rhs_odometry.tracks.monocular import MonocularOdometry
 from rhs_odometry.tracks.track_frames import TrackFrame, Tracks
 
 RADIUS_M = 1.12
@@ -85,13 +85,13 @@ def straight(seed: int, length_m: float, step_m: float, *, round_: bool) -> Trac
     along, angle = rng.uniform(-2.0, length_m + 6.0, 6000), rng.uniform(0.0, 2 * np.pi, 6000)
     points = np.stack([along, RADIUS_M * np.sin(angle), RADIUS_M * (1.0 + np.cos(angle))], axis=1)
     camera = camera_from_fov(320, 240, 57.0, height_m=RADIUS_M + 0.05)
-    imager = synthetic.Imager(synthetic.Plan(np.zeros((0, 2, 2))), points, camera, synthetic.TrackNoise())
+    imager = synthetic.Imager(synthetic.FloorPlan(np.zeros((0, 2, 2))), points, camera, synthetic.TrackNoise())
     frames = [TrackFrame(0.25 * i, *imager.see(pose, rng)) for i, pose in enumerate(path)]
     return Tracks(camera, path[0].copy(), frames, np.stack([se2(*p) for p in path]))
 
 
 def run(case: str, name: str, seed: int, tracks: Tracks, settings: SectionEkf) -> dict[str, Any]:
-    eye = OneEye(None, section_core(settings, tracks.camera, tracks.start), se2(*tracks.start))
+    eye = MonocularOdometry(None, section_core(settings, tracks.camera, tracks.start), se2(*tracks.start))
     pose, gaps = se2(*tracks.start), []
     for frame, truth in zip(tracks.frames, tracks.truth, strict=True):
         pose = pose @ eye.update_tracks(frame).previous_from_body

@@ -41,7 +41,7 @@ def test_recovery_opens_everywhere_and_holds_what_it_says(run, tmp_path, capsys)
     from rosbags.highlevel import AnyReader
 
     short, whole = cut(run), tmp_path / "whole.mcap"
-    with pytest.raises(Exception), short.open("rb") as file:  # noqa: B017 - whatever the package says of such a file
+    with pytest.raises(Exception), short.open("rb") as file:  # noqa: B017
         list(make_reader(file).iter_messages())
     before = hashlib.sha256(short.read_bytes()).hexdigest()
     assert main([str(short), str(whole)]) == 3

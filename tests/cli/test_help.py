@@ -11,9 +11,10 @@ from installing import FAKES, environment, installed
 
 from rhs.api import settings
 from rhs.api.contracts import KINDS
+from rhs.base.errors import ConfigError
 from rhs.cli.help_text import help_text
 from rhs.config import registry
-from rhs.config.documented import comments
+from rhs.config.documented import field_docs
 
 HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "hydra", "gtsam")
 
@@ -25,21 +26,49 @@ def test_every_plugin_and_every_setting_is_listed_with_its_default():
             assert f"  {kind}={name}" in text
             if registry.failure(kind, name) is None:
                 for key in settings.defaults(registry.load(kind, name)):
-                    assert f"    {kind}.{key}=" in text
+                    assert (f"    {kind}.{key}=" in text) == (key != "advanced")
 
 
-def test_the_meaning_of_a_setting_is_its_comment_above_or_behind():
-    @dataclasses.dataclass
-    class Both:
-        # first half,
-        # second half
-        above: int = 1
-        behind: float = 2.0  # metres
-        with_it: float = 3.0
+def test_advanced_thresholds_stand_in_the_help_of_their_own_part_only():
+    assert "localiser.advanced." not in help_text()
+    one = help_text(["localiser=sift_db"])
+    assert "    localiser.advanced.places.rival_share=0.85" in one
+    assert "    localiser.advanced.places.explain.near_deg=40.0" in one
 
-        none: str = ""
 
-    assert comments(Both) == {"above": "first half, second half", "behind": "metres", "with_it": "metres", "none": ""}
+def test_a_nested_threshold_out_of_range_names_its_whole_key():
+    cls = registry.load("localiser", "sift_db")
+    made = settings.make(cls, {"advanced": {"places": {"tie": 0.2}}}, "localiser")
+    assert made.advanced.places.tie == 0.2 and made.advanced.places.slope == 12.0
+    with pytest.raises(ConfigError, match=r"^localiser\.advanced\.places\.tie=3\.0 is outside"):
+        settings.make(cls, {"advanced": {"places": {"tie": 3.0}}}, "localiser")
+
+
+def test_what_is_not_said_of_a_nested_group_is_as_the_part_has_it():
+    cls = registry.load("loop_closer", "pose_graph")
+    made = settings.make(cls, {"advanced": {"scan_loops": {"match": {"beams": 40}}}}, "loop_closer")
+    assert (made.advanced.scan_loops.match.beams, made.advanced.scan_loops.match.sigma_m) == (40, 0.05)
+
+
+@dataclasses.dataclass
+class Base:
+    inherited: int = 1
+    """from the base,
+    on two lines"""
+    replaced: float = 2.0
+    """as the base has it"""
+
+
+@dataclasses.dataclass
+class Derived(Base):
+    replaced: float = 3.0
+    """as the derived class has it"""
+    silent: str = ""
+
+
+def test_the_meaning_of_a_setting_is_the_string_literal_after_it_base_classes_included():
+    assert field_docs(Derived) == {"inherited": "from the base, on two lines", "replaced": "as the derived class has it",
+                                   "silent": ""}
 
 
 def test_a_plugin_that_cannot_be_imported_is_listed_with_the_reason():

@@ -5,9 +5,9 @@ import pytest
 
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
-from rhs.estimation.filters.clusters import Caution, heaps, resampled_by_heaps, reweighted_by_heaps
+from rhs.estimation.filters.clusters import ClusterSettings, cluster_labels, resampled_by_clusters, reweighted_by_clusters
 from rhs.estimation.filters.particles import (
-    Cloud,
+    ParticleSet,
     SizeLaw,
     around,
     displaced,
@@ -52,18 +52,18 @@ def test_weights_follow_bayes_and_never_vanish():
 def test_effective_size_counts_equal_particles():
     assert effective_size(even(np.zeros((50, 3)))) == pytest.approx(50.0)
     with np.errstate(divide="ignore"):
-        assert effective_size(Cloud(np.zeros((2, 3)), np.log([1.0, 0.0]))) == pytest.approx(1.0)
+        assert effective_size(ParticleSet(np.zeros((2, 3)), np.log([1.0, 0.0]))) == pytest.approx(1.0)
 
 
 def test_low_variance_resampling_copies_in_proportion_to_the_weight():
     states = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
     law = SizeLaw(least=1000, most=1000)
-    out = resampled(Cloud(states, np.log([0.2, 0.5, 0.3])), law, RNG(2))
+    out = resampled(ParticleSet(states, np.log([0.2, 0.5, 0.3])), law, RNG(2))
     counts = [(out.states[:, 0] == x).sum() for x in (0.0, 10.0, 20.0)]
     np.testing.assert_allclose(counts, [200, 500, 300], atol=1)  # a comb errs by one tooth, a lottery by sqrt(n)
 
 
-def test_resampling_keeps_equal_heaps_equal_for_ever():
+def test_resampling_keeps_equal_clusters_equal_for_ever():
     states = np.concatenate([around(np.array([x, 0.0, 0.0]), 1e-4 * np.eye(3), 500, RNG(3)) for x in (0.0, 30.0)])
     cloud, rng = even(states), RNG(4)
     for _ in range(200):
@@ -85,7 +85,7 @@ def test_the_size_law_is_foxs():
     assert needed(states, SizeLaw(least=1, most=1000)) == 67
 
 
-def test_the_peak_is_the_heavier_heap_with_its_spread_and_mass():
+def test_the_peak_is_the_heavier_cluster_with_its_spread_and_mass():
     a = around(np.array([3.0, 1.0, 3.1]), np.diag([0.01, 0.0025, 0.0004]), 3000, RNG(8))
     b = around(np.array([9.0, 5.0, 0.0]), 1e-3 * np.eye(3), 1000, RNG(9))
     found = peak(even(np.concatenate([a, b])), near_m=0.25, near_rad=np.radians(5.0))
@@ -95,37 +95,38 @@ def test_the_peak_is_the_heavier_heap_with_its_spread_and_mass():
     assert 0.6 < found.near < 0.75
 
 
-def test_a_heap_across_the_half_turn_is_one_heap():
+def test_a_cluster_across_the_half_turn_is_one_heap():
     found = peak(even(around(np.array([0.0, 0.0, np.pi]), 0.01 * np.eye(3), 2000, RNG(10))), near_m=1.0, near_rad=1.0)
     assert found.mass > 0.95
     assert abs(abs(found.mean[2]) - np.pi) < 0.02
 
 
-def test_heaps_are_told_apart_also_across_the_half_turn():
+def test_clusters_are_told_apart_also_across_the_half_turn():
     places = [(0.0, 0.0, np.pi), (5.0, 0.0, 0.0), (0.0, 0.0, 0.5)]
     states = np.concatenate([around(np.array(p), 0.005 * np.eye(3), 300, RNG(13)) for p in places])
-    labels = heaps(states)
+    labels = cluster_labels(states)
     assert len(np.unique(labels)) == 3
     for k in range(3):
         assert len(np.unique(labels[300 * k : 300 * (k + 1)])) == 1
 
 
-def test_between_heaps_a_small_advantage_is_no_evidence_and_a_large_one_is():
+def test_between_clusters_a_small_advantage_is_no_evidence_and_a_large_one_is():
     states = np.concatenate([np.zeros((2, 3)), np.full((2, 3), 5.0)])
     labels = np.array([0, 0, 1, 1])
-    small, _ = reweighted_by_heaps(even(states), np.array([-1.0, -1.0, -1.9, -1.9]), labels, Caution(1.0, 0.3))
+    small, _ = reweighted_by_clusters(even(states), np.array([-1.0, -1.0, -1.9, -1.9]), labels, ClusterSettings(1.0, 0.3))
     np.testing.assert_allclose(small.weights, 0.25)
-    large, _ = reweighted_by_heaps(even(states), np.array([0.0, 0.0, -11.0, -11.0]), labels, Caution(1.0, 0.3))
+    large, _ = reweighted_by_clusters(even(states), np.array([0.0, 0.0, -11.0, -11.0]), labels, ClusterSettings(1.0, 0.3))
     assert large.weights[:2].sum() == pytest.approx(1 / (1 + np.exp(-3.0)))
-    within, _ = reweighted_by_heaps(even(states), np.array([0.0, -np.log(3), 0.0, 0.0]), labels, Caution(1.0, 0.3))
+    known = np.array([0.0, -np.log(3), 0.0, 0.0])
+    within, _ = reweighted_by_clusters(even(states), known, labels, ClusterSettings(1.0, 0.3))
     assert within.weights[0] / within.weights[1] == pytest.approx(3.0)
 
 
-def test_resampling_by_heaps_keeps_their_weights_and_the_light_ones_alive():
+def test_resampling_by_clusters_keeps_their_weights_and_the_light_ones_alive():
     states = np.concatenate([around(np.array([x, 0.0, 0.0]), 1e-4 * np.eye(3), 500, RNG(3)) for x in (0.0, 30.0)])
     cloud, rng = merged(even(states[:500]), 0.999, even(states[500:]), 0.001), RNG(4)
     for _ in range(100):
-        cloud = resampled_by_heaps(cloud, SizeLaw(300, 5000), rng)
+        cloud = resampled_by_clusters(cloud, SizeLaw(300, 5000), rng)
     far = cloud.states[:, 0] > 15
     assert cloud.weights[far].sum() == pytest.approx(0.001, rel=1e-6) and far.sum() >= 60
 

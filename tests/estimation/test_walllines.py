@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.geometry import planar
 from rhs.api.records import Scan
-from rhs.estimation.scans.wall_lines import wall_lines
+from rhs.estimation.scans.wall_lines import find_wall_lines
 
 BEARINGS = np.radians(np.linspace(-28.4, 28.4, 320))
 
@@ -23,7 +23,7 @@ def _depth_camera(walls, rng=None, bearings=BEARINGS):
 
 def test_both_sides_of_a_corridor_and_its_end_are_found_where_they_are():
     """Walls 1 m to the left and to the right, one 4 m ahead."""
-    right, ahead, left = wall_lines(_depth_camera([(90, 1.0), (-90, 1.0), (0, 4.0)]))
+    right, ahead, left = find_wall_lines(_depth_camera([(90, 1.0), (-90, 1.0), (0, 4.0)]))
     assert right.body_from_line[1, 3] == pytest.approx(-1.0, abs=1e-6)
     assert left.body_from_line[1, 3] == pytest.approx(1.0, abs=1e-6)
     assert ahead.body_from_line[0, 3] == pytest.approx(4.0, abs=1e-6)
@@ -38,7 +38,7 @@ def test_the_stated_sigmas_hold_the_errors_of_noisy_walls():
     rng = np.random.default_rng(0)
     heading, across, stated = [], [], []
     for _ in range(200):
-        lines = wall_lines(_depth_camera([(92, 1.0), (-88, 1.2)], rng))
+        lines = find_wall_lines(_depth_camera([(92, 1.0), (-88, 1.2)], rng))
         assert len(lines) == 2
         for line, (direction, distance) in zip(lines, [(-88, 1.2), (92, 1.0)], strict=True):
             normal = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
@@ -65,34 +65,34 @@ def _round(radius_m, at_m, rng=None):
 
 def test_a_round_room_and_a_bend_have_no_straight_wall():
     """A circle of 2 m round the robot; the outer wall of bends of 5 to 100 m radius, seen from 1 m off."""
-    assert wall_lines(_round(2.0, 0.0)) == []
+    assert find_wall_lines(_round(2.0, 0.0)) == []
     for radius_m in (5.0, 10.0, 20.0, 50.0, 100.0):
-        assert wall_lines(_round(radius_m, radius_m - 1.0)) == []
+        assert find_wall_lines(_round(radius_m, radius_m - 1.0)) == []
 
 
 def test_a_gentle_bend_is_measured_by_many_scans():
     """One scan takes a bend of 500 m radius for straight; thirty together see it, and to which side it bends."""
     rng = np.random.default_rng(0)
     for at_m, bend_per_m in ((499.0, -1 / 500), (501.0, 1 / 500)):
-        lines = [line for _ in range(30) for line in wall_lines(_round(500.0, at_m, rng))]
+        lines = [line for _ in range(30) for line in find_wall_lines(_round(500.0, at_m, rng))]
         assert len(lines) == 30
         assert np.mean([line.bend_per_m for line in lines]) == pytest.approx(bend_per_m, rel=0.2)
         assert np.mean([line.sigma_bend for line in lines]) > 1 / 500
-    straight = [line.bend_per_m for _ in range(30) for line in wall_lines(_depth_camera([(90, 1.0)], rng))]
+    straight = [line.bend_per_m for _ in range(30) for line in find_wall_lines(_depth_camera([(90, 1.0)], rng))]
     assert abs(np.mean(straight)) < 1 / 3000
 
 
 def test_too_little_to_see_is_no_wall_and_no_error():
     nothing = np.full(320, np.nan)
-    assert wall_lines(Scan(BEARINGS, nothing, 8.0)) == []
-    assert wall_lines(Scan(BEARINGS, np.full(320, np.inf), 8.0)) == []
+    assert find_wall_lines(Scan(BEARINGS, nothing, 8.0)) == []
+    assert find_wall_lines(Scan(BEARINGS, np.full(320, np.inf), 8.0)) == []
     few = nothing.copy()
     few[100:115] = 2.0
-    assert wall_lines(Scan(BEARINGS, few, 8.0)) == []
+    assert find_wall_lines(Scan(BEARINGS, few, 8.0)) == []
     rng = np.random.default_rng(1)
-    assert wall_lines(Scan(BEARINGS, rng.uniform(0.5, 7.0, 320), 8.0)) == []
-    assert wall_lines(Scan(np.zeros(0), np.zeros(0), 8.0)) == []
-    assert wall_lines(Scan(np.zeros(50), np.full(50, 2.0), 8.0)) == []  # all beams the same
+    assert find_wall_lines(Scan(BEARINGS, rng.uniform(0.5, 7.0, 320), 8.0)) == []
+    assert find_wall_lines(Scan(np.zeros(0), np.zeros(0), 8.0)) == []
+    assert find_wall_lines(Scan(np.zeros(50), np.full(50, 2.0), 8.0)) == []  # all beams the same
 
 
 def test_a_laser_all_round_sees_the_four_walls_of_a_room():
@@ -100,7 +100,7 @@ def test_a_laser_all_round_sees_the_four_walls_of_a_room():
     bearings = np.linspace(-np.pi, np.pi, 720, endpoint=False)
     scan = _depth_camera([(0, 2.0), (90, 3.0), (180, 2.0), (-90, 3.0)], bearings=bearings)
     scan = Scan(bearings, scan.ranges_m, 8.0, (0.2, 0.0))
-    lines = wall_lines(scan)
+    lines = find_wall_lines(scan)
     assert len(lines) == 5  # the wall behind is cut where the beams begin
     places = sorted({tuple(np.abs(np.round(line.body_from_line[:2, :2] @ [0, 1], 3)).tolist()) for line in lines})
     assert places == [(0.0, 1.0), (1.0, 0.0)]

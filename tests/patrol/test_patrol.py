@@ -1,11 +1,15 @@
 """The loop and the sentinel without pictures: what a patrol does when the world is kind, blocked or broken."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from flatland import Flatland, Oracle, Through, parts, ring
+from flatland import Dijkstra, Flatland, Oracle, Through, parts, ring
 
+from rhs.api.contracts import KINDS
 from rhs.api.errors import ContractError
-from rhs.api.records import Belief, Knowing, Motion, Tracking
+from rhs.api.geometry import se2
+from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
@@ -88,7 +92,7 @@ class NeverSure:
     """A localiser that never finds itself."""
 
     def update(self, observation, motion):
-        return Belief(np.eye(4), np.eye(6), Knowing.LOST, 0.0)
+        return Belief(np.eye(4), np.eye(6), BeliefStatus.LOST, 0.0)
 
 
 def test_a_robot_that_never_finds_itself_stops_and_says_so():
@@ -153,3 +157,82 @@ def test_an_odometry_that_wants_a_moving_camera_gets_arcs():
         told = [step.command for step in out[1:]]
         on_the_spot[odometry is moving] = sum(c.forward_mps == 0.0 and c.turn_radps != 0.0 for c in told)
     assert on_the_spot[True] == 0 < on_the_spot[False]
+
+
+class Wrong(Dijkstra):
+    """A planner with one mistake."""
+
+    def __init__(self, how):
+        self.how = how
+
+    def plan(self, problem):
+        path = super().plan(problem)
+        if self.how == "none" or not path.found:
+            return None
+        points = np.array(path.points_m, float)
+        if self.how == "short":
+            points = points[:1] + [[0.0, 0.0], [0.1, 0.0]]
+        if self.how == "hole":
+            points[len(points) // 2] = np.nan
+        if self.how == "straight":
+            points = np.stack([problem.start_m, problem.goal_m])
+        return replace(path, points_m=points, raw_m=points)
+
+
+@pytest.mark.parametrize(("how", "message"), [
+    ("none", "planner=mine: what it returned is of type NoneType; expected a Path"),
+    ("short", "planner=mine: the path's last point is"),
+    ("hole", "planner=mine: points_m is not finite"),
+    ("straight", "planner=mine: the path is blocked near"),
+])
+def test_a_bad_path_is_stopped_at_the_boundary_and_the_planner_named(how, message):
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
+    oracle, grid = Oracle(world), world.grid()
+    who = {kind: f"{kind}=mine" for kind in KINDS}
+    sentinel = Sentinel(parts(oracle, Wrong(how), who), grid, (), places=PLACES, radius_m=0.3, settings=MissionSettings())
+    with pytest.raises(ContractError, match=message):
+        list(steps(world, Through(world.camera), oracle, sentinel, who=who))
+
+
+class Faulty(Flatland):
+    """A source with one mistake."""
+
+    def __init__(self, how):
+        super().__init__(ring(), (1.0, 1.0, 0.0), PLACES)
+        self.how = how
+
+    def drive(self, command):
+        capture = super().drive(command)
+        if self.how == "nothing":
+            return None
+        return replace(capture, stamp_s=5.0 if self.how == "same" else -capture.stamp_s)
+
+
+@pytest.mark.parametrize(("how", "message"), [
+    ("same", "source=mine: stamp_s is 5 after 5; expected stamps that increase from view to view"),
+    ("backwards", "source=mine: stamp_s is .* expected stamps that increase"),
+    ("nothing", "source=mine: what it returned is of type NoneType; expected a Capture"),
+])
+def test_a_source_without_a_clock_or_a_view_is_named(how, message):
+    world = Faulty(how)
+    oracle, grid = Oracle(world), world.grid()
+    who = {kind: f"{kind}=mine" for kind in KINDS}
+    sentinel = Sentinel(parts(oracle, who=who), grid, (), places=PLACES, radius_m=0.3, settings=MissionSettings())
+    with pytest.raises(ContractError, match=message):
+        list(steps(world, Through(world.camera), oracle, sentinel, who=who))
+
+
+def test_an_odometry_and_a_localiser_that_diverge_are_named_each():
+    far = Motion(se2(1e7, 0.0, 0.0), np.eye(6), Tracking.OK)
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
+    oracle, grid = Oracle(world), world.grid()
+
+    class Gone(Oracle):
+        def update(self, observation, motion):
+            return replace(super().update(observation, motion), map_from_body=se2(0.0, 1e7, 0.0))
+
+    for odometry, localiser, named in ((Broken(far), oracle, "odometry Broken: previous_from_body"),
+                                       (oracle, Gone(world), "localiser Gone: map_from_body")):
+        sentinel = Sentinel(parts(localiser), grid, (), places=PLACES, radius_m=0.3, settings=MissionSettings())
+        with pytest.raises(ContractError, match=f"{named} is 1e[+]07 m away: diverged"):
+            list(steps(world, Through(world.camera), odometry, sentinel))

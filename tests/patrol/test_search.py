@@ -5,7 +5,7 @@ import pytest
 from flatland import Flatland, Oracle, Through, parts, ring
 
 from rhs.api.geometry import planar, wrap
-from rhs.api.records import Belief, Knowing, Scan
+from rhs.api.records import Belief, BeliefStatus, Scan
 from rhs.patrol.control import Pace
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
@@ -18,7 +18,7 @@ WALL = Scan(BEARINGS, 0.7 / np.cos(BEARINGS), 6.0)
 
 
 def _belief(probability):
-    return Belief(np.eye(4), np.eye(6), Knowing.CONVERGING, probability)
+    return Belief(np.eye(4), np.eye(6), BeliefStatus.CONVERGING, probability)
 
 
 def _angle(command):
@@ -76,7 +76,7 @@ class OneWayMemory:
         self.known = self.known or self.way_m >= 1.0
         if self.known:
             return Belief(self.world.truth(), 1e-4 * np.eye(6))
-        return Belief(np.eye(4), np.eye(6), Knowing.CONVERGING, 0.6 if seen else 0.2)
+        return Belief(np.eye(4), np.eye(6), BeliefStatus.CONVERGING, 0.6 if seen else 0.2)
 
 
 def test_a_robot_that_faces_the_other_way_turns_back_is_recognised_and_visits_its_places():

@@ -10,7 +10,7 @@ from rhs.estimation.filters.kalman import nees
 from rhs_odometry.corridor.ekf import Ledger, corridor_core
 from rhs_odometry.corridor.ekf_config import CorridorEkf
 from rhs_odometry.tracks import synthetic
-from rhs_odometry.tracks.monocular import OneEye, StructureAlarm
+from rhs_odometry.tracks.monocular import MonocularOdometry, StructureAlarm
 from rhs_odometry.tracks.track_frames import TrackFrame
 
 
@@ -70,7 +70,7 @@ def test_the_lap_leaves_eight_walls_where_they_stand(whole_lap):
 
 def test_motions_add_up_to_the_believed_pose(whole_lap):
     tracks, core, poses, *_ = whole_lap
-    eye = OneEye(None, corridor_core(CorridorEkf(), tracks.camera, tracks.start), se2(*tracks.start))
+    eye = MonocularOdometry(None, corridor_core(CorridorEkf(), tracks.camera, tracks.start), se2(*tracks.start))
     pose = se2(*tracks.start)
     for frame in tracks.frames[:60]:
         motion = eye.update_tracks(frame)
@@ -82,7 +82,7 @@ def test_motions_add_up_to_the_believed_pose(whole_lap):
 
 def test_no_points_is_lost_and_the_covariance_grows(whole_lap):
     tracks, *_ = whole_lap
-    eye = OneEye(None, corridor_core(CorridorEkf(), tracks.camera, tracks.start), se2(*tracks.start))
+    eye = MonocularOdometry(None, corridor_core(CorridorEkf(), tracks.camera, tracks.start), se2(*tracks.start))
     for frame in tracks.frames[:40]:
         seen = eye.update_tracks(frame)
     blind = TrackFrame(frame.stamp_s + 0.25, np.zeros(0, int), np.zeros((0, 2)))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rhs.api.geometry import Camera
 from rhs_odometry.corridor.motion import SpinWatch
 from rhs_odometry.corridor.state import SPEED, CorridorState
 from rhs_odometry.tracks.track_frames import TrackFrame
 
 FOCAL_PX = 300.0
+CAMERA = Camera(320, 240, FOCAL_PX, FOCAL_PX, 159.5, 119.5)
 PIXELS = np.stack(np.meshgrid(np.linspace(20, 300, 6), np.linspace(20, 220, 5)), axis=-1).reshape(-1, 2)
 
 
@@ -27,9 +29,9 @@ DRIVING = np.column_stack([0.125 * np.arange(6), np.zeros((6, 4))])
 
 
 def test_going_on_is_noticed_once_and_not_while_it_turns_or_stands():
-    watch, seen = SpinWatch(FOCAL_PX), frames([SPIN, SPIN, STAND, ON, ON])
+    watch, seen = SpinWatch(CAMERA), frames([SPIN, SPIN, STAND, ON, ON])
     assert [watch.goes_on(SPINNING, frame) for frame in seen] == [False, False, False, False, True, True]
-    watch = SpinWatch(FOCAL_PX)
+    watch = SpinWatch(CAMERA)
     told = [watch.goes_on(SPINNING if k < 4 else DRIVING, frame) for k, frame in enumerate(seen)]
     assert told == [False, False, False, False, True, False]
 
@@ -37,7 +39,7 @@ def test_going_on_is_noticed_once_and_not_while_it_turns_or_stands():
 def test_an_arc_is_no_turn_on_the_spot():
     arc = SPINNING.copy()
     arc[:, 0] = 0.07 * np.arange(6)  # 0.7 m round
-    watch = SpinWatch(FOCAL_PX)
+    watch = SpinWatch(CAMERA)
     assert not any(watch.goes_on(arc, frame) for frame in frames([SPIN, SPIN, ON, ON]))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rhs_odometry.corridor.motion import Inertia, MotionNoise, Told
+from rhs_odometry.corridor.motion import ConstantVelocity, GivenMotion, MotionNoise
 from rhs_odometry.corridor.state import BodyMotion, CorridorState, Plane
 from rhs_odometry.corridor.walls import WallFinder, WallRules, merge_one, with_hits
 from rhs_odometry.corridor.width import find_pair, use_pair
@@ -82,11 +82,11 @@ def test_command_wheel_and_inertia_expect_what_they_say():
     frame = TrackFrame(0.5, np.zeros(0, int), np.zeros((0, 2)), np.array([0.2, 0.1, 0.4]), np.array([0.3, 0.01, 0.2]))
     base = np.array([0.5, 0.2, 1.1, 2.0])
     noise = MotionNoise()
-    assert Told(noise, wheels=False).expect(frame, base, 0.4).mean == pytest.approx([0.22, 0.0, 0.1])
-    assert Told(noise, wheels=True).expect(frame, base, 0.4).mean == pytest.approx([0.33, 0.01, 0.2])
-    assert Inertia(noise).expect(frame, base, 0.4).mean == pytest.approx([0.2, 0.0, 0.08])
+    assert GivenMotion(noise, wheels=False).expect(frame, base, 0.4).mean == pytest.approx([0.22, 0.0, 0.1])
+    assert GivenMotion(noise, wheels=True).expect(frame, base, 0.4).mean == pytest.approx([0.33, 0.01, 0.2])
+    assert ConstantVelocity(noise).expect(frame, base, 0.4).mean == pytest.approx([0.2, 0.0, 0.08])
     silent = TrackFrame(0.5, np.zeros(0, int), np.zeros((0, 2)))
-    assert Told(noise, wheels=True).expect(silent, base, 0.4).noise[0, 0] > 0.01
+    assert GivenMotion(noise, wheels=True).expect(silent, base, 0.4).noise[0, 0] > 0.01
 
 
 def wall_points(rng: np.random.Generator, n: int = 40) -> np.ndarray:

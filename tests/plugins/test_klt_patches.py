@@ -7,8 +7,9 @@ import numpy as np
 
 from rhs.api.geometry import Camera
 from rhs.api.records import Observation
-from rhs_odometry.tracks.klt import KltSettings, KltTracker
-from rhs_odometry.tracks.klt_patches import Patches, PatchRules, whole
+from rhs_odometry.tracks.klt import KltTracker
+from rhs_odometry.tracks.klt_patches import Patches
+from rhs_odometry.tracks.settings import FollowOnly, KltSettings, PatchRules
 
 SHAPE = (120, 160)
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)
@@ -75,13 +76,13 @@ def test_a_patch_is_looked_at_afresh_once_it_has_grown_by_half():
 
 def test_only_points_with_a_whole_patch_are_whole():
     image = np.zeros(SHAPE, np.uint8)
-    inside = whole(np.array([[7.9, 60.0], [8.0, 60.0], [80.0, 111.0], [80.0, 111.1]]), image)
+    inside = Patches(PatchRules()).whole(np.array([[7.9, 60.0], [8.0, 60.0], [80.0, 111.0], [80.0, 111.1]]), image)
     assert inside.tolist() == [False, True, True, False]
 
 
 def test_ten_views_on_points_have_not_strayed():
     """Approaching a wall, 2 % nearer each view: after ten views the median point is within 0.15 px of the truth."""
-    scene, tracker, steps = texture(3), KltTracker(KltSettings(points=60, floor_points=20)), 11
+    scene, tracker, steps = texture(3), KltTracker(KltSettings(floor_points=20), points=60), 11
     frames = []
     for k in range(steps):
         gray = view(scene, 1.02**k, (0.37 * k, 0.21 * k))
@@ -95,7 +96,7 @@ def test_ten_views_on_points_have_not_strayed():
 def test_without_patches_points_are_followed_there_and_back_and_stray():
     """The same approach: what the patches hold to 0.15 px strays further, so the two ways are not one."""
     scene, frames = texture(3), []
-    tracker = KltTracker(KltSettings(points=60, floor_points=20, patches=None))
+    tracker = KltTracker(FollowOnly(floor_points=20), points=60)
     for k in range(11):
         gray = view(scene, 1.02**k, (0.37 * k, 0.21 * k))
         frames.append(tracker.track(Observation(k, 0.1 * k, CAMERA, image=np.repeat(gray[..., None], 3, axis=2))))

@@ -9,7 +9,7 @@ from painted_survey import FEATURES, SMALL, context, look, ring, survey
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.grid import OccupancyGrid, frame_of
-from rhs.api.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
+from rhs.api.records import Belief, BeliefStatus, Features, Motion, Observation, Scan, Tracking
 from rhs.estimation.scans.rays import cast
 from rhs.estimation.views.features import features, share
 from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan
@@ -67,7 +67,7 @@ def test_scans_alone_find_the_robot_that_may_be_anywhere_or_say_that_they_did_no
         metres, radians = _wrong(beliefs[-1], truth)
         right = metres < 0.25 and radians < 0.09
         found += right
-        assert right or beliefs[-1].status is not Knowing.TRACKING
+        assert right or beliefs[-1].status is not BeliefStatus.TRACKING
     assert found >= 3
 
 
@@ -75,14 +75,14 @@ def test_it_does_not_claim_to_know_before_it_has_seen_anything():
     part = _scan_filter()
     part.start(None)
     belief = part.update(Observation(0, 0.0, None), Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK))
-    assert belief.status is Knowing.LOST and belief.probability < 0.2
+    assert belief.status is BeliefStatus.LOST and belief.probability < 0.2
 
 
 def test_a_known_start_stays_known_and_sharp():
     part = _scan_filter()
     part.start(Belief(se2(1.0, 1.0, 0.0), np.diag([1e-3] * 6)))
     truth, beliefs = _walk(part, (1.0, 1.0, 0.0), ROUND)
-    assert all(belief.status is Knowing.TRACKING for belief in beliefs)
+    assert all(belief.status is BeliefStatus.TRACKING for belief in beliefs)
     assert _wrong(beliefs[-1], truth)[0] < 0.12
     assert beliefs[-1].details["particles"] < 1500
 
@@ -92,8 +92,8 @@ def test_a_robot_carried_off_notices_and_finds_itself():
     part.start(Belief(se2(1.0, 1.0, 0.0), np.diag([1e-3] * 6)))
     _walk(part, (1.0, 1.0, 0.0), [(0.1, 0.0)] * 3)
     truth, beliefs = _walk(part, (6.5, 2.0, 2.5), [(0.0, 0.3)] * 20 + [(0.1, 0.2)] * 15)
-    assert any(belief.status is not Knowing.TRACKING for belief in beliefs)
-    assert _wrong(beliefs[-1], truth)[0] < 0.25 and beliefs[-1].status is Knowing.TRACKING
+    assert any(belief.status is not BeliefStatus.TRACKING for belief in beliefs)
+    assert _wrong(beliefs[-1], truth)[0] < 0.25 and beliefs[-1].status is BeliefStatus.TRACKING
 
 
 def test_a_robot_carried_off_in_a_room_that_looks_alike_both_ways_round_states_an_even_chance():
@@ -113,8 +113,8 @@ def test_a_robot_carried_off_in_a_room_that_looks_alike_both_ways_round_states_a
         bearings = np.linspace(-2.0, 2.0, 181)
         scan = Scan(bearings, cast(room.occupied(), room, np.array([x, y]), bearings + yaw, 8.0) + 0.05, 8.0)
         beliefs.append(part.update(Observation(k, 0.1 * k, None, scan=scan), Motion(step, 1e-6 * np.eye(6), Tracking.OK)))
-    assert all(belief.status is Knowing.TRACKING for belief in beliefs[1:4])
-    assert all(belief.status is not Knowing.TRACKING for belief in beliefs[4:])
+    assert all(belief.status is BeliefStatus.TRACKING for belief in beliefs[1:4])
+    assert all(belief.status is not BeliefStatus.TRACKING for belief in beliefs[4:])
     assert 0.4 < beliefs[-1].probability < 0.8
 
 
@@ -143,7 +143,7 @@ def test_places_find_the_robot_and_find_it_again_after_it_was_carried_off():
             step = np.eye(4) if k == 0 else inverse(path[k - 1]) @ pose
             belief = part.update(look(pose), Motion(step, SMALL, Tracking.OK))
         metres, radians = _wrong(belief, path[-1])
-        assert metres < 0.15 and radians < 0.06 and belief.status is Knowing.TRACKING
+        assert metres < 0.15 and radians < 0.06 and belief.status is BeliefStatus.TRACKING
 
 
 def _barred(state, reach_m):
@@ -161,7 +161,7 @@ def test_something_new_in_the_way_does_not_move_a_robot_that_knows_where_it_is()
         seen = Observation(k, 0.1 * k, context().camera, scan=_barred(start, 0.8))
         belief = part.update(seen, Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK))
     metres, radians = _wrong(belief, se2(*start))
-    assert belief.status is Knowing.TRACKING and metres < 0.25 and radians < 0.1
+    assert belief.status is BeliefStatus.TRACKING and metres < 0.25 and radians < 0.1
 
 
 @pytest.mark.parametrize("wrong", [
@@ -190,7 +190,7 @@ def test_a_robot_that_recognises_nothing_where_it_should_says_that_it_doubts(set
     part.start(Belief(path[0], SMALL))
     steps = [np.eye(4)] + [inverse(a) @ b for a, b in zip(path[:-1], path[1:], strict=True)]
     seeing = [part.update(look(pose), Motion(step, SMALL, Tracking.OK)) for pose, step in zip(path, steps, strict=True)]
-    assert all(belief.status is Knowing.TRACKING for belief in seeing)
+    assert all(belief.status is BeliefStatus.TRACKING for belief in seeing)
     part.start(Belief(path[0], SMALL))
     blind = [part.update(_blinded(pose), Motion(step, SMALL, Tracking.OK)) for pose, step in zip(path, steps, strict=True)]
-    assert blind[-1].status is not Knowing.TRACKING and blind[-1].probability <= 0.5
+    assert blind[-1].status is not BeliefStatus.TRACKING and blind[-1].probability <= 0.5

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rhs_localisers.scan_search import ALIKE, MOST, summits, throws
+from rhs_localisers.advanced import SearchSettings
+from rhs_localisers.scan_search import summits, throws
 
 SUMMITS = np.array([[1.0, 1.0, 0.0], [6.0, 2.0, 2.0], [3.0, 4.0, -2.5]])
 
@@ -19,8 +20,8 @@ def _score(heights):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("heights, shares", [
     ((0.0, 0.0, -40.0), (0.5, 0.5, 0.0)),
-    ((0.0, -ALIKE, -40.0), (0.5, 0.5, 0.0)),  # maps are a little wrong
-    ((0.0, -ALIKE - np.log(3.0), -40.0), (0.75, 0.25, 0.0)),
+    ((0.0, -SearchSettings().alike, -40.0), (0.5, 0.5, 0.0)),  # maps are a little wrong
+    ((0.0, -SearchSettings().alike - np.log(3.0), -40.0), (0.75, 0.25, 0.0)),
 ])  # fmt: skip
 def test_places_weigh_by_their_summits_and_not_by_how_many_throws_hit_them(seed, heights, shares):
     rng = np.random.default_rng(seed)
@@ -32,4 +33,4 @@ def test_places_weigh_by_their_summits_and_not_by_how_many_throws_hit_them(seed,
 
 
 def test_a_large_map_costs_no_more_than_the_most():
-    assert throws(10.0) == 3000 and throws(1e6) == MOST
+    assert throws(10.0) == 3000 and throws(1e6) == SearchSettings().most

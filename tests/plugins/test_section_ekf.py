@@ -9,7 +9,7 @@ from rhs_odometry.section.ekf import section_core
 from rhs_odometry.section.ekf_config import SectionEkf, TubeEkf
 from rhs_odometry.section.filter import Rectangular, Round
 from rhs_odometry.tracks import synthetic
-from rhs_odometry.tracks.monocular import OneEye
+from rhs_odometry.tracks.monocular import MonocularOdometry
 
 
 def corridor(length_m: float = 5.0, step_m: float = 0.1):
@@ -20,7 +20,7 @@ def corridor(length_m: float = 5.0, step_m: float = 0.1):
 
 def errors(tracks, settings):
     """(N, 6) error of the sum of the motions in the true body frame: x, y, z m, roll, pitch, yaw degrees; the motions."""
-    eye = OneEye(None, section_core(settings, tracks.camera, tracks.start), se2(*tracks.start))
+    eye = MonocularOdometry(None, section_core(settings, tracks.camera, tracks.start), se2(*tracks.start))
     pose, rows, motions = se2(*tracks.start), [], []
     for frame, truth in zip(tracks.frames, tracks.truth, strict=True):
         motions.append(eye.update_tracks(frame))

@@ -7,8 +7,8 @@ from painted_survey import SMALL, context, look, ring, survey
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, log_se3, se2
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, Knowing, Motion, Observation, Scan, Tracking
-from rhs.estimation.filters.pose_hypotheses import Claim, Trust, begin, predict, update
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Scan, Tracking
+from rhs.estimation.filters.pose_hypotheses import PlaceFix, Trust, begin, predict, update
 from rhs.estimation.scans.rays import cast
 from rhs_localisers.sift_db_config import SiftDb
 
@@ -39,15 +39,15 @@ def test_drift_that_dead_reckoning_keeps_is_taken_out():
     part.start(Belief(PATH[0], SMALL))
     beliefs = _walk(part, PATH, lambda step: step @ se2(0.01, 0.0, 0.004))  # 5 % too far, and turning
     assert _wrong_m(beliefs[-1], PATH[-1]) < 0.05
-    assert beliefs[-1].status is Knowing.TRACKING
+    assert beliefs[-1].status is BeliefStatus.TRACKING
 
 
 def test_started_from_nothing_it_says_lost_then_finds_itself():
     part = _learnt()
     part.start(None)
     beliefs = _walk(part, PATH, lambda step: step)
-    assert beliefs[1].status is not Knowing.TRACKING  # one place named is not enough
-    assert beliefs[-1].status is Knowing.TRACKING and beliefs[-1].probability > 0.9
+    assert beliefs[1].status is not BeliefStatus.TRACKING  # one place named is not enough
+    assert beliefs[-1].status is BeliefStatus.TRACKING and beliefs[-1].probability > 0.9
     assert _wrong_m(beliefs[-1], PATH[-1]) < 0.05
 
 
@@ -58,7 +58,7 @@ def test_carried_away_it_recovers():
     elsewhere = [se2(-1.4 * np.cos(a), -1.4 * np.sin(a), a - 1.6) for a in np.linspace(0.1, 1.5, 11)]
     beliefs = _walk(part, elsewhere, lambda step: step)
     assert _wrong_m(beliefs[-1], elsewhere[-1]) < 0.05
-    assert beliefs[-1].status is Knowing.TRACKING
+    assert beliefs[-1].status is BeliefStatus.TRACKING
 
 
 def _corridor_walk(match_every):
@@ -85,7 +85,7 @@ def test_where_nothing_is_recognised_the_walls_hold_the_robot():
     by_odometry, _ = _corridor_walk(match_every=0)
     by_walls, belief = _corridor_walk(match_every=3)
     assert by_odometry[-1] > 1.0  # out of the corridor
-    assert max(by_walls) < 0.25 and belief.status is Knowing.TRACKING
+    assert max(by_walls) < 0.25 and belief.status is BeliefStatus.TRACKING
 
 
 @pytest.mark.parametrize("wrong", [
@@ -97,7 +97,7 @@ def test_settings_out_of_range_are_refused(wrong):
 
 def test_one_answer_is_believed_as_far_as_answers_are_right_and_two_much_more():
     trust = Trust(p_true=0.9, kidnap=1e-9)
-    claim = Claim(se2(3.0, 0.0, 0.0), SMALL, 1.0)
+    claim = PlaceFix(se2(3.0, 0.0, 0.0), SMALL, 1.0)
     once = update(begin(None, None), [claim], 30.0, trust)
     assert once.best.weight == pytest.approx(0.9, abs=1e-6)
     twice = update(once, [claim], 30.0, trust)
@@ -105,25 +105,25 @@ def test_one_answer_is_believed_as_far_as_answers_are_right_and_two_much_more():
 
 
 def test_twins_claimed_side_by_side_stay_undecided_until_one_is_missing():
-    here, there = Claim(se2(3.0, 0.0, 0.0), SMALL, 0.5), Claim(se2(9.0, 0.0, 0.0), SMALL, 0.5)
+    here, there = PlaceFix(se2(3.0, 0.0, 0.0), SMALL, 0.5), PlaceFix(se2(9.0, 0.0, 0.0), SMALL, 0.5)
     state = begin(None, None)
     for _ in range(5):
         state = update(predict(state, np.eye(4), SMALL, Trust()), [here, there], 30.0, Trust())
     assert max(g.weight for g in state.guesses) < 0.55
-    state = update(state, [Claim(here.map_from_body, SMALL, 1.0)], 30.0, Trust())
+    state = update(state, [PlaceFix(here.map_from_body, SMALL, 1.0)], 30.0, Trust())
     assert state.best.weight > 0.95
     np.testing.assert_allclose(state.best.map_from_body, here.map_from_body, atol=1e-9)
 
 
 def test_a_single_wrong_answer_does_not_move_a_robot_that_knows_its_place():
     state = begin(se2(1.0, 0.0, 0.0), SMALL, 0.999)
-    state = update(state, [Claim(se2(9.0, 0.0, 0.0), SMALL, 1.0)], 30.0, Trust())
+    state = update(state, [PlaceFix(se2(9.0, 0.0, 0.0), SMALL, 1.0)], 30.0, Trust())
     np.testing.assert_array_equal(state.best.map_from_body, se2(1.0, 0.0, 0.0))
     assert state.best.weight > 0.8
 
 
 def test_nearby_answers_pull_the_pose_by_the_kalman_gain():
-    claim = Claim(se2(0.02, 0.0, 0.0), SMALL, 1.0)
+    claim = PlaceFix(se2(0.02, 0.0, 0.0), SMALL, 1.0)
     state = update(begin(np.eye(4), SMALL), [claim], 30.0, Trust())
     assert state.best.map_from_body[0, 3] == pytest.approx(0.01)
     assert state.best.covariance[0, 0] == pytest.approx(SMALL[0, 0] / 2)

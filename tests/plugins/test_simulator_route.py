@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rhs_sources.simulator_route import Pace, Wobble, waypoints
+from rhs_sources.simulator_route import RoutePace, Wobble, waypoints
 
 CORNER = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]])
-PIVOT = Pace(step_m=0.2, turn_step_rad=np.radians(10), speed_mps=0.5, turn_rate_radps=np.radians(30), arc_radius_m=0.0)
-ARC = Pace(step_m=0.125, turn_step_rad=np.radians(6.4), speed_mps=0.5, turn_rate_radps=1.0, arc_radius_m=0.7)
+PIVOT = RoutePace(step_m=0.2, turn_step_rad=np.radians(10), speed_mps=0.5, turn_rate_radps=np.radians(30), arc_radius_m=0.0)
+ARC = RoutePace(step_m=0.125, turn_step_rad=np.radians(6.4), speed_mps=0.5, turn_rate_radps=1.0, arc_radius_m=0.7)
 
 
 def poses(views):

@@ -8,7 +8,8 @@ from rhs.api.geometry import camera_from_fov
 from rhs.api.records import Observation, Twist
 from rhs_odometry.corridor.window import TrackWindow
 from rhs_odometry.tracks import synthetic
-from rhs_odometry.tracks.klt import KltSettings, KltTracker
+from rhs_odometry.tracks.klt import KltTracker
+from rhs_odometry.tracks.settings import KltSettings
 from rhs_odometry.tracks.track_frames import TrackFrame, common, load_tracks, save_tracks
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.2)

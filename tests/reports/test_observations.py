@@ -60,7 +60,7 @@ def test_spl_of_a_patrol_and_of_a_run_without_a_path():
 def test_par2_by_hand():
     """The longest run of the problem took 8 ms: a failure counts 16, on another problem twice its own longest."""
     fails = {"plan_success": 0, "plan_valid": None, "plan_length_m": None, "plan_reason": "budget_spent"}
-    found = judged(table(plan(0, plan_ms=3.0, plan_learn_ms=1.0), plan(1, plan_ms=8.0), plan(2, plan_ms=0.1, **fails),
+    found = judged(table(plan(0, plan_ms=4.0, plan_learn_ms=1.0), plan(1, plan_ms=8.0), plan(2, plan_ms=0.1, **fails),
                          plan(3, world="b", plan_ms=2.0, **fails))).set_index("seed").sort_index()
     np.testing.assert_allclose(found["par2_ms"], [4.0, 8.0, 16.0, 4.0])
     assert np.isnan(found.loc[2, "plan_ms"])
@@ -89,7 +89,8 @@ def test_worlds_then_problems_then_runs_are_what_is_sampled():
     assert clusters(table({}, {"seed": 1}, {"world": "b"})).tolist() == ["b", "map1", "map1"]
     problems = clusters(table({"planning.scenario": 1}, {"planning.scenario": 1, "seed": 1}, {"planning.scenario": 2}))
     assert len(set(problems)) == 2
-    assert len(set(clusters(table({}, {"seed": 1})))) == 2
+    assert len(set(clusters(table({}, {"seed": 1, "ate_rmse_m": 1.0})))) == 2
+    assert len(set(clusters(table({}, {"seed": 1})))) == 1  # the same row again
     with pytest.raises(Exception, match="no such column"):
         clusters(table({}), "wrld")
 

@@ -94,7 +94,7 @@ def test_scores_do_not_favour_who_fails(scen):
     assert (lines["solved by all"] == 1).all()
     assert (lines.loc["astar", "above optimum %, those"], lines.loc["rrt", "above optimum %, those"]) == ("0", "5.882")
     assert lines.loc["astar", "SPL"] == "1" and lines.loc["rrt", "SPL"] == "0.4722 (0 to 0.9444)"
-    assert lines.loc["rrt", "PAR-2 ms"] == "3.75 (2.5 to 5)" and lines.loc["astar", "PAR-2 ms"] == "2.5"
+    assert lines.loc["rrt", "PAR-2 ms"] == "3 (2 to 4)" and lines.loc["astar", "PAR-2 ms"] == "2"
 
 
 def test_problems_and_settings_are_not_pooled():

@@ -94,7 +94,7 @@ def test_a_blocked_start_is_left_within_the_radius_or_not_at_all():
 
 
 def test_claiming_a_moved_start_frees_nothing():
-    """A line through the walls and the words that once switched the judge off: no path, and the optimum is the way round."""
+    """A line through the walls, and the words that once switched the judge off: the optimum is the way round."""
     blocked = np.zeros((4, 4), bool)
     blocked[1:3, 1:3] = True
     task = problem(blocked, (0.25, 0.25), (1.75, 1.75))

@@ -16,9 +16,9 @@ import numpy as np
 
 from rhs.api.geometry import Camera
 
-LEAN = 0.5  # a normal counts for a direction when it leans into it by at least this (cosine; 30 degrees)
-SLIDE_M = 0.15  # how far the view is slid to see what leaves its surface; about one step of a robot
-SURE = 5.0  # deviations that noise does not explain
+from .settings import CloudAdvanced
+
+USUAL = CloudAdvanced()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +59,14 @@ class CloudMaker:
         rotation, centre = self._pose[:3, :3], self._pose[:3, 3]
         return Cloud(points[known] @ rotation.T + centre, normals[known] @ rotation.T, depth_sigma(z[known]), depth)
 
-    def supports(self, cloud: Cloud, axes: np.ndarray) -> np.ndarray:
+    def supports(self, cloud: Cloud, axes: np.ndarray, s: CloudAdvanced = USUAL) -> np.ndarray:
         """(K,) share of the points that hold each of the directions, the columns of `axes` (3, K), in the body frame."""
         with np.errstate(invalid="ignore"):
-            leaning = np.abs(cloud.normals @ axes) > LEAN
-        off = np.stack([self._leaving(cloud, SLIDE_M * axis) for axis in axes.T], axis=1)
+            leaning = np.abs(cloud.normals @ axes) > s.lean
+        off = np.stack([self._leaving(cloud, s.slide_m * axis, s.sure_sigmas) for axis in axes.T], axis=1)
         return (leaning | off).mean(axis=0)
 
-    def _leaving(self, cloud: Cloud, slide: np.ndarray) -> np.ndarray:
+    def _leaving(self, cloud: Cloud, slide: np.ndarray, sure_sigmas: float) -> np.ndarray:
         """(N,) bool: slid by (3,) metres, the point is off the surface seen there by far more than noise.
 
         Compared in inverse depth, which is linear between the pixels of a plane."""
@@ -75,7 +75,7 @@ class CloudMaker:
         seen = bilinear(1.0 / cloud.depth, pixels)
         sigma = depth_sigma(local[:, 2]) / local[:, 2] ** 2
         with np.errstate(invalid="ignore"):
-            return np.abs(seen - 1.0 / local[:, 2]) > SURE * np.sqrt(2.0) * sigma
+            return np.abs(seen - 1.0 / local[:, 2]) > sure_sigmas * np.sqrt(2.0) * sigma
 
     def _thinned(self, depth: np.ndarray) -> np.ndarray:
         """(h, w) median of five pixels in each cell: noise shrinks, edges do not smear."""
@@ -140,7 +140,9 @@ class Observability:
     support: float
 
 
-def observability(cloud: Cloud, maker: CloudMaker, *, on_floor: bool = False) -> Observability:
+def observability(
+    cloud: Cloud, maker: CloudMaker, *, on_floor: bool = False, settings: CloudAdvanced = USUAL
+) -> Observability:
     """How well an alignment can know a motion in each direction of the body frame; of a robot on a floor, which is held
     up by it, in each horizontal direction."""
     known = np.isfinite(cloud.normals).all(axis=1)
@@ -151,6 +153,6 @@ def observability(cloud: Cloud, maker: CloudMaker, *, on_floor: bool = False) ->
     free = 2 if on_floor else 3
     axes = np.zeros((3, free))
     axes[:free] = np.linalg.eigh((n.T @ n)[:free, :free])[1]
-    support = maker.supports(cloud, axes)
+    support = maker.supports(cloud, axes, settings)
     weakest = int(np.argmin(support))
     return Observability(j.T @ j, axes[:, weakest], float(support[weakest]))

@@ -12,9 +12,6 @@ from .clouds import Cloud
 from .gicp_config import Gicp
 from .odometry import CloudOdometry, within_reach
 
-NEIGHBOURS = 10  # points that make the covariance of one
-MIN_INLIERS = 0.2  # share of the cloud that must find a partner
-
 
 class GicpRegistration:
     """Aligns each cloud with a key cloud, which is replaced when the body has gone on."""
@@ -25,7 +22,7 @@ class GicpRegistration:
         self._key_from_body = self._before = np.eye(4)
 
     def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:
-        s = self._settings
+        s, least = self._settings, self._settings.advanced.min_inlier_share
         points, tree = self._prepared(cloud)
         if self._key is None:
             self._key = (points, tree)
@@ -38,12 +35,12 @@ class GicpRegistration:
         )
         share = result.num_inliers / max(points.size(), 1)
         found = np.asarray(result.T_target_source, float)
-        if not np.all(np.isfinite(found)) or share < MIN_INLIERS:
+        if not np.all(np.isfinite(found)) or share < least:
             self._renew((points, tree))
-            return guess, f"{100 * share:.0f} % of the cloud found a partner, {100 * MIN_INLIERS:.0f} % needed"
+            return guess, f"{100 * share:.0f} % of the cloud found a partner, {100 * least:.0f} % needed"
         found = orthonormal(found)
         motion = inverse(before) @ found
-        if not within_reach(motion, guess, metres=1.0, radians=0.6):
+        if not within_reach(motion, guess, s.advanced):
             self._renew((points, tree))
             return guess, "the alignment leapt away from the guess"
         self._key_from_body = found
@@ -63,7 +60,7 @@ class GicpRegistration:
         self._key, self._key_from_body = prepared, np.eye(4)
 
     def _prepared(self, cloud: Cloud):
-        return small_gicp.preprocess_points(cloud.points, self._settings.voxel_m, NEIGHBOURS, 1)
+        return small_gicp.preprocess_points(cloud.points, self._settings.voxel_m, self._settings.advanced.neighbours, 1)
 
 
 def build(settings: Gicp, context: Context) -> CloudOdometry:

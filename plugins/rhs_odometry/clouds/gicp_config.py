@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.errors import check_range, check_ranges
 
-from .settings import CloudSettings
+from .settings import CloudAdvanced, CloudSettings
+
+
+@dataclass
+class GicpAdvanced(CloudAdvanced):
+    """Thresholds of `odometry=gicp`."""
+
+    neighbours: int = 10
+    """points that make the covariance of one"""
+    min_inlier_share: float = 0.2
+    """share of the cloud that must find a partner"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges("", self, neighbours=(3, 1000), min_inlier_share=(0.0, 1.0))
 
 
 @dataclass
@@ -16,17 +30,17 @@ class Gicp(CloudSettings):
 
     name: ClassVar[str] = "gicp"
 
-    # Clouds are thinned to one point per cube of this side, metres.
     voxel_m: float = 0.05
-    # A new key cloud is taken after moving or turning this far from it, metres and degrees.
+    """Clouds are thinned to one point per cube of this side, metres."""
     keep_move_m: float = 0.4
     """A new key cloud is taken after moving this far from it, metres."""
     keep_turn_deg: float = 12.0
     """A new key cloud is taken after turning this far from it, degrees."""
-    # Points are neighbours up to this distance, metres.
     reach_m: float = 0.3
-    # Most iterations of one alignment.
+    """Points are neighbours up to this distance, metres."""
     iterations: int = 30
+    """Most iterations of one alignment."""
+    advanced: GicpAdvanced = field(default_factory=GicpAdvanced)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -30,7 +30,7 @@ class KissRegistration:
         config.registration.max_num_iterations = settings.iterations
         config.adaptive_threshold.initial_threshold = settings.initial_threshold_m
         config.adaptive_threshold.min_motion_th = settings.min_motion_m
-        self._kiss = KissICP(config)
+        self._kiss, self._advanced = KissICP(config), settings.advanced
         self._before = np.eye(4)
 
     def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:
@@ -38,7 +38,7 @@ class KissRegistration:
         self._kiss.last_delta = guess
         self._kiss.register_frame(cloud.points, np.array([]))
         motion = inverse(before) @ np.asarray(self._kiss.last_pose, float)
-        if not np.all(np.isfinite(motion)) or not within_reach(motion, guess, metres=1.0, radians=0.6):
+        if not np.all(np.isfinite(motion)) or not within_reach(motion, guess, self._advanced):
             self._kiss.last_pose = before @ guess
             return guess, "the alignment leapt away from the guess"
         return orthonormal(motion), ""

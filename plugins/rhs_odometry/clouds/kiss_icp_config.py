@@ -16,11 +16,10 @@ class KissIcp(CloudSettings):
 
     name: ClassVar[str] = "kiss_icp"
 
-    # Side of the voxels of the map, metres; scans are thinned to half and then one and a half of it.
     voxel_m: float = 0.1
-    # Most iterations of one alignment; the library's own 500 take seconds where the scene says little.
+    """Side of the voxels of the map, metres; scans are thinned to half and then one and a half of it."""
     iterations: int = 40
-    # First threshold of partners, and the least motion that adapts it, metres.
+    """Most iterations of one alignment; the library's own 500 take seconds where the scene says little."""
     initial_threshold_m: float = 0.5
     """First threshold of partners, metres."""
     min_motion_m: float = 0.02

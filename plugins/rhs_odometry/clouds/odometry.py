@@ -18,10 +18,7 @@ from rhs.api.records import Motion, Observation, Tracking
 from ..features.procrustes import on_floor
 from ..fused.fallback import guess_motion
 from .clouds import Cloud, CloudMaker, observability
-
-CORRELATED = 20.0  # neighbouring readings of a depth camera err together: so many count as one
-LEAST = np.diag([1e-3] * 3 + [5e-4] * 3) ** 2  # no alignment is better than a millimetre
-SLIPPED_M = 0.5  # deviation along a direction that nothing holds
+from .settings import CloudAdvanced
 
 
 class Registration(Protocol):
@@ -42,6 +39,8 @@ class CloudOdometry:
 
     def __init__(self, settings, context: Context, registration: Registration) -> None:
         self._settings, self._registration = settings, registration
+        a = self._advanced = settings.advanced
+        self._least = np.diag([a.least_m] * 3 + [a.least_rad] * 3) ** 2
         self._maker = CloudMaker(
             context.camera, stride=settings.stride_px, min_range_m=settings.min_range_m, max_range_m=settings.max_range_m
         )
@@ -74,21 +73,21 @@ class CloudOdometry:
     def _guess(self, observation: Observation) -> tuple[str, np.ndarray, np.ndarray]:
         """The motion to start from: wheels or command where they are wanted, else the last motion again."""
         if self._settings.guess == "motion":
-            return guess_motion(observation, self._last)
+            return guess_motion(observation, self._last, self._advanced.guess)
         spread = np.diag([0.1**2] * 3 + [0.2**2] * 3) + np.diag([1.0] * 6) * float(np.abs(log_se3(self._last)).max()) ** 2
         return "same again", self._last, spread
 
     def _judge(self, cloud: Cloud, pose: np.ndarray, guess: np.ndarray) -> Motion:
-        seen = observability(cloud, self._maker, on_floor=self._on_floor)
-        information = seen.information / CORRELATED + 1e-3 * np.eye(6)
+        seen = observability(cloud, self._maker, on_floor=self._on_floor, settings=self._advanced)
+        information = seen.information / self._advanced.correlated + 1e-3 * np.eye(6)
         if self._on_floor:
             pose, _ = on_floor(pose, information)
-        covariance = np.linalg.inv(information) + LEAST
+        covariance = np.linalg.inv(information) + self._least
         details = {"points": float(len(cloud)), "support": seen.support}
         status, reason = Tracking.OK, ""
         if seen.support < self._settings.min_support:
             axis = np.concatenate([seen.weakest, np.zeros(3)])
-            covariance = covariance + SLIPPED_M**2 * np.outer(axis, axis)
+            covariance = covariance + self._advanced.slipped_m**2 * np.outer(axis, axis)
             where = ", ".join(f"{v:+.2f}" for v in seen.weakest)
             reason = f"{100 * seen.support:.2f} % of the points hold the direction ({where}) of the body"
             status = Tracking.DEGENERATE
@@ -109,9 +108,9 @@ def _few(cloud: Cloud) -> str:
     return f"only {len(cloud)} depth points"
 
 
-def within_reach(pose: np.ndarray, guess: np.ndarray, *, metres: float, radians: float) -> bool:
+def within_reach(pose: np.ndarray, guess: np.ndarray, s: CloudAdvanced) -> bool:
     """Whether an alignment stayed near its guess: a scan matcher that leaps has locked on to something else."""
     off = log_se3(inverse(guess) @ pose)
-    return bool(np.linalg.norm(off[:3]) <= metres and np.linalg.norm(off[3:]) <= radians)
+    return bool(np.linalg.norm(off[:3]) <= s.leap_m and np.linalg.norm(off[3:]) <= s.leap_rad)
 
 

@@ -2,10 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
+
+from ..advanced import GuessNoise
+
+
+@dataclass
+class CloudAdvanced:
+    """Thresholds of the odometries that align clouds."""
+
+    lean: float = 0.5
+    """a normal counts for a direction when it leans into it by at least this (cosine; 0.5 is 30 degrees off its plane)"""
+    slide_m: float = 0.15
+    """how far the view is slid to see what leaves its surface, metres; about one step of a robot"""
+    sure_sigmas: float = 5.0
+    """deviations that noise does not explain"""
+    correlated: float = 20.0
+    """neighbouring readings of a depth camera err together: so many count as one"""
+    least_m: float = 1e-3
+    """no alignment is better than this, metres (1 sigma)"""
+    least_rad: float = 5e-4
+    """nor its angles, radians (1 sigma)"""
+    slipped_m: float = 0.5
+    """deviation along a direction that nothing holds, metres (1 sigma)"""
+    leap_m: float = 1.0
+    """an alignment further than this from its guess has locked on to something else, metres"""
+    leap_rad: float = 0.6
+    """or turned further from it, radians"""
+    guess: GuessNoise = field(default_factory=GuessNoise)
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, lean=(0.0, 1.0), slide_m=(1e-4, 10.0), sure_sigmas=(0.1, 1000.0), correlated=(1.0, 1e6),
+                     least_m=(1e-9, 1.0), least_rad=(1e-9, 1.0), slipped_m=(1e-6, 100.0), leap_m=(1e-3, 1000.0),
+                     leap_rad=(1e-3, 3.2))
 
 
 @dataclass
@@ -16,24 +48,24 @@ class CloudSettings:
     provides: ClassVar[frozenset[str]] = frozenset()
     name: ClassVar[str] = "cloud"
 
-    # Where an alignment starts: motion (wheels, else the command, else the last motion) or last (the last motion).
     guess: str = "motion"
-    # One point per square of this side, pixels.
+    """Where an alignment starts: motion (wheels, else the command, else the last motion) or last (the last motion)."""
     stride_px: int = 4
-    # Depths outside this range are not used, metres.
+    """One point per square of this side, pixels."""
     min_range_m: float = 0.3
     """Depths nearer than this are not used, metres."""
     max_range_m: float = 8.0
     """Depths beyond this are not used, metres."""
-    # Fewer points than this are no cloud: lost.
     min_points: int = 100
-    # Degenerate when a smaller share of the points holds the weakest direction. A bare corner is seen by up to 0.024, small
-    # relief by 0.048 or more (simulated squares, seeds 100 to 102).
+    """Fewer points than this are no cloud: lost."""
     min_support: float = 0.025
-    # Along a direction that is not held: report what the alignment says, or take the guess (wheels, command) there.
+    """Degenerate when a smaller share of the points holds the weakest direction. A bare corner is seen by up to
+    0.024, small relief by 0.048 or more (simulated squares, seeds 100 to 102)."""
     slipping: str = "report"
-    # The camera stands on a robot: keep the motion on the floor; no effect when it is hand-held.
+    """Along a direction that is not held: report what the alignment says, or take the guess (wheels, command) there."""
     planar: bool = True
+    """The camera stands on a robot: keep the motion on the floor; no effect when it is hand-held."""
+    advanced: CloudAdvanced = field(default_factory=CloudAdvanced)
 
     def __post_init__(self) -> None:
         owner = f"odometry.{self.name}"

@@ -8,30 +8,21 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import Camera, adjoint, inverse, se2
 from rhs.api.records import Revision, Scan, Wall
 
-from ..tracks.klt import KltSettings
-from ..tracks.monocular import Estimate, OneEye, StructureAlarm, beams, embed
-from ..tracks.monocular_parts import one_eye
+from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, embed
+from ..tracks.monocular_parts import monocular_odometry
 from ..tracks.track_frames import TrackFrame
+from .advanced import CorridorAdvanced
 from .ekf_config import CorridorEkf
 from .filter import CorridorFilter, FilterSettings, floor_plane
-from .motion import Inertia, MotionNoise, Told
+from .motion import ConstantVelocity, GivenMotion, MotionNoise
 from .scan import Drawn, believed_scan, mouths_of
 from .state import SCALE, WIDTH, CorridorState
 from .wall_map import walls_of
-from .walls import WallRules
-
-UNKNOWN_WIDTH = (2.6, 0.6)  # metres, prior of an unknown width: narrow corridors of houses to wide ones of offices
-UNKNOWN_HEIGHT_SIGMA_M = 0.5
-DRAW_AGAIN = 4  # views between two drawings of the walls for the scans on the way
-SWAYS_DEG = 0.1  # a camera that sways by more than this is first found again, then believed
-DOUBT = 2.0  # where the structure ends the filter's sigmas count so many times
-LEAST_STEP = np.diag([2e-4, 2e-4, 5e-5]) ** 2  # no motion is known better: metres, radians
-DRAWN_M = 4.0  # finished walls are drawn from no further: there half a degree is one cell, and no cell of a wall is missed
 
 
-def build_corridor_ekf(settings: CorridorEkf, context: Context) -> OneEye:
+def build_corridor_ekf(settings: CorridorEkf, context: Context) -> MonocularOdometry:
     core = corridor_core(settings, context.camera, np.array(context.world.start))
-    return one_eye(settings, context, core, scale_from(settings), KltSettings())
+    return monocular_odometry(settings, context, core, scale_from(settings), settings.advanced.follow)
 
 
 def scale_from(settings: CorridorEkf) -> str:
@@ -43,7 +34,9 @@ def scale_from(settings: CorridorEkf) -> str:
 
 def corridor_core(settings: CorridorEkf, camera: Camera, start: np.ndarray) -> CorridorCore:
     """The filter for a camera that begins at the (3,) pose x m, y m, yaw rad of the map."""
-    width = (settings.width_m, settings.width_sigma_m) if settings.width_m > 0 else UNKNOWN_WIDTH
+    a = settings.advanced
+    known = settings.width_m > 0
+    width = (settings.width_m, settings.width_sigma_m) if known else (a.width.unknown_m, a.width.unknown_sigma_m)
     tilt, heading = np.radians(settings.wobble_sigma_deg), np.radians(settings.start_heading_sigma_deg)
     base_sigma = np.array([settings.speed_sigma_mps, 0.05, settings.motion_scale_sigma, width[1]])
     state = CorridorState(
@@ -52,23 +45,23 @@ def corridor_core(settings: CorridorEkf, camera: Camera, start: np.ndarray) -> C
         np.array([*start, 0.0, 0.0]),
         np.array([1e-3, 1e-3, heading, tilt, tilt]),
     )
-    state.add_plane(*floor_plane(settings.height_sigma_m if settings.height_known else UNKNOWN_HEIGHT_SIGMA_M))
-    noise = MotionNoise(forward=settings.forward_noise, turn=settings.turn_noise)
-    motion = Inertia(noise) if settings.motion == "none" else Told(noise, wheels=settings.motion == "wheel")
-    rules = WallRules(angle_sigma_rad=float(np.radians(settings.right_angle_sigma_deg)))
-    from_width = settings.width_m > 0 and not settings.height_known
-    passes = 2 if settings.wobble_sigma_deg > SWAYS_DEG else 1
-    core = FilterSettings(settings.window, settings.pixel_sigma_px, tilt, passes, from_width, rules)
-    return CorridorCore(CorridorFilter(camera, state, motion, core), camera, settings.scan_range_m)
+    state.add_plane(*floor_plane(settings.height_sigma_m if settings.height_known else a.unknown_height_sigma_m))
+    noise = MotionNoise(settings.forward_noise, settings.turn_noise, a.motion)
+    motion = ConstantVelocity(noise) if settings.motion == "none" else GivenMotion(noise, wheels=settings.motion == "wheel")
+    angle = float(np.radians(settings.right_angle_sigma_deg))
+    from_width = known and not settings.height_known
+    passes = 2 if settings.wobble_sigma_deg > a.sways_deg else 1
+    core = FilterSettings(settings.window, settings.pixel_sigma_px, tilt, angle, passes, from_width, a)
+    return CorridorCore(CorridorFilter(camera, state, motion, core), camera, settings.scan_range_m, a)
 
 
 class CorridorCore:
     """TrackFilter over a CorridorFilter: adds the alarm, scans of the walls, and the revised survey."""
 
-    def __init__(self, core: CorridorFilter, camera: Camera, scan_range_m: float) -> None:
-        self.filter = core
+    def __init__(self, core: CorridorFilter, camera: Camera, scan_range_m: float, advanced: CorridorAdvanced) -> None:
+        self.filter, self._advanced = core, advanced
         self._bearings, self._range_m = beams(camera), scan_range_m
-        self._alarm, self._ledger = StructureAlarm(), Ledger()
+        self._alarm, self._ledger = StructureAlarm(advanced.alarm), Ledger(advanced.least_step_m, advanced.least_turn_rad)
         self._start = self.filter.state.clones[0, :3].copy()
         self._view, self._sketch = 0, tuple[Drawn, ...]()
 
@@ -89,27 +82,30 @@ class CorridorCore:
             "sigma_yaw_rad": float(np.sqrt(state.pose_covariance()[2, 2])),
         }
         trusted = not self._alarm.ringing
-        doubt = 1.0 if trusted else DOUBT**2
+        doubt = 1.0 if trusted else self._advanced.doubt**2
         covariance = self._ledger.motion(state.clones[-1, :3], doubt * self.pose_covariance())
         reason = "" if trusted else f"the structure ends: {share:.0%} of the points with depth lie on no known wall"
         return Estimate(se2(*state.clones[-1, :3]), embed(covariance), trusted, reason, details)
 
     def scan(self) -> Scan | None:
         """What the walls known so far would give from here."""
-        if self._view % DRAW_AGAIN == 0:
+        if self._view % self._advanced.drawing.again == 0:
             self._sketch = self._drawn()
         self._view += 1
         pose = se2(*self.filter.state.clones[-1, :3])
-        return believed_scan(self._sketch, (), pose, self._bearings, self._range_m) if self._sketch else None
+        if not self._sketch:
+            return None
+        return believed_scan(self._sketch, (), pose, self._bearings, self._range_m, sight_m=self._advanced.drawing.sight_m)
 
     def revise(self) -> Revision | None:
         """Poses as they left the window, and all scans cast on the walls as they are now. Now that the walls are known,
         a scan covers the full circle: what the camera saw ahead before stands beside it later."""
         poses, drawn = self.filter.poses(), self._drawn()
         poses[0, :3] = self._start  # others turn the whole survey so that it begins there; the walls know better
-        circle, reach = np.linspace(-np.pi, np.pi, 720, endpoint=False), min(self._range_m, DRAWN_M)
-        mouths, placed = mouths_of(drawn), [se2(*p[:3]) for p in poses]
-        cast = [believed_scan(drawn, mouths, pose, circle, reach) if drawn else None for pose in placed]
+        circle, reach = np.linspace(-np.pi, np.pi, 720, endpoint=False), min(self._range_m, self._advanced.drawing.drawn_m)
+        mouths, placed = mouths_of(drawn, self._advanced.drawing), [se2(*p[:3]) for p in poses]
+        sight_m = self._advanced.drawing.sight_m
+        cast = [believed_scan(drawn, mouths, pose, circle, reach, sight_m=sight_m) if drawn else None for pose in placed]
         return Revision(np.stack(placed), tuple(cast), tuple(d.wall for d in drawn), self._settled())
 
     def _settled(self) -> np.ndarray:
@@ -124,7 +120,7 @@ class CorridorCore:
         return tuple(d.wall for d in self._drawn())
 
     def _drawn(self) -> tuple[Drawn, ...]:
-        return walls_of(self.filter.state.planes, self.filter.poses()[:, :2])
+        return walls_of(self.filter.state.planes, self.filter.poses()[:, :2], self._advanced.drawing)
 
 
 class Ledger:
@@ -134,7 +130,8 @@ class Ledger:
     adding up what each step could be wrong by would claim several degrees where half a degree is true. Each motion is
     given as little as keeps the sum at or above the covariance of the pose itself."""
 
-    def __init__(self) -> None:
+    def __init__(self, least_m: float = 2e-4, least_rad: float = 5e-5) -> None:
+        self._least = np.diag([least_m, least_m, least_rad]) ** 2  # no motion is known better
         self._pose: np.ndarray | None = None
         self._sum = np.zeros((3, 3))
 
@@ -148,7 +145,7 @@ class Ledger:
         carry = adjoint(inverse(motion))[np.ix_([0, 1, 5], [0, 1, 5])]
         before = carry @ self._sum @ carry.T
         values, axes = np.linalg.eigh(own - before)
-        step = axes @ np.diag(np.maximum(values, 0.0)) @ axes.T + LEAST_STEP
+        step = axes @ np.diag(np.maximum(values, 0.0)) @ axes.T + self._least
         self._pose, self._sum = pose.copy(), before + step
         return step
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
+
+from .advanced import CorridorAdvanced
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context
@@ -13,31 +15,48 @@ if TYPE_CHECKING:
 
 @dataclass
 class CorridorEkf:
-    """One eye in corridors whose plan is not known: a window of poses and a list of walls, right angles a soft prior."""
+    """Monocular, in corridors whose plan is not known: a window of poses and a list of walls, right angles a soft prior."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "walls"})
 
-    motion: str = "command"  # what predicts the next pose: command, wheel, or none (constant speed and turn rate)
-    motion_scale_sigma: float = 0.1  # how wrong the command or wheel distance may be all along, share (1 sigma)
-    forward_noise: float = 0.04  # noise of one motion's length, share of it (1 sigma)
-    turn_noise: float = 0.08  # noise of one motion's turn, share of it (1 sigma)
-    speed_mps: float = 0.5  # motion=none: the speed expected at the start
-    speed_sigma_mps: float = 0.12  # motion=none: how wrong that may be (1 sigma)
+    motion: str = "command"
+    """what predicts the next pose: command, wheel, or none (constant speed and turn rate)"""
+    motion_scale_sigma: float = 0.1
+    """how wrong the command or wheel distance may be all along, share (1 sigma)"""
+    forward_noise: float = 0.04
+    """noise of one motion's length, share of it (1 sigma)"""
+    turn_noise: float = 0.08
+    """noise of one motion's turn, share of it (1 sigma)"""
+    speed_mps: float = 0.5
+    """motion=none: the speed expected at the start"""
+    speed_sigma_mps: float = 0.12
     """motion=none: how wrong the expected speed may be (1 sigma)"""
-    height_known: bool = True  # the camera's height above the floor sets the scale through points of the floor
-    height_sigma_m: float = 0.003  # how well the height is known (1 sigma)
-    width_m: float = 2.0  # width of the corridors; 0: unknown and constant
-    width_sigma_m: float = 0.005  # how well it is known (1 sigma)
+    height_known: bool = True
+    """the camera's height above the floor sets the scale through points of the floor"""
+    height_sigma_m: float = 0.003
+    """how well the height is known (1 sigma)"""
+    width_m: float = 2.0
+    """width of the corridors; 0: unknown and constant"""
+    width_sigma_m: float = 0.005
     """how well the width is known (1 sigma)"""
-    right_angle_sigma_deg: float = 0.17  # how far walls may be from right angles (1 sigma); 1 for old buildings
-    wobble_sigma_deg: float = 0.006  # pitch and roll of a view (1 sigma); 1.2 for a camera that sways
-    start_heading_sigma_deg: float = 0.5  # how well the start heading is known relative to the walls (1 sigma)
-    window: int = 12  # views a track may span; 10-14 did equally well, 6 loses heading after corners
-    pixel_sigma_px: float = 1.0  # noise of a track; five times the residual, as errors along a track go together
-    points: int = 130  # points followed at most
-    save_tracks: bool = False  # write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry
-    scan_range_m: float = 8.0  # walls are put into the scan up to this distance
+    right_angle_sigma_deg: float = 0.17
+    """how far walls may be from right angles (1 sigma); 1 for old buildings"""
+    wobble_sigma_deg: float = 0.006
+    """pitch and roll of a view (1 sigma); 1.2 for a camera that sways"""
+    start_heading_sigma_deg: float = 0.5
+    """how well the start heading is known relative to the walls (1 sigma)"""
+    window: int = 12
+    """views a track may span; 10-14 did equally well, 6 loses heading after corners"""
+    pixel_sigma_px: float = 1.0
+    """noise of a track; five times the residual, as errors along a track go together"""
+    points: int = 130
+    """points followed at most"""
+    save_tracks: bool = False
+    """write the survey's tracks to tracks.npz in the run folder, for python -m rhs_odometry"""
+    scan_range_m: float = 8.0
+    """walls are put into the scan up to this distance"""
+    advanced: CorridorAdvanced = field(default_factory=CorridorAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.corridor_ekf"
@@ -55,6 +74,8 @@ class CorridorEkf:
         check_range(owner, "pixel_sigma_px", self.pixel_sigma_px, low=0.05, high=20.0, unit="px")
         check_range(owner, "points", self.points, low=20, high=400)
         check_range(owner, "scan_range_m", self.scan_range_m, low=0.5, high=50.0, unit="m")
+        if self.advanced.least_views > self.window:
+            raise ConfigError(f"{owner}.advanced.least_views={self.advanced.least_views} is above window={self.window}")
         if self.motion == "none" and not self.height_known and self.width_m == 0.0:
             raise ConfigError(f"{owner}: nothing fixes the scale with motion=none, height_known=false and width_m=0; "
                               "give one of them")

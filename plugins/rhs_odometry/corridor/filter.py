@@ -16,27 +16,34 @@ from rhs.api.geometry import Camera
 from rhs.estimation.filters.kalman import correct_information
 
 from ..tracks.track_frames import TrackFrame
-from .fit import Eyes, Fit, eyes_of, fit_free, fit_on_planes
-from .motion import Inertia, SpinWatch, Told
+from .advanced import CorridorAdvanced
+from .fit import TrackFit, WindowCameras, cameras_of, fit_free, fit_on_planes
+from .motion import ConstantVelocity, GivenMotion, SpinWatch
 from .state import SPEED, TURN, WIDTH, CorridorState, Plane
 from .update import free_rows, plane_rows
-from .walls import Attachment, WallFinder, WallRules, attach, merge_one, record_hits
+from .walls import Attachment, WallFinder, attach, merge_one, record_hits
 from .width import agrees, find_pair, fits, use_pair
 from .window import TrackWindow
-
-TURN_SIGMA_RADPS = 0.1  # how fast the camera may still turn when it goes on after a turn on the spot
 
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """What the corridor filter is told; see CorridorEkf for meanings and reasons."""
+    """What the corridor filter is given; see CorridorEkf for meanings and reasons."""
 
     window: int = 12
+    """views a track may span"""
     pixel_sigma: float = 1.0
+    """noise of a track, pixels"""
     tilt_sigma_rad: float = 1e-4
-    linearisations: int = 1  # passes over the tracks of a view
-    width_known: bool = True  # the width may set the scale of everything at the first pair
-    rules: WallRules = field(default_factory=WallRules)
+    """pitch and roll of a view, radians (1 sigma)"""
+    angle_sigma_rad: float = 0.003
+    """how far walls may be from the right angle, radians (1 sigma): the prior that holds the heading"""
+    linearisations: int = 1
+    """passes over the tracks of a view"""
+    width_known: bool = True
+    """the width may set the scale of everything at the first pair"""
+    advanced: CorridorAdvanced = field(default_factory=CorridorAdvanced)
+    """the thresholds"""
 
 
 @dataclass(frozen=True)
@@ -54,20 +61,23 @@ class Tally:
 class CorridorFilter:
     """Filter over TrackFrames. After `step`, `state` holds the newest pose last; `history` the poses before the window."""
 
-    def __init__(self, camera: Camera, state: CorridorState, motion: Told | Inertia, settings: FilterSettings) -> None:
+    def __init__(
+        self, camera: Camera, state: CorridorState, motion: GivenMotion | ConstantVelocity, settings: FilterSettings
+    ) -> None:
         self.state, self.tally = state, Tally()
         self.history: list[np.ndarray] = []
         self._camera, self._motion, self._settings = camera, motion, settings
         self._origin = np.array([*state.clones[0, :2], camera.height_m])
         self._sigma = settings.pixel_sigma / (0.5 * (camera.fx + camera.fy))
-        self._tracks = TrackWindow(camera, settings.window)
-        self._spin = SpinWatch(camera.fx)
+        self._advanced = settings.advanced
+        self._tracks = TrackWindow(camera, settings.window, least_views=settings.advanced.least_views)
+        self._spin = SpinWatch(camera, settings.advanced.motion)
         self._start_speed = float(state.base[SPEED]), float(np.sqrt(state.covariance[SPEED, SPEED]))
-        self._finder = WallFinder(settings.rules, camera.height_m)
+        self._finder = WallFinder(settings.advanced.walls, camera.height_m)
         self._view, self._stamp_s, self._scaled = -1, 0.0, False
 
     def step(self, frame: TrackFrame) -> None:
-        """One view: move, triangulate the tracks that fall due, update once, keep house of the walls."""
+        """One view: move, triangulate the tracks that fall due, update once, update the list of walls."""
         self._view += 1
         self._move(frame)
         rays, seen = self._tracks.push(frame)
@@ -76,7 +86,7 @@ class CorridorFilter:
             self._find_wall()
         self._use_width()
         if self._view % 5 == 0:
-            merge_one(self.state, self._settings.rules)
+            merge_one(self.state, self._advanced.walls)
 
     def poses(self) -> np.ndarray:
         """(views, 5) x, y, yaw, pitch, roll of all views so far: those left behind as they left the window."""
@@ -88,9 +98,9 @@ class CorridorFilter:
             return
         if self.state.window == self._settings.window:
             self.history.append(self.state.drop_oldest_clone())
-        if isinstance(self._motion, Inertia) and self._spin.goes_on(self.state.clones, frame):
+        if isinstance(self._motion, ConstantVelocity) and self._spin.goes_on(self.state.clones, frame):
             self.state.forget(SPEED, *self._start_speed)
-            self.state.forget(TURN, 0.0, TURN_SIGMA_RADPS)
+            self.state.forget(TURN, 0.0, self._advanced.motion.turn_sigma_radps)
         expected = self._motion.expect(frame, self.state.base, seconds)
         self.state.append_clone(expected, self._settings.tilt_sigma_rad)
 
@@ -102,10 +112,10 @@ class CorridorFilter:
         before, prior = copy(self.state), self.state.covariance
         shift = np.zeros(len(prior))
         for again in reversed(range(self._settings.linearisations)):
-            eyes = eyes_of(self.state.clones, self._camera.body_from_camera)
-            fit = fit_free(eyes, rays, seen, self._sigma)
-            found = attach(self.state, fit, self._settings.rules)
-            information, vector, used, points = self._rows(eyes, rays, seen, (fit, found, shift))
+            cameras = cameras_of(self.state.clones, self._camera.body_from_camera)
+            fit = fit_free(cameras, rays, seen, self._sigma)
+            found = attach(self.state, fit, self._advanced.walls)
+            information, vector, used, points = self._rows(cameras, rays, seen, (fit, found, shift))
             change = correct_information(prior, information, vector)
             shift, self.state = change.delta, copy(before)
             self.state.add(shift, prior if again else change.covariance)
@@ -121,7 +131,9 @@ class CorridorFilter:
             stray=int(found.stray.sum()),
         )
 
-    def _rows(self, eyes: Eyes, rays: np.ndarray, seen: np.ndarray, how: tuple[Fit, Attachment, np.ndarray]):
+    def _rows(
+        self, cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray, how: tuple[TrackFit, Attachment, np.ndarray]
+    ):
         """Sums of all rows that pass their gate; (T,) use: 1 on a wall, 2 as a free point, 0 refused; points (T, 3).
 
         how: free points, walls, and the (D,) way the state has been moved since its prior."""
@@ -131,19 +143,19 @@ class CorridorFilter:
         on = np.flatnonzero(found.wall >= 0)
         if len(on):
             walls = [self.state.planes[j] for j in found.wall[on]]
-            flat = fit_on_planes(eyes, rays[on], seen[on], self._sigma, walls)
-            rows = plane_rows(self.state, eyes, rays[on], seen[on], (flat, found.wall[on], self._sigma))
+            flat = fit_on_planes(cameras, rays[on], seen[on], self._sigma, walls)
+            rows = plane_rows(self.state, cameras, rays[on], seen[on], (flat, found.wall[on], self._sigma))
             rows = rows.moved_back(shift)
-            good = flat.good & rows.passed()
+            good = flat.good & rows.passed(self._advanced.gate_probability)
             used[on[good]] = 1
             points[on[good]] = flat.points()[good]
             information, vector = rows.sums(good)
         rest = np.flatnonzero((used == 0) & fit.good)
         if len(rest):
-            one = Fit(*(getattr(fit, k)[rest] for k in ("angles", "rho", "anchor", "rho_sigma", "cost", "good")))
-            rows = free_rows(self.state, eyes, rays[rest], seen[rest], one, self._sigma)
+            one = TrackFit(*(getattr(fit, k)[rest] for k in ("angles", "rho", "anchor", "rho_sigma", "cost", "good")))
+            rows = free_rows(self.state, cameras, rays[rest], seen[rest], one, self._sigma)
             rows = rows.moved_back(shift)
-            good = rows.passed()
+            good = rows.passed(self._advanced.gate_probability)
             used[rest[good]] = 2
             more = rows.sums(good)
             information, vector = information + more[0], vector + more[1]
@@ -153,20 +165,20 @@ class CorridorFilter:
         plane = self._finder.find(self.state.planes, self._view)
         if plane is None:
             return
-        rules = self._settings.rules
-        angle = rules.angle_sigma_rad if not plane.is_floor else 1e-4
-        self.state.add_plane(plane, (rules.offset_sigma_m, angle))
+        angle = self._settings.angle_sigma_rad if not plane.is_floor else 1e-4
+        self.state.add_plane(plane, (self._advanced.walls.offset_sigma_m, angle))
 
     def _use_width(self) -> None:
-        pair = find_pair(self.state)
+        rules = self._advanced.width
+        pair = find_pair(self.state, rules)
         if pair is None:
             return
         width = float(self.state.base[WIDTH])
         if self._settings.width_known and not self._scaled:
             self._rescale(width / pair.gap_m)
-            pair = find_pair(self.state)
-        if pair is not None and fits(pair, width) and agrees(self.state, pair):
-            use_pair(self.state, pair)
+            pair = find_pair(self.state, rules)
+        if pair is not None and fits(pair, width, rules) and agrees(self.state, pair, rules):
+            use_pair(self.state, pair, rules)
             self._scaled = True
 
     def _rescale(self, factor: float) -> None:

@@ -21,7 +21,7 @@ RHO_GUESSES = (0.02, 0.06, 0.12, 0.2, 0.35, 0.6, 1.0, 1.8)  # 1/m: 50 m to 0.55 
 
 
 @dataclass(frozen=True, eq=False)
-class Eyes:
+class WindowCameras:
     """The window as cameras. rotation (N, 3, 3) map_from_camera, centre (N, 3), body (N, 3) origin of the body,
     axes (N, 3, 3): columns are the map axes about which yaw, pitch and roll turn the body."""
 
@@ -32,7 +32,7 @@ class Eyes:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class TrackFit:
     """angles (T, 2) azimuth and elevation, rho (T,) 1/m, anchor (T, 3); rho_sigma (T,) 1/m; cost (T,) sum of squares in
     units of sigma; good (T,) the point lies in front of all cameras that saw it."""
 
@@ -51,7 +51,7 @@ class Fit:
         return self.anchor + self.directions() / self.rho[:, None]
 
 
-def eyes_of(clones: np.ndarray, body_from_camera: np.ndarray) -> Eyes:
+def cameras_of(clones: np.ndarray, body_from_camera: np.ndarray) -> WindowCameras:
     """Cameras of the (N, 5) poses x, y, yaw, pitch, roll."""
     yaw, pitch, roll = clones[:, 2], clones[:, 3], clones[:, 4]
     rz, ry, rx = _turns(yaw, 2), _turns(pitch, 1), _turns(roll, 0)
@@ -60,7 +60,7 @@ def eyes_of(clones: np.ndarray, body_from_camera: np.ndarray) -> Eyes:
     body = np.concatenate([clones[:, :2], np.zeros((len(clones), 1))], axis=1)
     axes = np.stack([np.broadcast_to([0.0, 0.0, 1.0], body.shape), rz[:, :, 1], tilt[:, :, 0]], axis=2)
     centre = body + body_rotation @ body_from_camera[:3, 3]
-    return Eyes(body_rotation @ body_from_camera[:3, :3], centre, body, axes)
+    return WindowCameras(body_rotation @ body_from_camera[:3, :3], centre, body, axes)
 
 
 def _turns(angle: np.ndarray, axis: int) -> np.ndarray:
@@ -91,19 +91,19 @@ def last_seen(seen: np.ndarray) -> np.ndarray:
     return seen.shape[1] - 1 - np.argmax(seen[:, ::-1], axis=1)
 
 
-def start_angles(eyes: Eyes, rays: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def start_angles(cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(T, 2) azimuth and elevation of the last ray, and its origin (T, 3): the anchor."""
     t, last = np.arange(len(rays)), last_seen(seen)
     ray = np.concatenate([rays[t, last], np.ones((len(rays), 1))], axis=1)
-    d = np.einsum("tij,tj->ti", eyes.rotation[last], ray)
+    d = np.einsum("tij,tj->ti", cameras.rotation[last], ray)
     angles = np.stack([np.arctan2(d[:, 1], d[:, 0]), np.arctan2(d[:, 2], np.hypot(d[:, 0], d[:, 1]))], axis=1)
-    return angles, eyes.centre[last]
+    return angles, cameras.centre[last]
 
 
-def seen_from(eyes: Eyes, angles: np.ndarray, rho: np.ndarray, anchor: np.ndarray):
+def seen_from(cameras: WindowCameras, angles: np.ndarray, rho: np.ndarray, anchor: np.ndarray):
     """(q (T, N, 3), p (T, N, 3)): vector camera to point times rho, in map axes and in camera axes."""
-    q = rho[:, None, None] * (anchor[:, None] - eyes.centre[None]) + _direction(angles)[:, None]
-    return q, np.einsum("nji,tnj->tni", eyes.rotation, q)
+    q = rho[:, None, None] * (anchor[:, None] - cameras.centre[None]) + _direction(angles)[:, None]
+    return q, np.einsum("nji,tnj->tni", cameras.rotation, q)
 
 
 def residuals(p: np.ndarray, rays: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -121,11 +121,11 @@ def by_camera_point(p: np.ndarray) -> np.ndarray:
     return out
 
 
-def by_point(eyes: Eyes, angles: np.ndarray, anchor: np.ndarray, camera_jacobian: np.ndarray) -> np.ndarray:
+def by_point(cameras: WindowCameras, angles: np.ndarray, anchor: np.ndarray, camera_jacobian: np.ndarray) -> np.ndarray:
     """(T, N, 2, 3) derivative of the predicted ray by azimuth, elevation and inverse distance."""
-    by_map = camera_jacobian @ np.swapaxes(eyes.rotation, 1, 2)[None]
+    by_map = camera_jacobian @ np.swapaxes(cameras.rotation, 1, 2)[None]
     turn = np.einsum("tnij,tjk->tnik", by_map, _direction_jacobian(angles))
-    along = np.einsum("tnij,tnj->tni", by_map, anchor[:, None] - eyes.centre[None])
+    along = np.einsum("tnij,tnj->tni", by_map, anchor[:, None] - cameras.centre[None])
     return np.concatenate([turn, along[..., None]], axis=3)
 
 
@@ -147,30 +147,30 @@ def plane_rho(planes: list[Plane], angles: np.ndarray, anchor: np.ndarray):
     return rho, by_angles, np.stack([-rho / gap, np.where(upright, by_angle, 0.0)], axis=1)
 
 
-def fit_free(eyes: Eyes, rays: np.ndarray, seen: np.ndarray, sigma: float, iterations: int = 8) -> Fit:
+def fit_free(cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray, sigma: float, iterations: int = 8) -> TrackFit:
     """Least-squares points: best of a few distances along the last ray, then Levenberg-Marquardt."""
-    angles, anchor = start_angles(eyes, rays, seen)
-    x, cost, spread = free_points(*_plain(eyes, rays, seen), anchor, angles, np.array(RHO_GUESSES), iterations)
+    angles, anchor = start_angles(cameras, rays, seen)
+    x, cost, spread = free_points(*_plain(cameras, rays, seen), anchor, angles, np.array(RHO_GUESSES), iterations)
     rho = np.where(np.abs(x[:, 2]) < 1e-6, 1e-6, x[:, 2])
-    return Fit(x[:, :2], rho, anchor, sigma * np.sqrt(spread), cost / sigma**2, _in_front(eyes, x, anchor, seen))
+    return TrackFit(x[:, :2], rho, anchor, sigma * np.sqrt(spread), cost / sigma**2, _in_front(cameras, x, anchor, seen))
 
 
 def fit_on_planes(
-    eyes: Eyes, rays: np.ndarray, seen: np.ndarray, sigma: float, planes: list[Plane], iterations: int = 4
-) -> Fit:
+    cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray, sigma: float, planes: list[Plane], iterations: int = 4
+) -> TrackFit:
     """Least-squares points that lie on the given planes (one per track), Gauss-Newton in azimuth and elevation."""
-    angles, anchor = start_angles(eyes, rays, seen)
+    angles, anchor = start_angles(cameras, rays, seen)
     normals, levels = np.stack([p.normal() for p in planes]), np.array([p.level() for p in planes])
-    x, cost = points_on_planes(*_plain(eyes, rays, seen), anchor, angles, normals, levels, iterations)
-    good = _in_front(eyes, x, anchor, seen) & (x[:, 2] > 1e-3)
-    return Fit(x[:, :2], x[:, 2], anchor, np.zeros(len(rays)), cost / sigma**2, good)
+    x, cost = points_on_planes(*_plain(cameras, rays, seen), anchor, angles, normals, levels, iterations)
+    good = _in_front(cameras, x, anchor, seen) & (x[:, 2] > 1e-3)
+    return TrackFit(x[:, :2], x[:, 2], anchor, np.zeros(len(rays)), cost / sigma**2, good)
 
 
-def _plain(eyes: Eyes, rays: np.ndarray, seen: np.ndarray):
+def _plain(cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray):
     """The arrays of the compiled loops, each in one piece."""
-    return tuple(np.ascontiguousarray(a) for a in (eyes.rotation, eyes.centre, rays, seen))
+    return tuple(np.ascontiguousarray(a) for a in (cameras.rotation, cameras.centre, rays, seen))
 
 
-def _in_front(eyes, x, anchor, seen):
-    _, p = seen_from(eyes, x[:, :2], x[:, 2], anchor)
+def _in_front(cameras, x, anchor, seen):
+    _, p = seen_from(cameras, x[:, :2], x[:, 2], anchor)
     return (np.where(seen, p[..., 2], 1.0) > 0.02).all(axis=1)

@@ -16,9 +16,9 @@ from rhs.api.geometry import planar
 from rhs.api.records import Scan, Wall
 from rhs.estimation.scans.wall_rays import meet_walls
 
-NARROWEST_M, WIDEST_M = 0.5, 6.0  # walls nearer together or further apart than this are no two sides of a corridor
-SIGHT_M = 12.0  # a beam that meets nothing nearer than this has passed a wall that is not known: points have no depth there
-STRAIGHT = 0.98  # cosine of the angle up to which two walls are parallel
+from .advanced import DrawingRules
+
+USUAL = DrawingRules()
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,8 @@ class Drawn:
 
 
 def believed_scan(
-    drawn: Sequence[Drawn], mouths: Sequence[Mouth], map_from_body: np.ndarray, bearings_rad: np.ndarray, max_range_m: float
+    drawn: Sequence[Drawn], mouths: Sequence[Mouth], map_from_body: np.ndarray, bearings_rad: np.ndarray, max_range_m: float,
+    *, sight_m: float = USUAL.sight_m,
 ) -> Scan:
     """Scan from a pose: NaN where nothing is known, +inf where it is free up to max_range_m."""
     x, y, yaw = planar(map_from_body)
@@ -39,7 +40,7 @@ def believed_scan(
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     seen, unseen = _faces(drawn, here)
     front, back = meet_walls(seen, here, directions), meet_walls(unseen, here, directions)
-    ranges = np.where(front < np.minimum(back, SIGHT_M), np.where(front > max_range_m, np.inf, front), np.nan)
+    ranges = np.where(front < np.minimum(back, sight_m), np.where(front > max_range_m, np.inf, front), np.nan)
     open_at = meet_walls([m.segment for m in mouths if m.encloses(here)], here, directions)
     leaves = np.isnan(ranges) & np.isfinite(open_at) & (open_at < back) & (open_at > max_range_m)
     return Scan(np.asarray(bearings_rad, float), np.where(leaves, np.inf, ranges), float(max_range_m))
@@ -73,8 +74,8 @@ class Mouth:
         return bool(0.0 <= out @ self.along <= self.length_m and 0.0 < aside < 1.0)
 
 
-def mouths_of(drawn: Sequence[Drawn]) -> list[Mouth]:
-    """The ends of all walls that have a parallel wall across from them, at most WIDEST_M away."""
+def mouths_of(drawn: Sequence[Drawn], rules: DrawingRules = USUAL) -> list[Mouth]:
+    """The ends of all walls that have a parallel wall across from them, at most widest_m away."""
     out = []
     for wall in (d.wall for d in drawn):
         way = wall.end_xy_m - wall.start_xy_m
@@ -84,8 +85,8 @@ def mouths_of(drawn: Sequence[Drawn]) -> list[Mouth]:
             ends = np.stack([other.start_xy_m, other.end_xy_m]) - wall.start_xy_m
             at, aside = ends @ along, along[0] * ends[:, 1] - along[1] * ends[:, 0]
             across = float(aside.mean())
-            parallel = abs(at[1] - at[0]) > STRAIGHT * np.linalg.norm(ends[1] - ends[0])
-            if not parallel or not NARROWEST_M < abs(across) < WIDEST_M:
+            parallel = abs(at[1] - at[0]) > rules.straight * np.linalg.norm(ends[1] - ends[0])
+            if not parallel or not rules.narrowest_m < abs(across) < rules.widest_m:
                 continue
             frame = (wall.start_xy_m, along, length, across)
             for end in (0.0, length):

@@ -14,7 +14,7 @@ import numpy as np
 
 from rhs.estimation.filters.kalman import gate
 
-from .fit import Eyes, Fit, by_camera_point, by_point, plane_rho, residuals, seen_from
+from .fit import TrackFit, WindowCameras, by_camera_point, by_point, plane_rho, residuals, seen_from
 from .state import PER_CLONE, CorridorState
 
 
@@ -53,39 +53,41 @@ def _gate(dof: int, probability: float) -> float:
     return gate(dof, probability) if dof > 0 else 0.0
 
 
-def free_rows(state: CorridorState, eyes: Eyes, rays: np.ndarray, seen: np.ndarray, fit: Fit, sigma: float) -> Rows:
+def free_rows(
+    state: CorridorState, cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray, fit: TrackFit, sigma: float
+) -> Rows:
     """Rows of tracks used as free points: three numbers of each are spent on its position."""
-    camera, p, point = _linearised(eyes, fit, seen)
-    return _finish(state, (residuals(p, rays, seen), _by_clones(eyes, fit, camera, seen), point, None), seen, sigma)
+    camera, p, point = _linearised(cameras, fit, seen)
+    return _finish(state, (residuals(p, rays, seen), _by_clones(cameras, fit, camera, seen), point, None), seen, sigma)
 
 
 def plane_rows(
-    state: CorridorState, eyes: Eyes, rays: np.ndarray, seen: np.ndarray, on: tuple[Fit, np.ndarray, float]
+    state: CorridorState, cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray, on: tuple[TrackFit, np.ndarray, float]
 ) -> Rows:
     """Rows of tracks used as points of planes. on: the fit, (T,) index of each track's plane, sigma."""
     fit, which, sigma = on
-    camera, p, point = _linearised(eyes, fit, seen)
+    camera, p, point = _linearised(cameras, fit, seen)
     _, by_angles, by_plane = plane_rho([state.planes[j] for j in which], fit.angles, fit.anchor)
     own = point[..., :2] + point[..., 2:] * by_angles[:, None, None, :]
     wall = point[..., 2:] * by_plane[:, None, None, :]
-    parts = (residuals(p, rays, seen), _by_clones(eyes, fit, camera, seen), own, (wall, which))
+    parts = (residuals(p, rays, seen), _by_clones(cameras, fit, camera, seen), own, (wall, which))
     return _finish(state, parts, seen, sigma)
 
 
-def _linearised(eyes: Eyes, fit: Fit, seen: np.ndarray):
+def _linearised(cameras: WindowCameras, fit: TrackFit, seen: np.ndarray):
     """camera Jacobian (T, N, 2, 3), camera points (T, N, 3), Jacobian by azimuth, elevation, inverse distance."""
-    _, p = seen_from(eyes, fit.angles, fit.rho, fit.anchor)
+    _, p = seen_from(cameras, fit.angles, fit.rho, fit.anchor)
     camera = by_camera_point(p) * seen[..., None, None]
-    return camera, p, by_point(eyes, fit.angles, fit.anchor, camera)
+    return camera, p, by_point(cameras, fit.angles, fit.anchor, camera)
 
 
-def _by_clones(eyes: Eyes, fit: Fit, camera: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _by_clones(cameras: WindowCameras, fit: TrackFit, camera: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """(T, N, 2, 5) derivative of each view's ray by that view's own pose x, y, yaw, pitch, roll."""
-    q, _ = seen_from(eyes, fit.angles, fit.rho, fit.anchor)
+    q, _ = seen_from(cameras, fit.angles, fit.rho, fit.anchor)
     rho = fit.rho[:, None, None]
-    from_body = q + rho * (eyes.centre - eyes.body)[None]
-    by_map = camera @ np.swapaxes(eyes.rotation, 1, 2)[None]
-    ax, ay, az = (eyes.axes[None, :, k] for k in range(3))
+    from_body = q + rho * (cameras.centre - cameras.body)[None]
+    by_map = camera @ np.swapaxes(cameras.rotation, 1, 2)[None]
+    ax, ay, az = (cameras.axes[None, :, k] for k in range(3))
     x, y, z = (from_body[..., k : k + 1] for k in range(3))
     arms = np.stack([ay * z - az * y, az * x - ax * z, ax * y - ay * x], axis=2)  # the axes, crossed with the arm
     shift = -rho[..., None] * by_map[..., :2]

@@ -9,30 +9,9 @@ import numpy as np
 
 from rhs.estimation.filters.kalman import correct, nees
 
-from .fit import Fit
+from .advanced import WallRules
+from .fit import TrackFit
 from .state import BIN_M, CorridorState, Plane
-
-
-@dataclass(frozen=True)
-class WallRules:
-    """Thresholds of attaching, finding and merging; lengths in metres. They were chosen on one world and direction."""
-
-    agree_sigmas: float = 1.5  # a track lies on a wall if its own depth agrees within this many sigmas
-    walls_before_floor: int = 1  # points are put on the floor once so many walls are known: before a wall right ahead,
-    # points at its foot pass for floor further away, and the scale comes out a quarter too large
-    reach_m: float = 1.0  # how far beyond its seen extent a wall may be hit
-    slot_m: float = 0.16  # points of a new wall lie in a slot this thick
-    points: int = 12  # least number of points of a new wall
-    spread_m: float = 0.9  # least extent along the wall
-    bins: int = 4  # least number of 0.2 m stretches along the wall with points
-    heights: int = 3  # least number of 0.15 m height bands with points: a wall, not a row of skirting-board corners
-    near_m: float = 0.15  # a point this near to a known wall belongs to it
-    offset_sigma_m: float = 0.5  # first uncertainty of a new wall: big on purpose, its points fix it within five views
-    angle_sigma_rad: float = 0.003  # how far walls may be from the right angle: the prior that holds the heading
-    memory: int = 60  # views a point without a wall is remembered
-    merge_m: float = 0.4  # parallel walls nearer than this may be one
-    merge_gap_m: float = 4.0  # if they overlap, or at most this much lies between them
-    merge_chi2: float = 12.0  # and their states must agree within this
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +24,11 @@ class Attachment:
     stray: np.ndarray
 
 
-def attach(state: CorridorState, fit: Fit, rules: WallRules) -> Attachment:
+def attach(state: CorridorState, fit: TrackFit, rules: WallRules) -> Attachment:
     """Wall of every track: best agreement for tracks with depth, nearest hit for tracks with some, none otherwise."""
     t = len(fit.rho)
-    strong = fit.good & (fit.rho > 0.05) & (fit.rho_sigma < 0.2 * fit.rho)
-    some = fit.good & ~strong & (fit.rho_sigma < 0.1)
+    strong = fit.good & (fit.rho > 1.0 / rules.farthest_m) & (fit.rho_sigma < rules.strong_share * fit.rho)
+    some = fit.good & ~strong & (fit.rho_sigma < rules.some_per_m)
     wall, best, nearest = np.full(t, -1), np.full(t, np.inf), np.zeros(t)
     upright, directions = sum(not p.is_floor for p in state.planes), fit.directions()
     for j, plane in enumerate(state.planes):
@@ -62,7 +41,7 @@ def attach(state: CorridorState, fit: Fit, rules: WallRules) -> Attachment:
 
 
 def _miss(
-    state: CorridorState, j: int, fit: Fit, directions: np.ndarray, rules: WallRules
+    state: CorridorState, j: int, fit: TrackFit, directions: np.ndarray, rules: WallRules
 ) -> tuple[np.ndarray, np.ndarray]:
     """Inverse distance (T,) at which each ray (T, 3) meets plane j, and by how much of the tolerance (T,) the track's own
     depth misses it; infinite where the ray does not meet the plane within its reach."""
@@ -85,14 +64,14 @@ def within(plane: Plane, points: np.ndarray, reach_m: float) -> np.ndarray:
     return (along > plane.low_m - reach_m) & (along < plane.high_m + reach_m)
 
 
-def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, eyes: np.ndarray, view: int) -> list[Plane]:
+def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, cameras: np.ndarray, view: int) -> list[Plane]:
     """The planes with the extents, counts, sides and last views of the tracks found on them: wall (T,), points (T, 3), and
-    from where each was seen last, eyes (T, 3)."""
+    from where each was seen last, cameras (T, 3)."""
     out = list(planes)
     for j in np.unique(wall[wall >= 0]):
         p, hit = out[j], points[wall == j]
         along = hit[:, 1 - p.axis] if not p.is_floor else hit[:, 0]
-        above = int((eyes[wall == j] @ p.normal() > p.level()).sum())
+        above = int((cameras[wall == j] @ p.normal() > p.level()).sum())
         sides = (p.sides[0] + len(hit) - above, p.sides[1] + above)
         out[j] = with_hits(replace(p, last_seen=view, sides=sides), along)
     return out

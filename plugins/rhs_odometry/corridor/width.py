@@ -8,11 +8,10 @@ import numpy as np
 
 from rhs.estimation.filters.kalman import correct
 
+from .advanced import WidthRules
 from .state import WIDTH, CorridorState
 
-PAIR_HITS = 12  # both walls of a pair must be that well seen
-PAIR_SIGMA_M = 0.01  # walls of one corridor differ from the common width by this much
-PAIR_GAP = 0.3  # a gap further than this from the width (share) is not this corridor's
+USUAL = WidthRules()
 
 
 @dataclass(frozen=True)
@@ -25,13 +24,13 @@ class Pair:
     jacobian: np.ndarray
 
 
-def find_pair(state: CorridorState) -> Pair | None:
+def find_pair(state: CorridorState, rules: WidthRules = USUAL) -> Pair | None:
     """A not yet used pair of parallel walls, both beside the camera, the camera between them."""
     here = state.clones[-1, :2]
     for i, a in enumerate(state.planes):
         for j in range(i + 1, len(state.planes)):
             b = state.planes[j]
-            if a.axis != b.axis or a.is_floor or (a.paired and b.paired) or min(a.hits, b.hits) < PAIR_HITS:
+            if a.axis != b.axis or a.is_floor or (a.paired and b.paired) or min(a.hits, b.hits) < rules.hits:
                 continue
             across, along = here[a.axis], here[1 - a.axis]
             beside = all(p.low_m - 1.0 < along < p.high_m + 1.0 for p in (a, b))
@@ -51,19 +50,19 @@ def _pair(state: CorridorState, i: int, j: int, along: float) -> Pair:
     return Pair(i, j, a.at(along) - b.at(along), jacobian)
 
 
-def fits(pair: Pair, width_m: float) -> bool:
-    return abs(pair.gap_m / width_m - 1.0) < PAIR_GAP
+def fits(pair: Pair, width_m: float, rules: WidthRules) -> bool:
+    return abs(pair.gap_m / width_m - 1.0) < rules.gap_share
 
 
-def agrees(state: CorridorState, pair: Pair, chi2: float = 16.0) -> bool:
-    spread = float((pair.jacobian @ state.covariance @ pair.jacobian.T)[0, 0]) + PAIR_SIGMA_M**2
-    return (pair.gap_m - state.base[WIDTH]) ** 2 < chi2 * spread
+def agrees(state: CorridorState, pair: Pair, rules: WidthRules) -> bool:
+    spread = float((pair.jacobian @ state.covariance @ pair.jacobian.T)[0, 0]) + rules.sigma_m**2
+    return (pair.gap_m - state.base[WIDTH]) ** 2 < rules.chi2 * spread
 
 
-def use_pair(state: CorridorState, pair: Pair) -> None:
+def use_pair(state: CorridorState, pair: Pair, rules: WidthRules = USUAL) -> None:
     """One measurement: the gap between the walls is the width."""
     residual = np.array([state.base[WIDTH] - pair.gap_m])
-    change = correct(state.covariance, pair.jacobian, residual, np.array([[PAIR_SIGMA_M**2]]))
+    change = correct(state.covariance, pair.jacobian, residual, np.array([[rules.sigma_m**2]]))
     state.add(change.delta, change.covariance)
     for k in (pair.first, pair.second):
         state.planes[k] = replace(state.planes[k], paired=True)

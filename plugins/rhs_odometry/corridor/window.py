@@ -8,8 +8,6 @@ from rhs.api.geometry import Camera
 
 from ..tracks.track_frames import TrackFrame
 
-LEAST_VIEWS = 4  # a track seen less often says too little to be worth its row
-
 
 class TrackWindow:
     """Rays (slots, views, 2) of the tracks of the last views, NaN where not seen; the last column is the newest view.
@@ -17,8 +15,9 @@ class TrackWindow:
     Every sight of a point is handed out once: when its track ends, or when it fills the window; then the track starts
     again empty. First lives are cut at different lengths, so that not all tracks fall due at the same view."""
 
-    def __init__(self, camera: Camera, views: int, slots: int = 512) -> None:
-        self._camera, self._views = camera, views
+    def __init__(self, camera: Camera, views: int, *, least_views: int = 4, slots: int = 512) -> None:
+        """least_views: a track seen less often says too little to be worth its row."""
+        self._camera, self._views, self._least = camera, views, least_views
         self._rays = np.full((slots, views, 2), np.nan)
         self._slot_of: dict[int, int] = {}
         self._free = list(range(slots - 1, -1, -1))
@@ -35,7 +34,7 @@ class TrackWindow:
                 if not self._free:
                     continue
                 slot = self._slot_of[name] = self._free.pop()
-                self._due[slot] = LEAST_VIEWS + name % (self._views - LEAST_VIEWS + 1)
+                self._due[slot] = self._least + name % (self._views - self._least + 1)
             self._rays[slot, -1] = rays[i]
         return self._take(set(frame.ids.tolist()))
 
@@ -44,7 +43,7 @@ class TrackWindow:
         counts = np.isfinite(self._rays[:, :, 0]).sum(1)
         due = np.flatnonzero(counts >= self._due)
         gone = np.array([self._slot_of.pop(name) for name in ended], int)
-        ripe = np.concatenate([due, gone[counts[gone] >= LEAST_VIEWS]]).astype(int)
+        ripe = np.concatenate([due, gone[counts[gone] >= self._least]]).astype(int)
         rays = self._rays[ripe].copy()
         self._rays[ripe], self._rays[gone] = np.nan, np.nan
         self._due[due] = self._views

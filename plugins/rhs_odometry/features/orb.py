@@ -66,16 +66,17 @@ class OrbOdometry(ProcrustesOdometry):
         where a motion says; None when they are too few."""
         then, now = self._sights[previous], self._sights[current]
         pixels = previous.pixels[rows].astype(float)
-        rho, slopes = surfaces(then.depth, pixels)
+        a = self._settings.advanced
+        rho, slopes = surfaces(then.depth, pixels, a.surface)
         known = np.isfinite(rho)
         pixels, rho, slopes = pixels[known], rho[known], slopes[known]
         q = self._camera.points(pixels, 1.0 / rho)
         motion = inverse(previous_from_current)
         warped = warps(pixels, rho, slopes, now_from_then=motion, camera=self._camera)
         guess = self._camera.project(transform(motion, q))
-        seen, found = find_patches(then.picture, now.picture, pixels=pixels, warps=warped, guess=guess)
+        seen, found = find_patches(then.picture, now.picture, pixels=pixels, warps=warped, guess=guess, s=a.patches)
         seen, q = seen[found], q[found]
-        rho, _ = surfaces(now.depth, seen)
+        rho, _ = surfaces(now.depth, seen, a.surface)
         known = np.isfinite(rho)
         p = self._camera.points(seen[known], 1.0 / rho[known])
         return (p, q[known]) if len(p) >= self._settings.min_inliers else None

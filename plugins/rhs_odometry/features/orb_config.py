@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_choice, check_range
 
-from .procrustes_config import Procrustes
+from ..advanced import PatchSearch, SurfaceSettings
+from .procrustes_config import Procrustes, ProcrustesAdvanced
+
+
+@dataclass
+class OrbAdvanced(ProcrustesAdvanced):
+    """Thresholds of `odometry=orb`."""
+
+    patches: PatchSearch = field(default_factory=PatchSearch)
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
 
 
 @dataclass
@@ -17,12 +26,18 @@ class Orb(Procrustes):
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    features: int = 500  # key-points per view; twice as many cost a third more time
-    ratio: float = 0.85  # ratio test; binary descriptors are coarse, so it is looser than SIFT's
-    hypotheses: int = 100  # RANSAC: half of procrustes's, for speed
-    # patches: matched points are looked up again by their patches, to a tenth of a pixel; features: as ORB places them.
+    features: int = 500
+    """key-points per view; twice as many cost a third more time"""
+    ratio: float = 0.85
+    """ratio test; binary descriptors are coarse, so it is looser than SIFT's"""
+    hypotheses: int = 100
+    """RANSAC: half of procrustes's, for speed"""
     placing: str = "patches"
-    pixel_sigma_px: float = 0.7  # how well a point is placed, pixels (1 sigma); 1.5 when ORB places it
+    """patches: matched points are looked up again by their patches, to a tenth of a pixel; features: as ORB places
+    them."""
+    pixel_sigma_px: float = 0.7
+    """how well a point is placed, pixels (1 sigma); 1.5 when ORB places it"""
+    advanced: OrbAdvanced = field(default_factory=OrbAdvanced)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -23,10 +23,6 @@ from .procrustes_config import Procrustes
 FLOOR_SIGMAS = np.array([np.inf, np.inf, 1e-3, 1e-3, 1e-3, np.inf])
 
 
-# A reference view is given up after so many lost views: by then the robot looks at something else.
-MAX_REFERENCE_AGE = 5
-
-
 @dataclass(frozen=True, eq=False)
 class Reference:
     """The view that the next one is matched with: the previous one, or after lost views the last that showed enough.
@@ -79,7 +75,7 @@ class ProcrustesOdometry:
         """The current view; or the old one still, when the current view is lost and shows too little to go on from."""
         old = self._reference
         seen = np.isfinite(current.points[:, 2]).sum() >= 2 * self._settings.min_inliers
-        if old is None or motion.status is not Tracking.LOST or seen or old.age >= MAX_REFERENCE_AGE:
+        if old is None or motion.status is not Tracking.LOST or seen or old.age >= self._settings.advanced.reference_age:
             return Reference(current)
         covariance = compose_covariance(old.covariance, motion.previous_from_body, motion.covariance)
         return Reference(old.features, old.reference_from_previous @ motion.previous_from_body, covariance, old.age + 1)
@@ -113,7 +109,7 @@ class ProcrustesOdometry:
         inliers = 0 if found is None else found.count
         details["inliers"] = float(inliers)
         if found is None or inliers < self._settings.min_inliers:
-            name, guess, covariance = guess_motion(observation, self._last)
+            name, guess, covariance = guess_motion(observation, self._last, self._settings.advanced.guess)
             least = self._settings.min_inliers
             reason = f"{inliers} of {details['pairs']:.0f} pairs agree, {least} needed; took {name}"
             return Motion(guess, covariance, Tracking.LOST, reason, details=details)

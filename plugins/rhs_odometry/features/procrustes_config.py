@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from rhs.api.errors import check_choice, check_range
+from rhs.api.errors import check_choice, check_range, check_ranges
+
+from ..advanced import GuessNoise
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context
+
+
+@dataclass
+class ProcrustesAdvanced:
+    """Thresholds of `odometry=procrustes`."""
+
+    reference_age: int = 5
+    """a reference view is given up after so many lost views: by then the robot looks at something else"""
+    guess: GuessNoise = field(default_factory=GuessNoise)
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, reference_age=(0, 10_000))
 
 
 @dataclass
@@ -18,19 +32,28 @@ class Procrustes:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    refine: str = "reprojection"  # none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth
-    planar: bool = True  # the camera stands on a robot: keep the motion on the floor; no effect when it is hand-held
-    hypotheses: int = 200  # RANSAC: three-point motions tried per view
-    gate_sigma: float = 4.0  # a pair of points further off than this many sigmas is an outlier; 3 loses good ones on blur
-    pixel_sigma_px: float = 0.5  # how well a key-point is placed, pixels (1 sigma), as measured in the simulator
-    # Depth noise: sigma_z = constant + quadratic * (z - 0.4 m)^2, metres; more than a Kinect's 0.0012 (Nguyen 2012),
-    # because colour and depth are never quite registered.
+    refine: str = "reprojection"
+    """none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth"""
+    planar: bool = True
+    """the camera stands on a robot: keep the motion on the floor; no effect when it is hand-held"""
+    hypotheses: int = 200
+    """RANSAC: three-point motions tried per view"""
+    gate_sigma: float = 4.0
+    """a pair of points further off than this many sigmas is an outlier; 3 loses good ones on blur"""
+    pixel_sigma_px: float = 0.5
+    """how well a key-point is placed, pixels (1 sigma), as measured in the simulator"""
     depth_constant_m: float = 0.002
-    depth_quadratic_per_m: float = 0.0019  # the same, 1/m (Nguyen 2012, Kinect)
+    """Depth noise: sigma_z = constant + quadratic * (z - 0.4 m)^2, metres; more than a Kinect's 0.0012 (Nguyen
+    2012), because colour and depth are never quite registered."""
+    depth_quadratic_per_m: float = 0.0019
     """Depth noise: the quadratic part of sigma_z, 1/m (Nguyen 2012, Kinect); see depth_constant_m."""
-    min_inliers: int = 12  # fewer agreeing pairs than this and the view is lost
-    max_sigma_m: float = 0.05  # degenerate when a direction of the translation is less sure than this, metres
-    max_sigma_rad: float = 0.05  # degenerate when an axis of the rotation is less sure than this, radians
+    min_inliers: int = 12
+    """fewer agreeing pairs than this and the view is lost"""
+    max_sigma_m: float = 0.05
+    """degenerate when a direction of the translation is less sure than this, metres"""
+    max_sigma_rad: float = 0.05
+    """degenerate when an axis of the rotation is less sure than this, radians"""
+    advanced: ProcrustesAdvanced = field(default_factory=ProcrustesAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.procrustes"

@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.errors import check_range, check_ranges
+
+from ..clouds.gicp_config import Gicp
+from ..features.procrustes_config import Procrustes
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context
+
+
+@dataclass
+class FusedAdvanced:
+    """Thresholds of `odometry=fused`, and the settings of the two odometries inside it."""
+
+    few_normals: int = 80
+    """fewer upright surfaces than this tell no direction of the walls"""
+    upright: float = 0.2
+    """a surface is upright when its normal rises by less than this (sine)"""
+    near_deg: float = 6.0
+    """surfaces this near to the direction that most share are counted to it, degrees"""
+    gate_sigma: float = 4.0
+    """a reading further off than this belongs to a wall that is not square to the others, sigmas"""
+    sideways_share: float = 0.02
+    """the command may be wrong sideways by this share of the distance (1 sigma)"""
+    pictures: Procrustes = field(default_factory=Procrustes)
+    shape: Gicp = field(default_factory=Gicp)
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, few_normals=(1, 1_000_000), upright=(0.0, 1.0), near_deg=(0.1, 45.0),
+                     gate_sigma=(0.1, 1000.0), sideways_share=(0.0, 10.0))
 
 
 @dataclass
@@ -18,12 +43,10 @@ class Fused:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Sigmas of what procrustes and gicp say are multiplied by this: errors of neighbouring views go together.
     picture_widening: float = 1.5
     """Sigmas of what procrustes says are multiplied by this: errors of neighbouring views go together."""
     shape_widening: float = 2.0
     """Sigmas of what gicp says are multiplied by this: errors of neighbouring views go together."""
-    # The command's distance and turn may be wrong by this share, and never by less than this (1 sigma).
     command_forward_share: float = 0.04
     """The command's distance may be wrong by this share of it (1 sigma)."""
     command_turn_share: float = 0.06
@@ -32,18 +55,16 @@ class Fused:
     """The command's distance is never surer than this, metres (1 sigma)."""
     command_floor_rad: float = 0.003
     """The command's turn is never surer than this, radians (1 sigma)."""
-    # An estimate further from the others than this (chi-square, 3 degrees of freedom) is left out.
     disagreement: float = 30.0
-    # The direction of the walls, known to a quarter turn, tells the heading: 1 sigma of one view's reading, degrees ...
+    """An estimate further from the others than this (chi-square, 3 degrees of freedom) is left out."""
     walls_sigma_deg: float = 0.5
     """The direction of the walls, known to a quarter turn, gives the heading: 1 sigma of one view's reading,
     degrees."""
-    # ... of how far walls stray from right angles ...
     right_angle_sigma_deg: float = 0.3
     """How far walls stray from right angles, degrees (1 sigma)."""
-    # ... and the share of the upright surfaces that must agree on it; 1.01 leaves it out.
     walls_share: float = 0.6
     """Share of the upright surfaces that must agree on the direction of the walls; 1.01 leaves it out."""
+    advanced: FusedAdvanced = field(default_factory=FusedAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.fused"

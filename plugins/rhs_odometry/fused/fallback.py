@@ -7,14 +7,14 @@ import numpy as np
 from rhs.api.geometry import planar, se2
 from rhs.api.records import Observation
 
-# One-sigma errors of each guess as a share of the distance and of the turn, and the least error. Wide on purpose: a
-# guess that is trusted too much bends the map, one that is trusted too little only leaves the loop closer more work.
-SHARES = {"wheel": 0.10, "command": 0.30, "same again": 1.00}
-LEAST_M = {"wheel": 0.01, "command": 0.05, "same again": 0.10}
-LEAST_RAD = {"wheel": 0.01, "command": 0.05, "same again": 0.20}
+from ..advanced import GuessNoise
+
+USUAL = GuessNoise()
 
 
-def guess_motion(observation: Observation, last: np.ndarray) -> tuple[str, np.ndarray, np.ndarray]:
+def guess_motion(
+    observation: Observation, last: np.ndarray, noise: GuessNoise = USUAL
+) -> tuple[str, np.ndarray, np.ndarray]:
     """(name of the guess, previous_from_body 4x4, covariance 6x6) from what the observation carries.
 
     last: the previous motion, taken again when there is neither wheel travel nor a command.
@@ -27,8 +27,8 @@ def guess_motion(observation: Observation, last: np.ndarray) -> tuple[str, np.nd
     else:
         name, pose = "same again", last
     distance, turn = float(np.linalg.norm(pose[:3, 3])), abs(float(planar(pose)[2]))
-    sigma_m = LEAST_M[name] + SHARES[name] * distance
-    sigma_rad = LEAST_RAD[name] + SHARES[name] * turn
+    share, least_m, least_rad = noise.of(name)
+    sigma_m, sigma_rad = least_m + share * distance, least_rad + share * turn
     return name, pose, np.diag([sigma_m**2] * 3 + [sigma_rad**2] * 3)
 
 

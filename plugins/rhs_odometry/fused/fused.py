@@ -19,17 +19,13 @@ from rhs.estimation.filters.kalman import correct, propagate
 
 from ..clouds.clouds import Cloud, CloudMaker
 from ..clouds.gicp import build as build_gicp
-from ..clouds.gicp_config import Gicp
 from ..features.procrustes import ProcrustesOdometry
-from ..features.procrustes_config import Procrustes
 from ..tracks.monocular import embed
-from .config import Fused
+from .config import Fused, FusedAdvanced
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
 QUARTER = 0.5 * np.pi
-FEW_NORMALS = 80  # fewer upright surfaces than this tell no direction
-NEAR_RAD = np.radians(6.0)  # of the direction that most surfaces share: counted to it
-GATE = 4.0  # sigmas; a reading further off belongs to a wall that is not square to the others
+USUAL = FusedAdvanced()
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +56,18 @@ def planar_of(motion: Motion, widening: float) -> Planar:
     return Planar(half.T @ [mean[0], mean[1], 0.0] + [0.0, 0.0, mean[2]], half @ covariance @ half.T)
 
 
-def wall_direction(cloud: Cloud, share: float) -> float | None:
+def wall_direction(cloud: Cloud, share: float, s: FusedAdvanced = USUAL) -> float | None:
     """Direction of the walls in the body frame, radians modulo a quarter turn; None where too few surfaces agree."""
     normals = cloud.normals[np.isfinite(cloud.normals).all(axis=1)]
-    upright = normals[np.abs(normals[:, 2]) < 0.2]
-    if len(upright) < FEW_NORMALS:
+    upright = normals[np.abs(normals[:, 2]) < s.upright]
+    if len(upright) < s.few_normals:
         return None
     angles = np.mod(np.arctan2(upright[:, 1], upright[:, 0]), QUARTER)
     counts, edges = np.histogram(angles, bins=45, range=(0.0, QUARTER))
     peak = edges[int(np.argmax(counts + np.roll(counts, 1) + np.roll(counts, -1)))] + QUARTER / 90
     for _ in range(3):
         off = folded(angles - peak)
-        near = np.abs(off) < NEAR_RAD
+        near = np.abs(off) < np.radians(s.near_deg)
         peak += float(off[near].mean())
     return float(np.mod(peak, QUARTER)) if near.mean() >= share else None
 
@@ -88,7 +84,7 @@ class Heading:
         self.mean = np.array([yaw_rad, 0.0])
         self.covariance = np.diag([1e-8, np.pi**2])
         self._reading = np.radians(np.hypot(settings.walls_sigma_deg, settings.right_angle_sigma_deg)) ** 2
-        self._known = False
+        self._known, self._gate = False, settings.advanced.gate_sigma
 
     def turn(self, turn_rad: float, variance: float, reading: float | None) -> float:
         """Move by a turn, then take in a reading if there is one; returns the turn as now believed."""
@@ -108,7 +104,7 @@ class Heading:
         row = np.array([[-1.0, 1.0]])
         residual = folded(reading - (self.mean[1] - self.mean[0]))
         spread = float((row @ self.covariance @ row.T)[0, 0]) + self._reading
-        if residual**2 < GATE**2 * spread:
+        if residual**2 < self._gate**2 * spread:
             change = correct(self.covariance, row, np.array([residual]), np.array([[self._reading]]))
             self.mean, self.covariance = self.mean + change.delta, change.covariance
 
@@ -118,8 +114,8 @@ class FusedOdometry:
 
     def __init__(self, settings: Fused, context: Context) -> None:
         self._settings = settings
-        self._pictures = ProcrustesOdometry(Procrustes(), context)
-        gicp = Gicp()
+        self._pictures = ProcrustesOdometry(settings.advanced.pictures, context)
+        gicp = settings.advanced.shape
         self._shape = build_gicp(gicp, context)
         self._maker = CloudMaker(context.camera, stride=gicp.stride_px, min_range_m=gicp.min_range_m,
                                  max_range_m=gicp.max_range_m)
@@ -153,7 +149,7 @@ class FusedOdometry:
 
     def _join(self, observation: Observation, pictures: Motion, shape: Motion) -> tuple[Planar, list[str]]:
         """All estimates that agree with what is believed so far, the command first."""
-        belief, used = self._told(observation), []
+        belief, used = self._given(observation), []
         for name, motion, widening in (("pictures", pictures, self._settings.picture_widening),
                                        ("shape", shape, self._settings.shape_widening)):
             if motion.status is Tracking.LOST:
@@ -164,7 +160,7 @@ class FusedOdometry:
                 used.append(name)
         return belief, used
 
-    def _told(self, observation: Observation) -> Planar:
+    def _given(self, observation: Observation) -> Planar:
         """What the command, else the last motion again, says."""
         s, command = self._settings, observation.command
         if command is None:
@@ -172,14 +168,15 @@ class FusedOdometry:
             return Planar(self._last, np.diag(spread**2))
         forward, turn = command.forward_mps * command.duration_s, command.turn_radps * command.duration_s
         along = s.command_forward_share * abs(forward) + s.command_floor_m
-        across = s.command_floor_m + 0.02 * abs(forward)
+        across = s.command_floor_m + s.advanced.sideways_share * abs(forward)
         return Planar(np.array([forward, 0.0, turn]),
                       np.diag([along, across, s.command_turn_share * abs(turn) + s.command_floor_rad]) ** 2)
 
     def _reading(self, observation: Observation) -> float | None:
         if observation.depth is None:
             return None
-        return wall_direction(self._maker.cloud(observation.depth), self._settings.walls_share)
+        return wall_direction(self._maker.cloud(observation.depth), self._settings.walls_share,
+                              self._settings.advanced)
 
     def _status(self, used: list[str], pictures: Motion, shape: Motion) -> tuple[Tracking, str]:
         if "pictures" in used or ("shape" in used and shape.status is Tracking.OK):

@@ -1,11 +1,20 @@
-"""Odometry `wheel`: what the encoders say, and nothing else. The yardstick that vision must beat."""
+"""Odometry `wheel`: what the encoders say, and nothing else. The baseline that vision must beat."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from rhs.api.errors import check_range
+
+from ..advanced import GuessNoise
+
+
+@dataclass
+class WheelAdvanced:
+    """What is taken where a view came without wheel travel."""
+
+    guess: GuessNoise = field(default_factory=GuessNoise)
 
 
 @dataclass
@@ -15,16 +24,15 @@ class Wheel:
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # One-sigma error as a share of the distance and of the turn since the last view.
     distance_share: float = 0.05
     """One-sigma error as a share of the distance since the last view."""
     turn_share: float = 0.05
     """One-sigma error as a share of the turn since the last view."""
-    # Least error of a reading, metres and radians.
     least_m: float = 0.001
     """Least error of a reading of distance, metres."""
     least_rad: float = 0.001
     """Least error of a reading of turn, radians."""
+    advanced: WheelAdvanced = field(default_factory=WheelAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.wheel"
@@ -56,7 +64,7 @@ class WheelOdometry:
             self._begun = True
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view")
         if observation.wheel is None or not np.isfinite(observation.wheel).all():
-            name, pose, covariance = guess_motion(observation, np.eye(4))
+            name, pose, covariance = guess_motion(observation, np.eye(4), self._settings.advanced.guess)
             return Motion(pose, covariance, Tracking.LOST, f"no wheel travel with this view; took {name}")
         s = self._settings
         sigma_m = s.least_m + s.distance_share * float(np.hypot(*observation.wheel[:2]))

@@ -2,10 +2,67 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.errors import check_range, check_ranges
+
+from ..advanced import GuessNoise, PatchSearch, SurfaceSettings
+
+
+@dataclass
+class KeyframeAdvanced:
+    """Thresholds of `odometry=keyframe`."""
+
+    gate: float = 5.0
+    """a sighting off by more than so many deviations (Mahalanobis, 3 degrees of freedom) is no inlier"""
+    student_dof: float = 5.0
+    """degrees of freedom of the Student's t that weighs sightings (Kerl et al. 2013)"""
+    trusted_share: float = 0.25
+    """a fit is believed at once when this share of the followed points (and twice min_inliers) agrees; else features are
+    matched"""
+    rescue_features: int = 600
+    """ORB key-points compared when following fails"""
+    rescue_ratio: float = 0.85
+    """Lowe's ratio of these matches"""
+    rescue_px: float = 2.0
+    """how well ORB places a key-point, pixels (1 sigma)"""
+    rescue_hypotheses: int = 200
+    """RANSAC: three-point motions tried then"""
+    rescue_gate_sigma: float = 3.0
+    """a pair further off than this many sigmas is an outlier"""
+    min_edge: int = 20
+    """inliers that make a relative pose worth an edge of the graph"""
+    edge_share: float = 0.4
+    """and least share of the points looked up"""
+    correlated: float = 4.0
+    """the points of one view err together (blur, lens, depth calibration): so many count as one"""
+    least_edge_m: float = 1e-3
+    """no edge is better than this, metres (1 sigma)"""
+    least_edge_rad: float = 3e-4
+    """nor its angles, radians (1 sigma): a fiftieth of a degree"""
+    sharpest: float = 0.5
+    """averaging makes an inverse depth no surer than this share of one reading's deviation: errors of a depth camera are the
+    same from view to view (Kinect: a smooth distortion)"""
+    pictures: int = 1000
+    """key frames, the latest, whose pictures are kept: a bound on memory, 0.4 MB each at 640x480"""
+    settle_rounds: int = 15
+    """most steps of the pose graph when a key frame is found again"""
+    spacing_share: float = 0.03
+    """least distance between followed points, share of the image height"""
+    visible_per_m: float = 0.05
+    """a point is in view when the inverse depth measured there is its own up to this, 1/m"""
+    guess: GuessNoise = field(default_factory=GuessNoise)
+    patches: PatchSearch = field(default_factory=PatchSearch)
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, gate=(0.5, 1000.0), student_dof=(0.5, 1e6), trusted_share=(0.0, 1.0),
+                     rescue_features=(20, 100_000), rescue_ratio=(0.1, 1.0), rescue_px=(0.05, 100.0),
+                     rescue_hypotheses=(1, 100_000), rescue_gate_sigma=(0.5, 100.0), min_edge=(6, 100_000),
+                     edge_share=(0.0, 1.0), correlated=(1.0, 1e4), least_edge_m=(1e-9, 1.0), least_edge_rad=(1e-9, 1.0),
+                     sharpest=(0.0, 1.0), pictures=(2, 1_000_000), settle_rounds=(1, 10_000), spacing_share=(0.001, 0.5),
+                     visible_per_m=(0.0, 10.0))
 
 
 @dataclass
@@ -15,41 +72,38 @@ class Keyframe:
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # Points followed at a time; more cost time in proportion and gain little.
     points: int = 400
-    # Side of the patch that Lucas-Kanade matches, pixels.
+    """Points followed at a time; more cost time in proportion and gain little."""
     window_px: int = 15
-    # Deviation of one sighting, pixels. Measured 0.15 on sharp images, 0.2 in the simulator, more when a hand shakes.
+    """Side of the patch that Lucas-Kanade matches, pixels."""
     pixel_sigma: float = 0.6
-    # Deviation of one inverse depth, 1/m, averaged over a window: measured 0.0006 in the simulator, 0.001 of a still
-    # PrimeSense, 0.004 of a shaken Kinect; 0.002 means sigma_z = 0.002 z^2.
+    """Deviation of one sighting, pixels. Measured 0.15 on sharp images, 0.2 in the simulator, more when a hand
+    shakes."""
     inverse_depth_sigma: float = 0.002
-    # A hand shakes: how far the motion while an image is read (Camera.readout_s) differs from the motion between the
-    # images, metres and degrees per image interval. No effect on a global shutter.
+    """Deviation of one inverse depth, 1/m, averaged over a window: measured 0.0006 in the simulator, 0.001 of a
+    still PrimeSense, 0.004 of a shaken Kinect; 0.002 means sigma_z = 0.002 z^2."""
     shake_m: float = 0.003
     """A hand shakes: how far the motion while an image is read (Camera.readout_s) differs from the motion between the
     images, metres per image interval. No effect on a global shutter."""
     shake_deg: float = 0.5
     """A hand shakes: the same for the turn, degrees per image interval. No effect on a global shutter."""
-    # A new key frame is made when fewer than this share of the last one's points is still followed ...
     keep_share: float = 0.6
     """A new key frame is made when fewer than this share of the last one's points is still followed."""
-    # ... or after turning or moving this far from it, degrees and metres.
     keep_turn_deg: float = 15.0
     """A new key frame is made after turning this far from the last one, degrees."""
     keep_move_m: float = 0.2
     """A new key frame is made after moving this far from the last one, metres."""
-    # Fewer inliers than this is no measurement: lost.
     min_inliers: int = 12
-    # The camera stands on a robot on a floor: keep the motion in the plane. No effect on a hand-held camera.
+    """Fewer inliers than this is no measurement: lost."""
     planar: bool = True
-    # Degenerate when a direction of the translation or an axis of the rotation is less sure than this.
+    """The camera stands on a robot on a floor: keep the motion in the plane. No effect on a hand-held camera."""
     max_sigma_m: float = 0.05
     """Degenerate when a direction of the translation is less sure than this, metres (1 sigma)."""
     max_sigma_rad: float = 0.05
     """Degenerate when an axis of the rotation is less sure than this, radians (1 sigma)."""
-    # Old key frames looked up again at every new one; 0 makes it a plain key-frame odometry.
     revisit: int = 2
+    """Old key frames looked up again at every new one; 0 makes it a plain key-frame odometry."""
+    advanced: KeyframeAdvanced = field(default_factory=KeyframeAdvanced)
 
     def __post_init__(self) -> None:
         owner = "odometry.keyframe"

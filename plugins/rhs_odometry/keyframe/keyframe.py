@@ -6,7 +6,7 @@ Per view (compare Klein and Murray, PTAM, ISMAR 2007; Kerl et al., DVO-SLAM, IRO
 3. when too few fit, match ORB features with the last view and try again from there; else the view is lost;
 4. sharpen the points that fit, forget the others;
 5. when little of the last key frame is left, make a new one; look for old ones that are in view again, measure the
-   new one against them, and let the pose graph settle (rhs.posegraph).
+   new one against them, and let the pose graph settle (rhs.estimation.filters.pose_graph).
 All of it is causal: a pose is reported once, with what was known then. revise() gives the settled ones.
 """
 
@@ -24,14 +24,9 @@ from ..features.procrustes import on_floor
 from ..fused.fallback import guess_motion
 from .keyframe_map import Edge, KeyframeMap
 from .reprojection import PoseFit
-from .tracker import Look, Tracker
+from .tracker import PreparedView, Tracker
 
-MIN_EDGE = 20  # inliers that make a relative pose worth an edge
-RESCUE_FEATURES = 600  # ORB key-points compared when following fails
 FIRST = 1e-12 * np.eye(6)
-# The points of one view err together (blur, lens, depth calibration), so a fit is not as sure as its many points say.
-CORRELATED = 4.0
-LEAST = np.diag([1e-3] * 3 + [3e-4] * 3) ** 2  # no edge is better than a millimetre and a fiftieth of a degree
 
 
 class KeyframeOdometry:
@@ -43,8 +38,10 @@ class KeyframeOdometry:
         cv2.setNumThreads(1)
         camera = context.camera
         self._settings, self._camera, self._rng = settings, camera, context.rng
+        a = self._advanced = settings.advanced
+        self._least = np.diag([a.least_edge_m] * 3 + [a.least_edge_rad] * 3) ** 2
         self._on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
-        self._map = KeyframeMap(settings.inverse_depth_sigma)
+        self._map = KeyframeMap(settings.inverse_depth_sigma, a)
         self._tracker = Tracker(settings, camera, self._map)
         self._previous: Observation | None = None
         self._motion = np.eye(4)  # previous_from_body of the last step
@@ -61,7 +58,7 @@ class KeyframeOdometry:
             self._tracker.restart(look, np.eye(4))
             self._new_keyframe(look, [])
             return self._report(observation, FIRST, Tracking.OK, "first view")
-        name, body_motion, wide = guess_motion(observation, self._motion)
+        name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
         guess = self._tracker.pose @ self._in_camera(body_motion)
         fit = self._fit(look, guess, previous)
         if fit is None:
@@ -83,7 +80,7 @@ class KeyframeOdometry:
         poses = np.array([b @ self._map.poses[k] @ rel @ inverse(b) for k, rel, _ in self._history])
         return Revision(poses, tuple(scan for _, _, scan in self._history)) if self._history else None
 
-    def _fit(self, look: Look, guess: np.ndarray, previous: Observation) -> PoseFit | None:
+    def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation) -> PoseFit | None:
         """The pose of the view, or None when nothing measures it."""
         ids, pixels = self._tracker.ids, self._tracker.pixels
         fit = self._tracker.follow(look, guess)
@@ -101,18 +98,19 @@ class KeyframeOdometry:
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
     def _trusted(self, fit: PoseFit, followed: int) -> bool:
-        enough = max(2 * self._settings.min_inliers, 0.25 * followed)
+        enough = max(2 * self._settings.min_inliers, self._advanced.trusted_share * followed)
         return bool(fit.inliers.sum() >= enough)
 
     def _rescue(self, previous: Observation) -> np.ndarray | None:
         """previous_from_camera by matching ORB features with depth, however far the camera moved."""
-        now = vision.orb_features(self._previous, RESCUE_FEATURES)
-        then = vision.orb_features(previous, RESCUE_FEATURES)
-        rows = vision.match(now, then, 0.85)
+        a = self._advanced
+        now, then = (vision.orb_features(view, a.rescue_features) for view in (self._previous, previous))
+        rows = vision.match(now, then, a.rescue_ratio)
         p, q = now.points[rows[:, 0]].astype(float), then.points[rows[:, 1]].astype(float)
         known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
-        noise = PointNoise(float(self._camera.fx), 2.0)
-        found = ransac_rigid(p[known], q[known], noise=noise, rng=self._rng, settings=RansacSettings(200, 3.0))
+        noise = PointNoise(float(self._camera.fx), a.rescue_px)
+        tries = RansacSettings(a.rescue_hypotheses, a.rescue_gate_sigma)
+        found = ransac_rigid(p[known], q[known], noise=noise, rng=self._rng, settings=tries)
         return found.a_from_b if found is not None and found.count >= self._settings.min_inliers else None
 
     def _wants_keyframe(self) -> bool:
@@ -124,7 +122,7 @@ class KeyframeOdometry:
             or np.linalg.norm(moved[:3, 3]) > s.keep_move_m
         )
 
-    def _new_keyframe(self, look: Look, edges: list[Edge]) -> None:
+    def _new_keyframe(self, look: PreparedView, edges: list[Edge]) -> None:
         """Make this view a key frame tied by edges and by old key frames seen again; settle; top up the points."""
         tracker = self._tracker
         k = self._map.add_keyframe(tracker.pose, look.picture)
@@ -142,13 +140,13 @@ class KeyframeOdometry:
 
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
-        few = fit.inliers.sum() < MIN_EDGE or fit.inliers.mean() < 0.4
+        few = fit.inliers.sum() < self._advanced.min_edge or fit.inliers.mean() < self._advanced.edge_share
         return [] if few or self._weakness(_covariance(fit)) else [self._measured(fit, int(a), k, loop=loop)]
 
     def _measured(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> Edge:
         """The edge that a fit measures, on the floor when the camera stands on a robot."""
         a_from_k = inverse(self._map.poses[a]) @ inverse(fit.camera_from_map)
-        covariance = CORRELATED * _covariance(fit) + LEAST
+        covariance = self._advanced.correlated * _covariance(fit) + self._least
         if self._on_floor:
             b = self._camera.body_from_camera
             there, back = adjoint(b), adjoint(inverse(b))
@@ -157,14 +155,14 @@ class KeyframeOdometry:
             a_from_k, covariance = inverse(b) @ flat @ b, back @ spread @ back.T
         return Edge(a, k, a_from_k, 0.5 * (covariance + covariance.T), loop)
 
-    def _revisit(self, look: Look, k: int) -> list[Edge]:
-        """Look for old key frames that should be in view again; their points are followed from now on."""
-        tracker, edges = self._tracker, []
+    def _revisit(self, look: PreparedView, k: int) -> list[Edge]:
+        """PreparedView for old key frames that should be in view again; their points are followed from now on."""
+        tracker, edges, least = self._tracker, [], self._advanced.min_edge
         anchors, counts = np.unique(self._map.anchor[tracker.ids], return_counts=True)
-        followed = {int(a) for a in anchors[counts >= MIN_EDGE]}
+        followed = {int(a) for a in anchors[counts >= least]}
         candidates = self._map.overlap(tracker.pose, look, self._camera, exclude=followed | {k})
         for a, ids in candidates[: self._settings.revisit]:
-            if len(ids) < 2 * MIN_EDGE:
+            if len(ids) < 2 * least:
                 break
             ids, pixels = tracker.seek(look, ids, tracker.pose)
             fit = tracker.fit(look, ids, pixels, inverse(tracker.pose))
@@ -174,7 +172,7 @@ class KeyframeOdometry:
                 tracker.add(ids[fit.inliers], pixels[fit.inliers])
         return edges
 
-    def _lost(self, look: Look, pose: np.ndarray, covariance: np.ndarray, reason: str) -> Motion:
+    def _lost(self, look: PreparedView, pose: np.ndarray, covariance: np.ndarray, reason: str) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
         self._tracker.restart(look, pose)
         move = adjoint(inverse(self._camera.body_from_camera))

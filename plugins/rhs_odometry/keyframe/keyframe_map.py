@@ -13,13 +13,11 @@ import numpy as np
 from rhs.api.geometry import inverse
 from rhs.estimation.filters import pose_graph as posegraph
 
+from .config import KeyframeAdvanced
 from .reprojection import Sightings, at_middle
 from .surface import warps
 
-# Errors of a depth camera are the same from view to view (Kinect: a smooth distortion), so averaging has a floor.
-SHARPEST = 0.5  # share of one reading's deviation
-PICTURES = 1000  # of the latest key frames are kept, a bound on memory: 0.4 MB each at 640x480
-ROUNDS = 15  # most steps of the pose graph when a key frame is found again
+USUAL = KeyframeAdvanced()
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +35,8 @@ class Edge:
 class KeyframeMap:
     """Grows by key frames; ids of points are row numbers that never change."""
 
-    def __init__(self, inverse_depth_sigma: float) -> None:
-        self._sigma = inverse_depth_sigma
+    def __init__(self, inverse_depth_sigma: float, advanced: KeyframeAdvanced = USUAL) -> None:
+        self._sigma, self._advanced = inverse_depth_sigma, advanced
         self.poses = np.zeros((0, 4, 4))  # map_from_camera of each key frame
         self.pictures: list[list[np.ndarray]] = []  # their gray image pyramids; of the oldest nothing
         self.edges: list[Edge] = []
@@ -52,8 +50,9 @@ class KeyframeMap:
     def add_keyframe(self, map_from_camera: np.ndarray, picture: list[np.ndarray]) -> int:
         self.poses = np.concatenate([self.poses, map_from_camera[None]])
         self.pictures.append(picture)
-        if len(self.pictures) > PICTURES:
-            self.pictures[-PICTURES - 1] = []  # its points cannot be found any more
+        kept = self._advanced.pictures
+        if len(self.pictures) > kept:
+            self.pictures[-kept - 1] = []  # its points cannot be found any more
         return len(self.poses) - 1
 
     def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
@@ -101,7 +100,7 @@ class KeyframeMap:
         ids, rho = ids[good], 1.0 / z[good]
         prior, reading = self.sigma[ids] ** -2, self._sigma**-2
         self.rho[ids] = (prior * self.rho[ids] + reading * rho) / (prior + reading)
-        self.sigma[ids] = np.maximum((prior + reading) ** -0.5, SHARPEST * self._sigma)
+        self.sigma[ids] = np.maximum((prior + reading) ** -0.5, self._advanced.sharpest * self._sigma)
 
     def tie(self, edges: list[Edge]) -> None:
         """Take up measured relative poses."""
@@ -114,14 +113,14 @@ class KeyframeMap:
             np.array([x.a for x in e]), np.array([x.b for x in e]), np.array([x.a_from_b for x in e]),
             np.array([x.covariance for x in e]), np.array([x.loop for x in e]),
         )
-        self.poses = posegraph.optimise(self.poses, edges, effort=posegraph.Effort(ROUNDS)).poses
+        self.poses = posegraph.optimise(self.poses, edges, effort=posegraph.Effort(self._advanced.settle_rounds)).poses
 
     def overlap(self, map_from_camera: np.ndarray, look, camera, *, exclude: set[int]) -> list[tuple[int, np.ndarray]]:
         """Key frames whose points should be in view, most first: (key frame, ids of those points).
 
         A point is in view when it projects into the image and the depth there is about its own (nothing before it).
         """
-        blind = range(max(len(self.pictures) - PICTURES, 0))
+        blind = range(max(len(self.pictures) - self._advanced.pictures, 0))
         allowed = ~np.isin(self.anchor, [*exclude, *blind])
         ids = np.flatnonzero(allowed)
         if len(ids) == 0:
@@ -140,5 +139,5 @@ class KeyframeMap:
         with np.errstate(invalid="ignore", divide="ignore"):
             inside = (pixels[:, 0] > 8) & (pixels[:, 1] > 8)
             inside &= (pixels[:, 0] < camera.width - 8) & (pixels[:, 1] < camera.height - 8)
-            agrees = ~(np.abs(1.0 / local[:, 2] - 1.0 / depth) > 0.05)
+            agrees = ~(np.abs(1.0 / local[:, 2] - 1.0 / depth) > self._advanced.visible_per_m)
         return inside & agrees & (local[:, 2] > 0.1)

@@ -12,13 +12,14 @@ import numpy as np
 
 from rhs.api.jit import compiled
 
-HALF = 7  # patches are (2 HALF + 1)^2 pixels
-ITERATIONS = 12
-LONGEST_STEP_PX = 3.0  # of one iteration
-LEAST_LIKENESS = 0.75  # normalised correlation of a found patch; motion blur lowers it
+from ..advanced import PatchSearch
+
+USUAL = PatchSearch()
 
 
-def find_patches(then, now, *, pixels: np.ndarray, warps: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_patches(
+    then, now, *, pixels: np.ndarray, warps: np.ndarray, guess: np.ndarray, s: PatchSearch = USUAL
+) -> tuple[np.ndarray, np.ndarray]:
     """Where (N, 2) pixels of image pyramid `then` are in image pyramid `now`: (pixels (N, 2) float64, found (N,) bool).
 
     Pyramids are [full, half, ...] (H, W) uint8, coarse first used. warps (N, 2, 2): d pixel then / d pixel now.
@@ -30,8 +31,9 @@ def find_patches(then, now, *, pixels: np.ndarray, warps: np.ndarray, guess: np.
     for level in reversed(range(len(now))):
         scale = 0.5**level
         # pyrDown keeps pixel (0, 0) on (0, 0): coordinates scale without an offset
-        moved, likeness = _align(then[level], now[level], pixels * scale, warps, where * scale, HALF, ITERATIONS)
-        good = likeness > LEAST_LIKENESS
+        limits = s.half_px, s.iterations, s.longest_step_px
+        moved, likeness = _align(then[level], now[level], pixels * scale, warps, where * scale, limits)
+        good = likeness > s.least_likeness
         where = np.where(good[:, None], moved / scale, where)
         if level == 0:
             found &= good
@@ -39,8 +41,9 @@ def find_patches(then, now, *, pixels: np.ndarray, warps: np.ndarray, guess: np.
 
 
 @compiled
-def _align(then, now, pixels, warps, guess, half, iterations):
+def _align(then, now, pixels, warps, guess, limits):
     """Where the patches are, and their normalised correlation there; 0 where there was nothing to follow."""
+    half, iterations, longest_px = limits
     n, side = pixels.shape[0], 2 * half + 1
     where = guess.copy()
     likeness = np.zeros(n)
@@ -65,8 +68,8 @@ def _align(then, now, pixels, warps, guess, half, iterations):
             dx = (hyy * bx - hxy * by) / (determinant * gain)
             dy = (hxx * by - hxy * bx) / (determinant * gain)
             size = np.sqrt(dx * dx + dy * dy)
-            if size > LONGEST_STEP_PX:
-                dx, dy = dx * LONGEST_STEP_PX / size, dy * LONGEST_STEP_PX / size
+            if size > longest_px:
+                dx, dy = dx * longest_px / size, dy * longest_px / size
             x -= dx
             y -= dy
             if size < 0.01:

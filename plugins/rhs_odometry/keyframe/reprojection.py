@@ -24,20 +24,19 @@ import numpy as np
 from rhs.api.geometry import orthonormal
 from rhs.api.jit import compiled
 
-NU = 5.0  # degrees of freedom of Student's t (Kerl et al.)
-
 
 @dataclass(frozen=True)
 class Noise:
     """Deviations of one sighting: of a pixel (px) and of inverse depth (1/m); a sighting off by more than gate
     deviations (Mahalanobis, 3 degrees of freedom) is no inlier. shutter_m, shutter_rad: how far a camera moves and
-    turns while one image is read (0: all rows at once)."""
+    turns while one image is read (0: all rows at once). student_dof: degrees of freedom of Student's t (Kerl et al.)"""
 
     pixel: float = 1.0
     inverse_depth: float = 0.003
     gate: float = 5.0
     shutter_m: float = 0.0
     shutter_rad: float = 0.0
+    student_dof: float = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +88,7 @@ def fit_pose(
         np.ascontiguousarray(s.points, float), np.ascontiguousarray(s.centres, float), s.rho.astype(float),
         s.sigma_rho.astype(float), np.ascontiguousarray(s.rays, float), s.inverse_depth.astype(float),
         s.rows.astype(float), np.ascontiguousarray(start, float), expected.astype(float), prior,
-        np.array([focal, noise.pixel, noise.inverse_depth]), iterations,
+        np.array([focal, noise.pixel, noise.inverse_depth, noise.student_dof]), iterations,
     )
     inliers = distance < noise.gate
     rms = float(np.sqrt(np.mean(pixels[inliers] ** 2))) if inliers.any() else np.nan
@@ -127,7 +126,7 @@ def _gauss_newton(points, centres, rho, sigma_rho, rays, inverse_depth, rows, st
             pixels[i] = np.sqrt(r[0] * r[0] + r[1] * r[1])
             if not np.isfinite(squared):
                 continue
-            student = (NU + 3.0) / (NU + squared)
+            student = (scales[3] + 3.0) / (scales[3] + squared)
             s = rows[i]
             for k in range(3):
                 for j in range(6):

@@ -10,16 +10,16 @@ import numpy as np
 
 from rhs.api.jit import compiled
 
-HALF = 3  # windows are (2 HALF + 1)^2 pixels
-LEAST_KNOWN = 0.6  # share of the window that must be known
-ROUGH = 0.015  # 1/m: inverse depths off the plane by more (RMS) hang over an edge: which surface is seen?
+from ..advanced import SurfaceSettings
+
+USUAL = SurfaceSettings()
 
 
-def surfaces(depth: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def surfaces(depth: np.ndarray, pixels: np.ndarray, s: SurfaceSettings = USUAL) -> tuple[np.ndarray, np.ndarray]:
     """Inverse depth (N,) in 1/m at sub-pixel positions (N, 2) of an (H, W) depth image in metres, and its slope (N, 2)
     in 1/m per pixel along u and v. NaN where too little is known, outside, or over an edge."""
     out = np.full((len(pixels), 3), np.nan)
-    _fit(depth, np.ascontiguousarray(pixels, np.float64), HALF, LEAST_KNOWN, ROUGH, out)
+    _fit(depth, np.ascontiguousarray(pixels, np.float64), s.half_px, s.least_known, s.rough_per_m, out)
     return out[:, 0], out[:, 1:]
 
 

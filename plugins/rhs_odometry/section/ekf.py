@@ -11,18 +11,16 @@ from rhs.api.geometry import Camera, adjoint, exp_so3, inverse, se2, se3
 from rhs.api.records import Revision, Scan, Wall
 from rhs.estimation.scans.wall_rays import cast_on_walls
 
-from ..corridor.fit import Eyes, fit_free
+from ..corridor.fit import WindowCameras, fit_free
 from ..corridor.window import TrackWindow
-from ..tracks.klt import KltSettings
-from ..tracks.monocular import Estimate, OneEye, StructureAlarm, beams
-from ..tracks.monocular_parts import one_eye
+from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams
+from ..tracks.monocular_parts import monocular_odometry
 from ..tracks.track_frames import TrackFrame, common
 from .ekf_config import SectionEkf
 from .filter import (
     AXIS,
     CENTRE,
     ERROR_STATES,
-    FARTHEST_M,
     POSITION,
     SIZE,
     SPEED,
@@ -35,14 +33,10 @@ from .filter import (
     SectionState,
 )
 
-LINE_M = 12.0  # the sketch draws the walls that far ahead and behind (thesis 5.7: two parallel lines per step)
-ALARM_VIEWS = 12  # views a point is followed before its own depth is compared with the section's
 
-
-def build_section_ekf(settings: SectionEkf, context: Context) -> OneEye:
+def build_section_ekf(settings: SectionEkf, context: Context) -> MonocularOdometry:
     core = section_core(settings, context.camera, np.array(context.world.start))
-    # this filter takes the earlier of two views for exact: points whose errors begin anew in each view serve it better
-    return one_eye(settings, context, core, f"half width {settings.half_size_m:g} m", KltSettings(patches=None))
+    return monocular_odometry(settings, context, core, f"half width {settings.half_size_m:g} m", settings.advanced.follow)
 
 
 def section_core(settings: SectionEkf, camera: Camera, start: np.ndarray) -> SectionCore:
@@ -62,9 +56,11 @@ def section_core(settings: SectionEkf, camera: Camera, start: np.ndarray) -> Sec
     )
     sigma = np.zeros(ERROR_STATES)
     sigma[POSITION], sigma[TURN] = settings.start_sigma_m, np.radians(settings.start_sigma_deg)
-    sigma[SPIN] = 0.1
-    sigma[CENTRE], sigma[AXIS], sigma[SIZE] = 0.01, 0.005, settings.size_sigma
-    noise = SectionNoise(settings.pixel_sigma_px, settings.iterations, settings.speed_walk_mps, settings.turn_walk_radps)
+    a = settings.advanced
+    sigma[SPIN] = a.spin_sigma_radps
+    sigma[CENTRE], sigma[AXIS], sigma[SIZE] = a.centre_sigma_m, a.axis_sigma_rad, settings.size_sigma
+    noise = SectionNoise(settings.pixel_sigma_px, settings.iterations, settings.speed_walk_mps, settings.turn_walk_radps,
+                         a.centre_walk_m, a.axis_walk_rad, a.farthest_m, a.gate_probability)
     shape = Rectangular(settings.aspect) if settings.shape == "rectangular" else Round()
     covariance = np.diag(sigma**2)
     drift = settings.drift_sigma_mps**2
@@ -82,9 +78,10 @@ class SectionCore:
         self._bearings = beams(camera)
         self._before: TrackFrame | None = None
         self._seconds = 0.25
-        self._window = TrackWindow(camera, ALARM_VIEWS)
-        self._recent: deque[np.ndarray] = deque(maxlen=ALARM_VIEWS)
-        self._alarm = StructureAlarm()
+        a = self._advanced = settings.advanced
+        self._window = TrackWindow(camera, a.alarm_views)
+        self._recent: deque[np.ndarray] = deque(maxlen=a.alarm_views)
+        self._alarm = StructureAlarm(a.alarm)
 
     def step(self, frame: TrackFrame) -> Estimate:
         before, self._before = self._before, frame
@@ -117,9 +114,9 @@ class SectionCore:
         """The two side walls of the section round the present position."""
         state = self.filter.state
         size, axes = float(np.exp(state.log_size)), state.axes
-        here = state.centre + axes[:, 0] * (axes[:, 0] @ (state.position - state.centre))
+        line_m, here = self._advanced.line_m, state.centre + axes[:, 0] * (axes[:, 0] @ (state.position - state.centre))
         return tuple(
-            Wall((here - LINE_M * axes[:, 0] + side * axes[:, 1])[:2], (here + LINE_M * axes[:, 0] + side * axes[:, 1])[:2])
+            Wall((here - line_m * axes[:, 0] + side * axes[:, 1])[:2], (here + line_m * axes[:, 0] + side * axes[:, 1])[:2])
             for side in (size, -size)
         )
 
@@ -142,7 +139,7 @@ class SectionCore:
         camera[:3, :3] = rotation.T @ covariance[SPEED, SPEED] @ rotation * self._seconds**2
         camera[3:, 3:] = covariance[SPIN, SPIN] * self._seconds**2
         move = adjoint(self._camera.body_from_camera)
-        wider = 1.0 if trusted else 100.0
+        wider = 1.0 if trusted else self._advanced.doubt**2
         return wider * (move @ camera @ move.T) + 1e-10 * np.eye(6)
 
     def _doubt(self, frame: TrackFrame) -> float:
@@ -156,11 +153,12 @@ class SectionCore:
             return self._alarm.watch(0, 0)
         poses = np.stack(list(self._recent))
         centre = poses[:, :3, 3]
-        eyes = Eyes(poses[:, :3, :3], centre, centre, np.zeros((n, 3, 3)))
-        fit = fit_free(eyes, rays, seen, self._sigma)
-        strong = fit.good & (fit.rho > 1.0 / FARTHEST_M) & (fit.rho_sigma < 0.1 * fit.rho)
+        cameras = WindowCameras(poses[:, :3, :3], centre, centre, np.zeros((n, 3, 3)))
+        fit = fit_free(cameras, rays, seen, self._sigma)
+        a = self._advanced
+        strong = fit.good & (fit.rho > 1.0 / a.farthest_m) & (fit.rho_sigma < a.strong_share * fit.rho)
         rho = self._section_rho(fit.anchor, fit.directions())
-        stray = strong & ~(np.abs(rho - fit.rho) < 3.0 * fit.rho_sigma + 0.1 * fit.rho)
+        stray = strong & ~(np.abs(rho - fit.rho) < a.stray_sigmas * fit.rho_sigma + a.stray_share * fit.rho)
         return self._alarm.watch(int(stray.sum()), int(strong.sum()))
 
     def _section_rho(self, anchors: np.ndarray, directions: np.ndarray) -> np.ndarray:

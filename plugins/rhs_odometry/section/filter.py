@@ -1,4 +1,4 @@
-"""The thesis's one-eye filter, literally: a constant-velocity camera inside one straight section.
+"""The thesis's monocular filter, literally: a constant-velocity camera inside one straight section.
 
 State (thesis eqs 4.1-4.3): position, orientation, linear and angular velocity of the camera; centre, orientation and log
 size of the section. Orientations are rotation matrices with a rotation vector as error, so the 13 + 7 numbers have 12 + 7
@@ -22,10 +22,9 @@ from rhs.estimation.filters.kalman import correct, gate, numeric_jacobian, propa
 POSITION, TURN, SPEED, SPIN, CENTRE, AXIS = (slice(3 * i, 3 * i + 3) for i in range(6))
 SIZE = 18
 ERROR_STATES = 19
-FARTHEST_M = 15.0  # points further along the tube say little and are the first to lie on something else
 
 
-class Section(Protocol):
+class SectionShape(Protocol):
     """Where rays inside a section meet its wall, in the frame of the section: x along it, y left, z up."""
 
     def meet(self, origin: np.ndarray, directions: np.ndarray, size_m: float) -> np.ndarray:
@@ -86,7 +85,9 @@ class SectionState:
 @dataclass(frozen=True)
 class SectionNoise:
     """pixel_sigma px; changes per view (1 sigma): speed m/s, spin rad/s, centre of the section m, its axis rad.
-    iterations: 1 is the extended filter of the thesis; more linearise the same view again (Bell and Cathey 1993)."""
+    iterations: 1 is the extended filter of the thesis; more linearise the same view again (Bell and Cathey 1993).
+    farthest_m: points further along the tube are not used. gate_probability: chance that a true point passes its
+    chi-square gate."""
 
     pixel_sigma: float = 0.7
     iterations: int = 1
@@ -94,12 +95,14 @@ class SectionNoise:
     spin: float = 0.04
     centre_m: float = 0.002
     axis_rad: float = 0.0005
+    farthest_m: float = 15.0
+    gate_probability: float = 0.99
 
 
 class SectionFilter:
     """The filter over pairs of views. state and covariance (19, 19) belong to the last view."""
 
-    def __init__(self, camera: Camera, section: Section, state: SectionState, covariance: np.ndarray,
+    def __init__(self, camera: Camera, section: SectionShape, state: SectionState, covariance: np.ndarray,
                  noise: SectionNoise) -> None:
         self.state, self.covariance, self.accepted = state, covariance, float("nan")
         self.section = section
@@ -126,7 +129,7 @@ class SectionFilter:
     def _correct(self, before: np.ndarray, after: np.ndarray, seconds: float) -> None:
         rays = self._camera.rays(before)
         distance = np.linalg.norm(self.back_project(self.state, rays) - self.state.position, axis=1)
-        usable = (distance < FARTHEST_M) & np.isfinite(self.predicted(self.state, rays, seconds)).all(1)
+        usable = (distance < self._noise.farthest_m) & np.isfinite(self.predicted(self.state, rays, seconds)).all(1)
         self.accepted = float("nan")
         if usable.sum() < 4:
             return
@@ -152,10 +155,10 @@ class SectionFilter:
         return np.where(whole[:, None, None], jacobian, 0.0), np.where(whole[:, None], residual, 0.0)
 
     def _gated(self, jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """(M,) bool: each point on its own agrees with the state at 99 %."""
+        """(M,) bool: each point on its own agrees with the state."""
         spread = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2) + self._noise.pixel_sigma**2 * np.eye(2)
         normalised = (residual * np.linalg.solve(spread, residual[..., None])[..., 0]).sum(1)
-        return normalised < gate(2)
+        return normalised < gate(2, self._noise.gate_probability)
 
     def _predict(self, seconds: float) -> None:
         """Constant velocity (eq. 4.5); the section stays, but for a little noise that keeps it adjustable."""

@@ -1,4 +1,4 @@
-"""Replay saved tracks through a one-eye filter: `python -m rhs_odometry TRACKS FILTER [key=value ...]`.
+"""FilterRun saved tracks through a monocular filter: `python -m rhs_odometry TRACKS FILTER [key=value ...]`.
 
 TRACKS is a run folder (of a run with `odometry.save_tracks=true`), a tracks file, or synthetic:PLAN[:SEED] with PLAN one
 of straight, corner, square. Prints the figures; --picture FILE.png draws the errors and the top view.
@@ -30,14 +30,14 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    from .replay import figures, open_tracks, replay
+    from .replay import figures, open_tracks, run_filter
     from .synthetic import named_tracks
 
     if chosen.tracks.startswith("synthetic:"):
         tracks = named_tracks(chosen.tracks.removeprefix("synthetic:"))
     else:
         tracks = open_tracks(Path(chosen.tracks))
-    run = replay(chosen.filter, dict(_pair(word) for word in chosen.settings), tracks)
+    run = run_filter(chosen.filter, dict(_pair(word) for word in chosen.settings), tracks)
     for name, value in figures(run).items():
         print(f"{name:24s} {value:.4g}")
     if chosen.picture is not None:

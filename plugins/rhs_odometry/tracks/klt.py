@@ -1,4 +1,4 @@
-"""Points followed by pyramidal Lucas-Kanade, then found again exactly: the front end of every one-eye odometry.
+"""Points followed by pyramidal Lucas-Kanade, then found again exactly: the front end of every monocular odometry.
 
 Sources: Lucas and Kanade 1981 (pyramids after Bouguet 2000), Shi and Tomasi 1994 for the points. A point whose patch is
 not found again is followed back instead (Kalal, Mikolajczyk and Matas 2010). The floor has its own quota of points:
@@ -7,45 +7,33 @@ floors are plain beside walls, and without it the floor, which fixes the scale, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import cv2
 import numpy as np
 
 from rhs.api.records import Observation
+from rhs.estimation.views.settings import scaled_px
 
-from .klt_patches import Patches, PatchRules, whole
+from .klt_patches import Patches
+from .settings import KltSettings
 from .track_frames import TrackFrame, travel_of
-
-
-@dataclass(frozen=True)
-class KltSettings:
-    """Front end settings; sizes in pixels for a 320x240 image, scaled with the image width."""
-
-    points: int = 130  # tracked at most; more costs time and gained nothing in the notes
-    floor_points: int = 40  # of these, kept for the lower third of the image
-    quality: float = 0.008  # weakest corner relative to the best one, upper two thirds
-    floor_quality: float = 0.02  # the same in the lower third, where weak corners are rendering noise
-    distance_px: float = 7.0  # least distance between two points
-    window_px: int = 13  # side of the patch that is followed
-    levels: int = 3  # pyramid levels above the image itself
-    check_px: float = 0.6  # largest disagreement between following forward and back
-    patches: PatchRules | None = field(default_factory=PatchRules)  # None: followed from view to view only, there and back
 
 
 class KltTracker:
     """Follows points through the images of one camera. A view without an image ends all tracks."""
 
-    def __init__(self, settings: KltSettings) -> None:
-        self._settings = settings
+    def __init__(self, settings: KltSettings, points: int = 130) -> None:
+        """points: followed at most."""
+        self._settings, self._points = settings, points
         self._gray: np.ndarray | None = None
-        self._patches = None if settings.patches is None else Patches(settings.patches)
+        self._patches: Patches | None = None  # made for the width of the first image
         self._ids = np.zeros(0, np.int64)
         self._pixels = np.zeros((0, 2), np.float32)
         self._next_id = 0
 
     def track(self, observation: Observation) -> TrackFrame:
         gray = None if observation.image is None else cv2.cvtColor(observation.image, cv2.COLOR_RGB2GRAY)
+        if gray is not None and self._patches is None and self._settings.patches:
+            self._patches = Patches(self._settings.patch, gray.shape[1])
         if gray is None or self._gray is None or gray.shape != self._gray.shape:
             self._keep(np.zeros(len(self._ids), bool))
         else:
@@ -74,7 +62,7 @@ class KltTracker:
 
     def _flow(self, before: np.ndarray, after: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(pixels (N, 2) in the image `after`, found (N,) bool)."""
-        side = self._settings.window_px
+        side = round(scaled_px(self._settings.window_px, after.shape[1]))
         start = np.ascontiguousarray(pixels, np.float32)
         there, found, _ = cv2.calcOpticalFlowPyrLK(
             before, after, start, np.empty_like(start), winSize=(side, side), maxLevel=self._settings.levels)
@@ -82,10 +70,10 @@ class KltTracker:
 
     def _comes_back(self, before: np.ndarray, after: np.ndarray, there: np.ndarray, doubted: np.ndarray) -> np.ndarray:
         """(N,) bool: the doubted points that, followed back, arrive where they came from."""
-        out = np.zeros(len(there), bool)
+        out, limit_px = np.zeros(len(there), bool), scaled_px(self._settings.check_px, after.shape[1])
         if doubted.any():
             back, found = self._flow(after, before, there[doubted])
-            out[doubted] = found & (np.abs(back - self._pixels[doubted]).max(axis=1) < self._settings.check_px)
+            out[doubted] = found & (np.abs(back - self._pixels[doubted]).max(axis=1) < limit_px)
         return out
 
     def _keep(self, mask: np.ndarray) -> None:
@@ -99,7 +87,7 @@ class KltTracker:
         border = 2 * height // 3
         on_floor = int((self._pixels[:, 1] >= border).sum())
         for rows, quota, have, quality in (
-            (slice(0, border), s.points - s.floor_points, len(self._ids) - on_floor, s.quality),
+            (slice(0, border), self._points - s.floor_points, len(self._ids) - on_floor, s.quality),
             (slice(border, height), s.floor_points, on_floor, s.floor_quality),
         ):
             missing = quota - have
@@ -108,7 +96,7 @@ class KltTracker:
 
     def _corners(self, gray: np.ndarray, rows: slice, count: int, quality: float) -> np.ndarray:
         s = self._settings
-        distance = s.distance_px * gray.shape[1] / 320.0
+        distance = scaled_px(s.distance_px, gray.shape[1])
         mask = np.full(gray.shape, 255, np.uint8)
         for x, y in self._pixels:
             cv2.circle(mask, (round(float(x)), round(float(y))), round(distance), 0, -1)
@@ -119,7 +107,7 @@ class KltTracker:
 
     def _add(self, gray: np.ndarray, pixels: np.ndarray) -> None:
         if self._patches is not None:
-            pixels = pixels[whole(pixels, gray)]
+            pixels = pixels[self._patches.whole(pixels, gray)]
         fresh = np.arange(self._next_id, self._next_id + len(pixels), dtype=np.int64)
         self._next_id += len(pixels)
         self._ids = np.concatenate([self._ids, fresh])

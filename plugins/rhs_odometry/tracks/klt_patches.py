@@ -7,30 +7,22 @@ is kept from its first view and learns its own stretch halves the one and takes 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from .klt_kernels import MARGIN_PX, PARAMETERS, SIDE, find_again, remember
+from rhs.estimation.views.settings import scaled_px
 
-
-@dataclass(frozen=True)
-class PatchRules:
-    iterations: int = 4
-    least_px: float = 0.02  # steps shorter than this end the search
-    views: int = 12  # a look is taken afresh after so many views
-    stretch: float = 1.5  # or when its size has changed by this factor
-    misfit: float = 0.5  # a found patch differs from the first look by no more than this share of its contrast
-    noise: float = 2.0  # grey levels that are forgiven beside
-    leap_px: float = 2.0  # and lies no further from where the point was followed to
+from .klt_kernels import PARAMETERS, find_again, remember
+from .settings import PatchRules
 
 
 class Patches:
-    """One patch per followed point, in the order of the tracker's points."""
+    """One patch per followed point, in the order of the tracker's points, for images of one width."""
 
-    def __init__(self, rules: PatchRules) -> None:
+    def __init__(self, rules: PatchRules, width_px: int = 320) -> None:
         self._rules = rules
-        m = SIDE * SIDE
+        self._half = max(round(scaled_px(rules.half_px, width_px)), 1)
+        self._soft_px, self._leap_px = scaled_px(rules.soft_px, width_px), scaled_px(rules.leap_px, width_px)
+        m = (2 * self._half + 1) ** 2
         self._looks = [np.zeros((0, m)), np.zeros((0, m, PARAMETERS)), np.zeros((0, PARAMETERS, PARAMETERS))]
         self._warps, self._age = np.zeros((0, 2, 3)), np.zeros(0, int)
 
@@ -44,7 +36,7 @@ class Patches:
 
     def add(self, image: np.ndarray, pixels: np.ndarray) -> None:
         """Remember new points at (M, 2) pixels, which must be `whole`."""
-        self._looks = [np.concatenate(pair) for pair in zip(self._looks, remember(image, pixels), strict=True)]
+        self._looks = [np.concatenate(pair) for pair in zip(self._looks, self._remembered(image, pixels), strict=True)]
         self._warps = np.concatenate([self._warps, _unmoved(pixels)])
         self._age = np.concatenate([self._age, np.zeros(len(pixels), int)])
 
@@ -52,10 +44,11 @@ class Patches:
         """(pixels (N, 2), found (N,)) of all points in a new image, from where they are guessed to be (N, 2)."""
         r, warps = self._rules, self._warps.copy()
         warps[:, :, 2] = guess
-        misfit = find_again(image, *self._looks, warps, r.iterations, r.least_px)
+        misfit = find_again(image, *self._looks, warps, r.iterations, r.least_px, self._half)
         size = np.sqrt(np.abs(np.linalg.det(warps[:, :, :2])))
-        found = (misfit < r.misfit * self._looks[0].std(axis=1) + r.noise) & (np.abs(np.log(size)) < np.log(2.5))
-        found &= np.hypot(*(warps[:, :, 2] - guess).T) < r.leap_px
+        found = misfit < r.misfit * self._looks[0].std(axis=1) + r.noise
+        found &= np.abs(np.log(size)) < np.log(r.largest_stretch)
+        found &= np.hypot(*(warps[:, :, 2] - guess).T) < self._leap_px
         self._warps = np.where(found[:, None, None], warps, self._warps)
         self._warps[:, :, 2] = np.where(found[:, None], warps[:, :, 2], guess)
         return self._warps[:, :, 2].copy(), found
@@ -66,16 +59,19 @@ class Patches:
         self._age = self._age + 1
         stretch = 0.5 * np.abs(np.log(np.abs(np.linalg.det(self._warps[:, :, :2]))))
         stale = ~found | (self._age >= r.views) | (stretch > np.log(r.stretch))
-        stale &= whole(pixels, image)
-        for old, new in zip(self._looks, remember(image, pixels[stale]), strict=True):
+        stale &= self.whole(pixels, image)
+        for old, new in zip(self._looks, self._remembered(image, pixels[stale]), strict=True):
             old[stale] = new
         self._warps[stale], self._age[stale] = _unmoved(pixels[stale]), 0
 
+    def whole(self, pixels: np.ndarray, image: np.ndarray) -> np.ndarray:
+        """(N,) bool: the patch round each of the (N, 2) pixels lies inside the image."""
+        margin = self._half + 2
+        high = np.array([image.shape[1], image.shape[0]]) - 1 - margin
+        return np.asarray(((pixels >= margin) & (pixels <= high)).all(axis=1))
 
-def whole(pixels: np.ndarray, image: np.ndarray) -> np.ndarray:
-    """(N,) bool: the patch round each of the (N, 2) pixels lies inside the image."""
-    high = np.array([image.shape[1], image.shape[0]]) - 1 - MARGIN_PX
-    return np.asarray(((pixels >= MARGIN_PX) & (pixels <= high)).all(axis=1))
+    def _remembered(self, image: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return remember(image, pixels, self._half, self._soft_px)
 
 
 def _unmoved(pixels: np.ndarray) -> np.ndarray:

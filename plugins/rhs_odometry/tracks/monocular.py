@@ -1,4 +1,4 @@
-"""What every one-eye odometry shares: tracks in, the motion of the believed pose out."""
+"""What every monocular odometry shares: tracks in, the motion of the believed pose out."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ import numpy as np
 from rhs.api.geometry import Camera, inverse, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
+from .settings import AlarmSettings
 from .track_frames import TrackFrame
-
-FEW_TRACKS = 8  # fewer followed points than this and the view says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +42,15 @@ class FrontEnd(Protocol):
     def track(self, observation: Observation) -> TrackFrame: ...
 
 
-class OneEye:
+class MonocularOdometry:
     """An odometry made of a front end and a filter.
 
     start (4x4): the map pose that others believe in at the first view. A filter that begins elsewhere (started wrongly on
-    purpose) shows that in its second motion, so that the sum of the motions is always the filter's own belief."""
+    purpose) shows that in its second motion, so that the sum of the motions is always the filter's own belief. few_tracks:
+    fewer followed points than this and the view says nothing."""
 
-    def __init__(self, front: FrontEnd | None, core: TrackFilter, start: np.ndarray) -> None:
-        self._front, self._filter = front, core
+    def __init__(self, front: FrontEnd | None, core: TrackFilter, start: np.ndarray, *, few_tracks: int = 8) -> None:
+        self._front, self._filter, self._few = front, core, few_tracks
         self._pose, self._begun = start, False
         self.keep: list[TrackFrame] | None = None  # a list here collects the frames of the survey
         self.scale_from = "nothing"  # for the row: what its metres come from
@@ -74,8 +74,8 @@ class OneEye:
         motion = orthonormal(inverse(self._pose) @ estimate.map_from_body)
         self._pose = estimate.map_from_body
         status, reason = Tracking.OK, ""
-        if len(frame.ids) < FEW_TRACKS:
-            status, reason = Tracking.LOST, f"{len(frame.ids)} points followed, {FEW_TRACKS} needed; went on blindly"
+        if len(frame.ids) < self._few:
+            status, reason = Tracking.LOST, f"{len(frame.ids)} points followed, {self._few} needed; went on blindly"
         elif not estimate.trusted:
             status, reason = Tracking.DEGENERATE, estimate.reason
         return Motion(motion, estimate.motion_covariance, status, reason, scan=self._filter.scan(), details=details)
@@ -91,27 +91,26 @@ class OneEye:
 class StructureAlarm:
     """Says when the structure ends: many points with a depth of their own that lie on no known wall.
 
-    The share is over the last ten views; it must stay above the threshold for five (notes, section 6: plain corridor at
-    most 0.26, lobby 0.30 to 0.46, corner 0.42 to 0.85). The share of accepted measurements cannot tell: it stays at
-    0.95 while the thesis's filter is four metres wrong.
+    The share over the last views must stay above the threshold for some. The share of accepted measurements cannot tell:
+    it stays at 0.95 while the thesis's filter is four metres wrong.
     """
 
-    def __init__(self, threshold: float = 0.3) -> None:
-        self._threshold = threshold
-        self._counts: deque[tuple[int, int]] = deque(maxlen=10)
+    def __init__(self, settings: AlarmSettings = AlarmSettings()) -> None:  # noqa: B008 (frozen)
+        self._settings = settings
+        self._counts: deque[tuple[int, int]] = deque(maxlen=settings.views)
         self._above = 0
 
     def watch(self, strays: int, strong: int) -> float:
         """Count one view; returns the present share, NaN where too few points have depth."""
         self._counts.append((strays, strong))
         total = sum(s for _, s in self._counts)
-        share = sum(s for s, _ in self._counts) / total if total >= 10 else float("nan")
-        self._above = self._above + 1 if share > self._threshold else 0
+        share = sum(s for s, _ in self._counts) / total if total >= self._settings.least else float("nan")
+        self._above = self._above + 1 if share > self._settings.threshold else 0
         return share
 
     @property
     def ringing(self) -> bool:
-        return self._above >= 5
+        return self._above >= self._settings.patience
 
 
 def embed(planar_covariance: np.ndarray, tilt_sigma_rad: float = 1e-3) -> np.ndarray:

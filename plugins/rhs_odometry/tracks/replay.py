@@ -1,4 +1,4 @@
-"""Saved tracks run again through any one-eye filter, and what comes of it against the truth."""
+"""Saved tracks run again through any monocular filter, and what comes of it against the truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..corridor.ekf import corridor_core
 from ..corridor.ekf_config import CorridorEkf
 from ..section.ekf import section_core
 from ..section.ekf_config import SectionEkf, TubeEkf
-from .monocular import OneEye
+from .monocular import MonocularOdometry
 from .track_frames import Tracks, load_tracks
 
 Core = Callable[[Any, Camera, np.ndarray], Any]
@@ -34,7 +34,7 @@ AFTER_CORNER_M = 2.0  # the heading is looked at this far behind a corner
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class FilterRun:
     """One filter over one run. errors, sigmas (N, 3): x m, y m, yaw rad in the map, sigma NaN where the filter has none
     of its pose; poses, truth (N, 3); nees (N,); trusted (N,) bool; walls; cpu_ms per view (N,); revision: what the filter
     says of the whole survey at its end, None if nothing."""
@@ -58,10 +58,10 @@ def make_filter(name: str, values: dict[str, Any], tracks: Tracks) -> Any:
     return core(settings.make(cls, values, f"odometry.{name}"), tracks.camera, tracks.start)
 
 
-def replay(name: str, values: dict[str, Any], tracks: Tracks) -> Replay:
+def run_filter(name: str, values: dict[str, Any], tracks: Tracks) -> FilterRun:
     """Run the filter over all views and compare with the truth, without any alignment."""
     core = make_filter(name, values, tracks)
-    eye, pose = OneEye(None, core, se2(*tracks.start)), se2(*tracks.start)
+    eye, pose = MonocularOdometry(None, core, se2(*tracks.start)), se2(*tracks.start)
     rows, sigmas, honesty, trusted, cost = [], [], [], [], []
     for frame, truth in zip(tracks.frames, tracks.truth, strict=True):
         begin = time.process_time()
@@ -76,11 +76,11 @@ def replay(name: str, values: dict[str, Any], tracks: Tracks) -> Replay:
         honesty.append(nees(error, spread))
         trusted.append(motion.status is Tracking.OK)
     poses, truths, errors = (np.array(column) for column in zip(*rows, strict=True))
-    return Replay(poses, truths, errors, np.array(sigmas), np.array(honesty), np.array(trusted), core.walls(),
+    return FilterRun(poses, truths, errors, np.array(sigmas), np.array(honesty), np.array(trusted), core.walls(),
                   np.array(cost), core.revise())
 
 
-def figures(run: Replay) -> dict[str, float]:
+def figures(run: FilterRun) -> dict[str, float]:
     """Numbers of one replay; lengths in metres of the unaligned trajectory."""
     gap = np.hypot(run.errors[:, 0], run.errors[:, 1])
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(run.truth[:, :2], axis=0).T))])
@@ -103,7 +103,7 @@ def figures(run: Replay) -> dict[str, float]:
     }
 
 
-def heading_after_corners(run: Replay, way: np.ndarray) -> np.ndarray:
+def heading_after_corners(run: FilterRun, way: np.ndarray) -> np.ndarray:
     """(C,) absolute heading errors, degrees, two metres behind each corner of more than 45 degrees."""
     yaw = np.unwrap(run.truth[:, 2])
     turned = np.abs(np.interp(way + 0.75, way, yaw) - np.interp(way - 0.75, way, yaw)) > np.radians(45.0)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .replay import Replay
+from .replay import FilterRun
 
 
-def draw(run: Replay, title: str, path: Path) -> None:
+def draw(run: FilterRun, title: str, path: Path) -> None:
     """Write a PNG."""
     import matplotlib
 
@@ -41,7 +41,7 @@ def _band(axes, error: np.ndarray, sigma: np.ndarray, trusted: np.ndarray) -> No
     axes.axhline(0.0, color="#888888", linewidth=0.6)
 
 
-def _top(axes, run: Replay) -> None:
+def _top(axes, run: FilterRun) -> None:
     for wall in run.walls:
         ends = np.stack([wall.start_xy_m, wall.end_xy_m])
         axes.plot(ends[:, 0], ends[:, 1], color="black", linewidth=2.0)

@@ -18,7 +18,7 @@ from .track_frames import TrackFrame, Tracks
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class FloorPlan:
     """Walls (S, 2, 2) as segments in metres, floor at 0, ceiling_m."""
 
     walls: np.ndarray
@@ -46,20 +46,20 @@ class DriveNoise:
     turn_rad: float = 0.003
 
 
-def straight_plan(length_m: float = 14.0, width_m: float = 2.0) -> Plan:
+def straight_plan(length_m: float = 14.0, width_m: float = 2.0) -> FloorPlan:
     """A corridor along x from (-2, 0) with its axis on y = 0, open at both ends."""
     h = 0.5 * width_m
-    return Plan(np.array([[[-2.0, h], [length_m, h]], [[-2.0, -h], [length_m, -h]]]))
+    return FloorPlan(np.array([[[-2.0, h], [length_m, h]], [[-2.0, -h], [length_m, -h]]]))
 
 
-def square_plan(side_m: float = 20.0, width_m: float = 2.0) -> Plan:
+def square_plan(side_m: float = 20.0, width_m: float = 2.0) -> FloorPlan:
     """Four corridors round a block: outer square from (0, 0), inner square `width_m` inside."""
 
     def ring(a: float, b: float):
         c = np.array([[a, a], [b, a], [b, b], [a, b]])
         return np.stack([c, np.roll(c, -1, axis=0)], axis=1)
 
-    return Plan(np.concatenate([ring(0.0, side_m), ring(width_m, side_m - width_m)]))
+    return FloorPlan(np.concatenate([ring(0.0, side_m), ring(width_m, side_m - width_m)]))
 
 
 def corridor_path(corners: np.ndarray, step_m: float = 0.125, *, radius_m: float = 0.7, turn_step_m: float = 0.08):
@@ -92,7 +92,7 @@ def _turn(start: np.ndarray, turn: float, radius_m: float, step_m: float) -> lis
     return out
 
 
-def scatter(plan: Plan, per_m2: float, rng: np.random.Generator) -> np.ndarray:
+def scatter(plan: FloorPlan, per_m2: float, rng: np.random.Generator) -> np.ndarray:
     """(M, 3) points at random on the walls, and on floor and ceiling between the walls' bounds."""
     parts = []
     for a, b in plan.walls:
@@ -122,7 +122,7 @@ def hidden(eye: np.ndarray, points: np.ndarray, walls: np.ndarray) -> np.ndarray
 class Imager:
     """Sees points from poses and keeps following the same ones while it can."""
 
-    def __init__(self, plan: Plan, points: np.ndarray, camera: Camera, noise: TrackNoise) -> None:
+    def __init__(self, plan: FloorPlan, points: np.ndarray, camera: Camera, noise: TrackNoise) -> None:
         self._plan, self._points, self._camera, self._noise = plan, points, camera, noise
         self._follow = np.zeros(0, int)  # indices into points
         self._ids, self._walk, self._next = np.zeros(0, np.int64), np.zeros((0, 2)), 0
@@ -159,28 +159,28 @@ class Imager:
 
 
 def drive(path: np.ndarray, noise: DriveNoise, rng: np.random.Generator, step_s: float = 0.25) -> np.ndarray:
-    """(N, 3) commands (forward m, turn rad, s) that a robot told to follow the (N, 3) path would have been given."""
+    """(N, 3) commands (forward m, turn rad, s) that a robot that is to follow the (N, 3) path would have been given."""
     move = np.diff(path, axis=0, prepend=path[:1])
     forward, turn = np.hypot(move[:, 0], move[:, 1]), wrap(move[:, 2])
-    told = np.column_stack([forward, turn, np.full(len(path), step_s)])
-    told[:, 0] *= noise.scale * (1 + noise.forward * rng.standard_normal(len(path)))
-    told[:, 1] *= noise.turn_scale * (1 + noise.turn * rng.standard_normal(len(path)))
-    told[1:, 1] += noise.turn_rad * rng.standard_normal(len(path) - 1)
-    return told
+    given = np.column_stack([forward, turn, np.full(len(path), step_s)])
+    given[:, 0] *= noise.scale * (1 + noise.forward * rng.standard_normal(len(path)))
+    given[:, 1] *= noise.turn_scale * (1 + noise.turn * rng.standard_normal(len(path)))
+    given[1:, 1] += noise.turn_rad * rng.standard_normal(len(path) - 1)
+    return given
 
 
 def synthetic_tracks(
-    plan: Plan, path: np.ndarray, rng: np.random.Generator, *, track: TrackNoise | None = None,
+    plan: FloorPlan, path: np.ndarray, rng: np.random.Generator, *, track: TrackNoise | None = None,
     driving: DriveNoise | None = None,
 ) -> Tracks:
     """The tracks a 320x240 camera at 1.2 m height would give along the (N, 3) path."""
     camera = camera_from_fov(320, 240, 57.0, height_m=1.2)
-    told = drive(path, driving or DriveNoise(), rng)
+    given = drive(path, driving or DriveNoise(), rng)
     imager = Imager(plan, scatter(plan, 6.0, rng), camera, track or TrackNoise())
     frames = []
     for i, pose in enumerate(path):
         ids, pixels = imager.see(pose, rng)
-        frames.append(TrackFrame(0.25 * i, ids, pixels, told[i], told[i] * [1.0, 0.0, 0.0] + [0, 0, told[i][1]]))
+        frames.append(TrackFrame(0.25 * i, ids, pixels, given[i], given[i] * [1.0, 0.0, 0.0] + [0, 0, given[i][1]]))
     return Tracks(camera, path[0].copy(), frames, np.stack([se2(*p) for p in path]))
 
 

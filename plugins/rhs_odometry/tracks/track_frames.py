@@ -1,4 +1,4 @@
-"""Tracks: where the same points of the world were seen, view after view. All one-eye filters eat these.
+"""Tracks: where the same points of the world were seen, view after view. All monocular filters eat these.
 
 Tracks do not depend on the filter, so they can be saved once and replayed through any filter in seconds
 (`python -m rhs_odometry replay`).
@@ -27,8 +27,8 @@ class TrackFrame:
     """The tracked points of one view.
 
     ids (N,) int64, unique, a number is never used for two points; pixels (N, 2) float64.
-    command (3,): forward m, turn rad told since the previous view, and seconds; wheel (3,): dx m, dy m, dyaw rad
-    by the encoders since then; NaN where nobody said.
+    command (3,): forward m, turn rad given since the previous view, and seconds; wheel (3,): dx m, dy m, dyaw rad
+    by the encoders since then; NaN where none was given.
     """
 
     stamp_s: float
@@ -53,11 +53,11 @@ class Tracks:
 
 def travel_of(observation: Observation) -> tuple[np.ndarray, np.ndarray]:
     """(command, wheel) of an observation, in the form of TrackFrame."""
-    told, command = NO_TRAVEL.copy(), observation.command
+    given, command = NO_TRAVEL.copy(), observation.command
     if command is not None:
-        told = np.array([command.forward_mps, command.turn_radps, 1.0]) * command.duration_s
+        given = np.array([command.forward_mps, command.turn_radps, 1.0]) * command.duration_s
     wheel = NO_TRAVEL.copy() if observation.wheel is None else np.asarray(observation.wheel, float)
-    return told, wheel
+    return given, wheel
 
 
 def common(before: TrackFrame, after: TrackFrame) -> tuple[np.ndarray, np.ndarray]:
@@ -107,8 +107,8 @@ def _tracks_of(data: dict[str, np.ndarray]) -> Tracks:
     )
     ends = np.cumsum(data["counts"])
     frames = [
-        TrackFrame(float(data["stamps_s"][i]), data["ids"][a:b], data["pixels"][a:b].astype(float), told, wheel)
-        for i, (a, b, told, wheel) in enumerate(
+        TrackFrame(float(data["stamps_s"][i]), data["ids"][a:b], data["pixels"][a:b].astype(float), given, wheel)
+        for i, (a, b, given, wheel) in enumerate(
             zip(ends - data["counts"], ends, data["command"], data["wheel"], strict=True)
         )
     ]

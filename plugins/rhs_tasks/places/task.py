@@ -17,7 +17,7 @@ import numpy as np
 
 from rhs.api.files import replacing
 from rhs.api.geometry import planar
-from rhs.api.records import Knowing, Motion, Observation, Step, Tracking, View
+from rhs.api.records import BeliefStatus, Motion, Observation, Step, Tracking, View
 from rhs.api.task import Parts, TaskContext, Value
 from rhs.estimation.survey import ViewCollector, draw, revise
 from rhs.estimation.views.features import features
@@ -89,7 +89,7 @@ def lap(context: TaskContext, settings: Recognition, *, seed: int, off_route: bo
         taken = list(collector.watch(context.lead(parts)))
     finally:
         parts.source.close()
-    views = collector.views if off_route else revise(collector.views, parts.odometry)[0]
+    views = collector.views if off_route else revise(collector.views, parts.odometry, who=parts.who["odometry"])[0]
     out = []
     for view, step in zip(views, taken, strict=True):
         assert step.truth is not None, "the simulator knows where it is"
@@ -101,7 +101,7 @@ def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]],
               settings: Recognition) -> list[Answered]:
     """The localiser started from nothing at many views of the queried lap and led for `places.sequence_m`: right, or wrong
     and sure of it, or (abstained) honest about not knowing."""
-    parts.localiser.learn(views, draw(tuple(views), parts.mapper))
+    parts.localiser.learn(views, draw(tuple(views), parts.mapper, who=parts.who["mapper"]))
     out = []
     last = len(queried) - 1
     for begin in np.linspace(0, 0.9 * last, settings.sequences).astype(int):
@@ -113,7 +113,7 @@ def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]],
             step = queried[k][1]
             way_m += float(np.hypot(*planar(step.motion.previous_from_body)[:2]))
             belief = parts.localiser.update(_seen(step), step.motion)
-        sure = belief.status is Knowing.TRACKING
+        sure = belief.status is BeliefStatus.TRACKING
         pose = belief.map_from_body if sure else None
         out.append(Answered(judge_pose(pose, queried[k][0].map_from_body), belief.probability))
     return out

@@ -20,12 +20,14 @@ import numpy as np
 
 from rhs.api.geometry import Camera, inverse, planar, wrap
 from rhs.api.records import Features
-from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
+from rhs.estimation.views.place_database import PlaceDatabase
 from rhs.estimation.views.place_memory import Memory
 from rhs.estimation.views.retrieval import Retrieval
+from rhs.estimation.views.settings import PlaceRules, PlaceSettings
 
 SAME_LAP, OFF_ROUTE = "same lap", "off the route"  # where the queries are taken
-SECOND_LOOK = 12  # candidates of PlaceSettings.faint_checks: a single view has no next one
+SECOND_LOOK = 12  # candidates of PlaceRules.faint_checks: a single view has no next one
+RULES = PlaceRules(faint_checks=SECOND_LOOK)
 CORRECT, NEAR, WRONG, ABSTAINED = "correct", "near", "wrong", "abstained"
 OUTCOMES = (CORRECT, NEAR, WRONG, ABSTAINED)
 
@@ -118,7 +120,7 @@ def trial(memory: Memory, queries: Sequence[Query], *, checks: int, seed: int = 
     candidates."""
     out: dict[str, list[Answered]] = {}
     for kind in kinds:
-        database = PlaceDatabase(memory, PlaceSettings(kind, checks, faint_checks=SECOND_LOOK), np.random.default_rng(seed))
+        database = PlaceDatabase(memory, PlaceSettings(kind, checks, rules=RULES), np.random.default_rng(seed))
         assert database.retrieval is not None, "a trial needs stored views"
         out[kind] = named_views(memory, database.retrieval, queries)
         out[f"{kind}+check"] = checked_poses(database, queries)

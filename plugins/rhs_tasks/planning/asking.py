@@ -67,9 +67,8 @@ def times(first: Answer, again: Answer) -> dict[str, float]:
     return {
         "plan_ms": first.cpu_ms, "plan_wall_ms": first.wall_ms, "plan_claimed_ms": first.path.plan_ms,
         "plan_again_ms": again.cpu_ms, "plan_again_wall_ms": again.wall_ms, "plan_again_claimed_ms": again.path.plan_ms,
-        "plan_learn_ms": max(first.cpu_ms - again.cpu_ms, 0.0),
+        "plan_learn_ms": max(first.cpu_ms - again.cpu_ms, 0.0), "plan_learn_claimed_ms": first.path.learn_ms,
         "plan_learn_wall_ms": max(first.wall_ms - again.wall_ms, 0.0),
-        "plan_learn_claimed_ms": first.path.learn_ms,
     }
 
 
@@ -80,14 +79,15 @@ def checked(told: Any, planner: Any, *, most_points: int) -> Path:
         raise ContractError(f"planner {name} returned {type(told).__name__}; expected a Path with a PlanReason")
     points = np.asarray(told.points_m)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) > most_points:
-        raise ContractError(f"planner {name}: points_m has shape {points.shape}; expected (N, 2), N <= {most_points}")
+        raise ContractError(f"planner {name}: points_m has shape {points.shape}; expected (N, 2), N at most {most_points}")
     points = np.array(points, float)
     if not np.isfinite(points).all():
         raise ContractError(f"planner {name}: points_m holds numbers that are not finite; expected metres")
     if (told.reason is PlanReason.OK) != (len(points) > 0):
         raise ContractError(f"planner {name}: reason {told.reason} with {len(points)} points")
+    advice = " ".join(str(told.advice).split())[:_LONGEST_ADVICE]
     return Path(told.reason, points, points, _number(told.learn_ms), _number(told.plan_ms), None,
-                _details(told.details, name),bool(told.keep_shape), " ".join(str(told.advice).split())[:_LONGEST_ADVICE])
+                _details(told.details, name), bool(told.keep_shape), advice)
 
 
 def _details(told: Any, name: str) -> dict[str, float]:

@@ -1,32 +1,31 @@
-"""Separate heaps of particles: rival answers to "where am I", kept alive and weighed with caution.
+"""Separate clusters of particles: rival answers to "where am I", kept alive and weighed with caution.
 
-An ordinary particle filter loses all heaps but one: resampling drops the lighter ones for good, and small errors of the
-map, which keep their sign view after view, add up to certainty. Here each heap is resampled by itself, at its exact
-weight and with a least number of particles, and evidence between heaps counts less than within them.
+An ordinary particle filter loses all clusters but one: resampling drops the lighter ones for good, and small errors of the
+map, which keep their sign view after view, add up to certainty. Here each cluster is resampled by itself, at its exact
+weight and with a least number of particles, and evidence between clusters counts less than within them.
 Source of the idea of clusters with their own normalisation: Milstein, Sanchez, Williamson, Robust global localization
 using clustered particle filtering (AAAI 2002).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from rhs.api.geometry import se2
 from rhs.api.jit import compiled
 
-from .particles import Cloud, SizeLaw, even, low_variance, needed, reweighted
+from .particles import ParticleSet, SizeLaw, even, low_variance, needed, reweighted
+from .settings import ClusterSettings
 
-LIGHTEST = 1e-5  # heaps below this weight are dropped
-MOST_HEAPS = 12  # heavier ones that are kept alive whatever their weight
+USUAL = ClusterSettings()
 
 
-def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cells: int = 400_000) -> np.ndarray:
-    """(N,) which heap each state belongs to: states in touching bins (cell_m, a turn / turns) are of one heap.
+def cluster_labels(states: np.ndarray, s: ClusterSettings = USUAL, *, most_cells: int = 400_000) -> np.ndarray:
+    """(N,) which cluster each state belongs to: states in touching bins (cell_m, a turn / headings) are of one cluster.
 
-    States spread over more than `most_cells` bins count as one heap."""
-    at, size = _bins(np.ascontiguousarray(states), cell_m, turns)
+    States spread over more than `most_cells` bins count as one cluster."""
+    turns = s.headings
+    at, size = _bins(np.ascontiguousarray(states), s.cell_m, turns)
     heading = at[:, 2]
     if max(size[0], size[1]) <= 2 and heading.max() - heading.min() <= 1:  # touching bins only
         return np.zeros(len(states), int)
@@ -35,21 +34,11 @@ def heaps(states: np.ndarray, *, cell_m: float = 0.5, turns: int = 12, most_cell
     return _touching(at, (size[0], size[1], turns))
 
 
-@dataclass(frozen=True)
-class Caution:
-    """How evidence counts between separate heaps. Maps and memories are a little wrong in the same way view after view,
-    so a heap is not made less likely by being `margin` (in logarithms) worse than the best, and beyond that only a
-    `share` of the difference counts. Within a heap evidence counts in full."""
-
-    margin: float = 1.0
-    share: float = 0.3
-
-
-def reweighted_by_heaps(
-    cloud: Cloud, log_likelihood: np.ndarray, labels: np.ndarray, caution: Caution
-) -> tuple[Cloud, float]:
-    """`reweighted` within each heap (labels (N,), see `heaps`), and cautiously between them. The second value is, as
-    there, the logarithm of the mean likelihood under the whole cloud."""
+def reweighted_by_clusters(
+    cloud: ParticleSet, log_likelihood: np.ndarray, labels: np.ndarray, caution: ClusterSettings
+) -> tuple[ParticleSet, float]:
+    """`reweighted` within each cluster (labels (N,), see `cluster_labels`), and cautiously between them. The second
+    value is, as there, the logarithm of the mean likelihood under the whole cloud."""
     count = int(labels.max()) + 1
     if count == 1:
         return reweighted(cloud, log_likelihood)
@@ -68,7 +57,7 @@ def reweighted_by_heaps(
         drop = np.minimum(gain - best + caution.margin, 0.0) * caution.share
         log_weights = total - after[labels] + np.log(before)[labels] + drop[labels]
     log_weights = np.where(np.isnan(log_weights), -np.inf, log_weights)
-    return Cloud(cloud.states, log_weights - _log_sum(log_weights)), evidence
+    return ParticleSet(cloud.states, log_weights - _log_sum(log_weights)), evidence
 
 
 def _log_sum(values: np.ndarray) -> float:
@@ -76,18 +65,20 @@ def _log_sum(values: np.ndarray) -> float:
     return top + float(np.log(np.exp(values - top).sum()))
 
 
-def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, least: int = 60) -> Cloud:
-    """Low-variance resampling within each heap, to the size its own spread asks for; heaps keep their weights.
+def resampled_by_clusters(
+    cloud: ParticleSet, law: SizeLaw, rng: np.random.Generator, s: ClusterSettings = USUAL
+) -> ParticleSet:
+    """Low-variance resampling within each cluster, to the size its own spread asks for; clusters keep their weights.
 
-    The MOST_HEAPS heaviest heaps above LIGHTEST live on with at least `least` particles each; the others are resampled
+    The `most` heaviest clusters above `lightest` live on with at least `least_particles` each; the others are resampled
     together, in proportion to their weight."""
-    labels = heaps(cloud.states)
+    labels, least = cluster_labels(cloud.states, s), s.least_particles
     weights = cloud.weights
     mass = np.bincount(labels, weights=weights)
     order = np.argsort(-mass, kind="stable")
-    order = order[mass[order] >= LIGHTEST]
-    rest = np.isin(labels, order[MOST_HEAPS:])
-    groups = [labels == heap for heap in order[:MOST_HEAPS]] + ([rest] if rest.any() else [])
+    order = order[mass[order] >= s.lightest]
+    rest = np.isin(labels, order[s.most :])
+    groups = [labels == cluster for cluster in order[: s.most]] + ([rest] if rest.any() else [])
     states, logs = [], []
     for inside in groups:
         share = float(weights[inside].sum())
@@ -98,19 +89,19 @@ def resampled_by_heaps(cloud: Cloud, law: SizeLaw, rng: np.random.Generator, *, 
         states.append(cloud.states[inside][chosen])
         logs.append(np.full(size, np.log(share / size)))
     log_weights = np.concatenate(logs)
-    return Cloud(np.concatenate(states), log_weights - _log_sum(log_weights))
+    return ParticleSet(np.concatenate(states), log_weights - _log_sum(log_weights))
 
 
-def believed(cloud: Cloud, most: int = 3) -> list[np.ndarray]:
-    """Mean poses (4x4) of the heaviest heaps of a cloud."""
-    labels = heaps(cloud.states)
+def believed(cloud: ParticleSet, s: ClusterSettings = USUAL, *, most: int = 3) -> list[np.ndarray]:
+    """Mean poses (4x4) of the heaviest clusters of a cloud."""
+    labels = cluster_labels(cloud.states, s)
     weights = cloud.weights
     mass = np.bincount(labels, weights=weights)
     out = []
-    for heap in np.argsort(-mass)[:most]:
-        inside = labels == heap
-        if mass[heap] > 0.02:
-            share = weights[inside] / mass[heap]
+    for cluster in np.argsort(-mass)[:most]:
+        inside = labels == cluster
+        if mass[cluster] > 0.02:
+            share = weights[inside] / mass[cluster]
             x, y, yaw = cloud.states[inside].T
             out.append(se2(share @ x, share @ y, float(np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw)))))
     return out

@@ -15,7 +15,7 @@ from rhs.api.jit import compiled
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class ParticleSet:
     """states (N, 3); log_weights (N,), whose exponentials add up to one."""
 
     states: np.ndarray
@@ -42,9 +42,9 @@ class SizeLaw:
     cell_rad: float = np.radians(10.0)
 
 
-def even(states: np.ndarray) -> Cloud:
+def even(states: np.ndarray) -> ParticleSet:
     """A cloud of equally likely states (N, 3)."""
-    return Cloud(states, np.full(len(states), -np.log(len(states))))
+    return ParticleSet(states, np.full(len(states), -np.log(len(states))))
 
 
 def around(mean: np.ndarray, covariance: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -58,7 +58,7 @@ def displaced(states: np.ndarray, travel: np.ndarray, covariance: np.ndarray, rn
     return _displace(np.ascontiguousarray(states), np.asarray(travel, float), noise)
 
 
-def reweighted(cloud: Cloud, log_likelihood: np.ndarray) -> tuple[Cloud, float]:
+def reweighted(cloud: ParticleSet, log_likelihood: np.ndarray) -> tuple[ParticleSet, float]:
     """The cloud after evidence (N,), and the logarithm of the mean likelihood under it. If no particle explains the
     evidence at all the weights become equal rather than zero."""
     total = cloud.log_weights + np.where(np.isnan(log_likelihood), -np.inf, log_likelihood)
@@ -66,23 +66,23 @@ def reweighted(cloud: Cloud, log_likelihood: np.ndarray) -> tuple[Cloud, float]:
     if not np.isfinite(peak):
         return even(cloud.states), -np.inf
     evidence = peak + float(np.log(np.exp(total - peak).sum()))
-    return Cloud(cloud.states, total - evidence), evidence
+    return ParticleSet(cloud.states, total - evidence), evidence
 
 
-def merged(first: Cloud, first_mass: float, second: Cloud, second_mass: float) -> Cloud:
+def merged(first: ParticleSet, first_mass: float, second: ParticleSet, second_mass: float) -> ParticleSet:
     """Both clouds in one, with these shares of the whole."""
     whole = first_mass + second_mass
     with np.errstate(divide="ignore"):
         logs = [c.log_weights + np.log(m / whole) for c, m in ((first, first_mass), (second, second_mass))]
-    return Cloud(np.concatenate([first.states, second.states]), np.concatenate(logs))
+    return ParticleSet(np.concatenate([first.states, second.states]), np.concatenate(logs))
 
 
-def effective_size(cloud: Cloud) -> float:
+def effective_size(cloud: ParticleSet) -> float:
     """How many equally weighted particles the cloud is worth: 1 / sum of squared weights."""
     return float(1.0 / np.exp(2.0 * cloud.log_weights).sum())
 
 
-def resampled(cloud: Cloud, law: SizeLaw, rng: np.random.Generator) -> Cloud:
+def resampled(cloud: ParticleSet, law: SizeLaw, rng: np.random.Generator) -> ParticleSet:
     """Low-variance resampling to the size the law asks for."""
     weights = cloud.weights
     trial = low_variance(weights, law.most, rng.random())
@@ -109,8 +109,8 @@ def occupied_bins(states: np.ndarray, law: SizeLaw) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Peak:
-    """The heaviest heap of a cloud: mean (3,), covariance (3, 3) in its own frame, mass (0..1) of the heap, and `near`,
-    the mass within the tolerance asked for."""
+    """The heaviest cluster of a cloud: mean (3,), covariance (3, 3) in its own frame, mass (0..1) of the cluster, and
+    `near`, the mass within the tolerance asked for."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -118,14 +118,15 @@ class Peak:
     near: float
 
 
-def peak(cloud: Cloud, *, near_m: float, near_rad: float, heap_m: float = 1.0, heap_rad: float = 0.5) -> Peak:
-    """Find the densest spot: start in the heaviest bin, then mean-shift over the particles within heap_m, heap_rad."""
+def peak(cloud: ParticleSet, *, near_m: float, near_rad: float, cluster_m: float = 1.0, cluster_rad: float = 0.5) -> Peak:
+    """Find the densest spot: start in the heaviest bin, then mean-shift over the particles within cluster_m, cluster_rad."""
     states, weights = np.ascontiguousarray(cloud.states), cloud.weights
-    mean, mass, spread, near = _shifted(states, weights, states[_densest(cloud)].copy(), heap_m, heap_rad, near_m, near_rad)
+    start = states[_densest(cloud)].copy()
+    mean, mass, spread, near = _shifted(states, weights, start, cluster_m, cluster_rad, near_m, near_rad)
     return Peak(mean, spread + 1e-8 * np.eye(3), float(mass), float(near))
 
 
-def _densest(cloud: Cloud, cell_m: float = 0.5, cell_rad: float = np.radians(20.0)) -> int:
+def _densest(cloud: ParticleSet, cell_m: float = 0.5, cell_rad: float = np.radians(20.0)) -> int:
     """Index of the heaviest particle in the heaviest bin."""
     keys = np.floor(cloud.states / [cell_m, cell_m, cell_rad]).astype(np.int64)
     keys[:, 2] %= round(2.0 * np.pi / cell_rad)
@@ -168,8 +169,8 @@ def _displace(states, travel, noise):
 
 
 @compiled
-def _shifted(states, weights, mean, heap_m, heap_rad, near_m, near_rad, rounds=3):
-    """Mean (3,), mass and covariance (3, 3) of the heap that mean-shift ends in, and the mass near its mean."""
+def _shifted(states, weights, mean, cluster_m, cluster_rad, near_m, near_rad, rounds=3):
+    """Mean (3,), mass and covariance (3, 3) of the cluster that mean-shift ends in, and the mass near its mean."""
     mass, near, spread, moved = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3)
     for turn in range(rounds + 1):
         c, s = np.cos(mean[2]), np.sin(mean[2])
@@ -181,7 +182,7 @@ def _shifted(states, weights, mean, heap_m, heap_rad, near_m, near_rad, rounds=3
             gap, angle = np.sqrt(dx * dx + dy * dy), abs(local[2])
             if turn == rounds and gap < near_m and angle < near_rad:
                 near += weights[k]
-            if gap < heap_m and angle < heap_rad:
+            if gap < cluster_m and angle < cluster_rad:
                 total += weights[k]
                 for i in range(3):
                     new_moved[i] += weights[k] * local[i]

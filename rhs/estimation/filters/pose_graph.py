@@ -20,6 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from rhs.api.geometry import inverse
 
+from .settings import Effort
+
 
 @dataclass(frozen=True, eq=False)
 class Edges:
@@ -55,14 +57,6 @@ class CommonScale:
     edges: np.ndarray
     sigma: float
     share: float = 0.0
-
-
-@dataclass(frozen=True)
-class Effort:
-    """iterations: steps at most. settled: a step that lowers the cost by less than this share of it is the last."""
-
-    iterations: int = 30
-    settled: float = 1e-9
 
 
 def optimise(

@@ -1,9 +1,9 @@
 """Several guesses of one pose, each a Kalman filter in the plane, weighed against each other and against "elsewhere".
 
 A Gaussian-sum filter over poses with a catch-all: `elsewhere` is the chance that the robot is where no guess stands. A
-place answer confirms the guesses it agrees with, corrects them (chi-square gate, then the Kalman update of rhs.filtering
-on x, y and heading), opens new ones, and speaks against all others. Because look-alike places are verified side by side,
-twins keep equal weight until something tells them apart.
+place answer confirms the guesses it agrees with, corrects them (chi-square gate, then the Kalman update of
+rhs.estimation.filters.kalman on x, y and heading), opens new ones, and speaks against all others. Because look-alike
+places are verified side by side, twins keep equal weight until something tells them apart.
 Source: Kalman update and gate: thesis section 2.2; Gaussian sums: Alspach and Sorenson (1972); the catch-all and the
 restart after a kidnap follow the idea of Augmented MCL (Thrun, Burgard, Fox, Probabilistic Robotics, 8.3.5).
 """
@@ -35,7 +35,7 @@ class Trust:
 
 
 @dataclass(frozen=True, eq=False)
-class Guess:
+class Hypothesis:
     """map_from_body 4x4, covariance 6x6 of its right perturbation, weight (chance of being the right one)."""
 
     map_from_body: np.ndarray
@@ -44,7 +44,7 @@ class Guess:
 
 
 @dataclass(frozen=True, eq=False)
-class Claim:
+class PlaceFix:
     """A verified place answer: a pose with covariance, and its share (0..1) of all the support in this view."""
 
     map_from_body: np.ndarray
@@ -53,29 +53,29 @@ class Claim:
 
 
 @dataclass(frozen=True, eq=False)
-class Guesses:
+class Hypotheses:
     """guesses, heaviest first; their weights and `elsewhere` add up to one."""
 
-    guesses: tuple[Guess, ...]
+    guesses: tuple[Hypothesis, ...]
     elsewhere: float
 
     @property
-    def best(self) -> Guess | None:
+    def best(self) -> Hypothesis | None:
         return self.guesses[0] if self.guesses else None
 
 
-def begin(map_from_body: np.ndarray | None, covariance: np.ndarray | None, probability: float = 1.0) -> Guesses:
+def begin(map_from_body: np.ndarray | None, covariance: np.ndarray | None, probability: float = 1.0) -> Hypotheses:
     """From one believed pose, or from nothing (None)."""
     if map_from_body is None or covariance is None:
-        return Guesses((), 1.0)
+        return Hypotheses((), 1.0)
     weight = min(max(probability, 0.01), 0.9999)
-    return Guesses((Guess(map_from_body, covariance, weight),), 1.0 - weight)
+    return Hypotheses((Hypothesis(map_from_body, covariance, weight),), 1.0 - weight)
 
 
-def predict(state: Guesses, previous_from_body: np.ndarray, covariance: np.ndarray, trust: Trust) -> Guesses:
+def predict(state: Hypotheses, previous_from_body: np.ndarray, covariance: np.ndarray, trust: Trust) -> Hypotheses:
     """All guesses moved; a little of their weight leaks elsewhere."""
     moved = [
-        Guess(
+        Hypothesis(
             orthonormal(g.map_from_body @ previous_from_body),
             compose_covariance(g.covariance, previous_from_body, covariance),
             g.weight * (1.0 - trust.kidnap),
@@ -85,7 +85,7 @@ def predict(state: Guesses, previous_from_body: np.ndarray, covariance: np.ndarr
     return _normalised(moved, state.elsewhere + trust.kidnap * (1.0 - state.elsewhere), trust)
 
 
-def update(state: Guesses, claims: Sequence[Claim], areas: float, trust: Trust) -> Guesses:
+def update(state: Hypotheses, claims: Sequence[PlaceFix], areas: float, trust: Trust) -> Hypotheses:
     """Weigh the guesses by what the place database answered. areas: how many distinct places it could have named.
 
     A guess that agrees with a claim of share s is as likely as p_true s. One that agrees with none, and `elsewhere`, are
@@ -94,7 +94,7 @@ def update(state: Guesses, claims: Sequence[Claim], areas: float, trust: Trust) 
     if not claims:
         return state
     miss = (1.0 - trust.p_true) / areas
-    kept: list[Guess] = []
+    kept: list[Hypothesis] = []
     explained: set[int] = set()
     for guess in state.guesses:
         chosen, corrected = _corrected(guess, claims, trust)
@@ -104,16 +104,16 @@ def update(state: Guesses, claims: Sequence[Claim], areas: float, trust: Trust) 
     for k, claim in enumerate(claims):
         if k not in explained:
             weight = state.elsewhere * trust.p_true * claim.share / areas
-            kept.append(Guess(claim.map_from_body, claim.covariance, weight))
+            kept.append(Hypothesis(claim.map_from_body, claim.covariance, weight))
     return _normalised(_merged(kept, trust), state.elsewhere * miss, trust)
 
 
-def silent(state: Guesses, ratio: float, trust: Trust) -> Guesses:
+def silent(state: Hypotheses, ratio: float, trust: Trust) -> Hypotheses:
     """No place was recognised where the best guess expects one: `ratio` times likelier elsewhere."""
     return _normalised(list(state.guesses), state.elsewhere * ratio, trust)
 
 
-def carried(state: Guesses, chance: float, trust: Trust) -> Guesses:
+def carried(state: Hypotheses, chance: float, trust: Trust) -> Hypotheses:
     """Something says that the robot was carried off: `elsewhere` is at least so likely, whatever was known before."""
     if state.elsewhere >= chance:
         return state
@@ -121,12 +121,12 @@ def carried(state: Guesses, chance: float, trust: Trust) -> Guesses:
     return _normalised([replace(g, weight=g.weight * share) for g in state.guesses], chance, trust)
 
 
-def confirms(state: Guesses, claims: Sequence[Claim], trust: Trust) -> bool:
+def confirms(state: Hypotheses, claims: Sequence[PlaceFix], trust: Trust) -> bool:
     """Whether any claim agrees with the best guess."""
     return state.best is not None and bool(_corrected(state.best, claims, trust)[0])
 
 
-def _corrected(guess: Guess, claims: Sequence[Claim], trust: Trust) -> tuple[list[int], Guess]:
+def _corrected(guess: Hypothesis, claims: Sequence[PlaceFix], trust: Trust) -> tuple[list[int], Hypothesis]:
     """Which claims the guess agrees with, and the guess corrected by the nearest of them."""
     limit = gate(3, trust.gate_probability)
     agreeing = []
@@ -140,13 +140,13 @@ def _corrected(guess: Guess, claims: Sequence[Claim], trust: Trust) -> tuple[lis
         return [], guess
     _, _, change = min(agreeing, key=lambda item: item[:2])
     pose = orthonormal(guess.map_from_body @ exp_se3(change.delta))
-    return [k for _, k, _ in agreeing], Guess(pose, change.covariance, guess.weight)
+    return [k for _, k, _ in agreeing], Hypothesis(pose, change.covariance, guess.weight)
 
 
-def _merged(guesses: list[Guess], trust: Trust) -> list[Guess]:
-    """Guesses that have become one: the heavier stays and takes the weight of the lighter."""
+def _merged(guesses: list[Hypothesis], trust: Trust) -> list[Hypothesis]:
+    """Hypotheses that have become one: the heavier stays and takes the weight of the lighter."""
     limit = gate(3, trust.gate_probability)
-    out: list[Guess] = []
+    out: list[Hypothesis] = []
     for guess in sorted(guesses, key=lambda g: -g.weight):
         for k, other in enumerate(out):
             residual = PLANE @ log_se3(inverse(other.map_from_body) @ guess.map_from_body)
@@ -159,8 +159,8 @@ def _merged(guesses: list[Guess], trust: Trust) -> list[Guess]:
     return out
 
 
-def _normalised(guesses: list[Guess], elsewhere: float, trust: Trust) -> Guesses:
+def _normalised(guesses: list[Hypothesis], elsewhere: float, trust: Trust) -> Hypotheses:
     total = sum(g.weight for g in guesses) + elsewhere
     ranked = sorted((replace(g, weight=g.weight / total) for g in guesses), key=lambda g: -g.weight)
     kept = tuple(g for g in ranked[: trust.keep] if g.weight >= trust.floor)
-    return Guesses(kept, 1.0 - sum(g.weight for g in kept))
+    return Hypotheses(kept, 1.0 - sum(g.weight for g in kept))

@@ -9,38 +9,25 @@ neighbouring beams share their errors.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
 from rhs.api.jit import compiled
 from rhs.api.records import Scan
 
-
-@dataclass(frozen=True)
-class FieldSettings:
-    """beams: used of each scan, evenly spaced. sigma_m: of a beam's end against the wall (map and depth noise). stray:
-    share of beams that mean nothing. trust: exponent on the product of the beams. range_max_m: longer beams are unused.
-    open_m: further than this from any wall a beam ends in the open. surprise: most that all of these cost together, as a
-    logarithm after `trust`."""
-
-    beams: int = 40
-    sigma_m: float = 0.12
-    stray: float = 0.1
-    trust: float = 0.25
-    range_max_m: float = 8.0
-    open_m: float = 0.5
-    surprise: float = 1.0
+from .settings import FieldSettings
 
 
 class LikelihoodField:
     """The map as a table of log-likelihoods, ready for thousands of poses."""
 
-    def __init__(self, grid: OccupancyGrid, settings: FieldSettings) -> None:
+    def __init__(self, grid: OccupancyGrid, settings: FieldSettings, *, trust: float = 0.25, surprise: float = 1.0) -> None:
+        """trust: exponent on the product of the beams. surprise: most that all beams ending in the open cost together, as a
+        logarithm after `trust`."""
         from scipy.ndimage import distance_transform_edt
 
         self.settings, self.grid, self._cell_m = settings, grid, grid.resolution_m
+        self._trust, self._surprise = trust, surprise
         occupied = grid.occupied()
         far = np.full(grid.shape, 1e3)
         gap_m = distance_transform_edt(~occupied) * grid.resolution_m if occupied.any() else far
@@ -71,11 +58,11 @@ class LikelihoodField:
         ends = self._ends(scan)
         if len(ends) == 0:
             return np.zeros(len(states))
-        least = -self.settings.surprise / self.settings.trust if forgiving and self.settings.trust > 0 else -np.inf
+        least = -self._surprise / self._trust if forgiving and self._trust > 0 else -np.inf
         cells = (np.ascontiguousarray(states, float) - [*self.grid.origin_m, 0.0]) / [self._cell_m, self._cell_m, 1.0]
         start = np.asarray(scan.origin_xy_m, float) / self._cell_m
         tables = (self._log_end, self._solid, self._open)
-        return self.settings.trust * _score(cells, start, ends / self._cell_m, tables, self._log_stray, least)
+        return self._trust * _score(cells, start, ends / self._cell_m, tables, self._log_stray, least)
 
     def _ends(self, scan: Scan) -> np.ndarray:
         """(B, 2) ends of some evenly spaced beams in the body frame, metres."""

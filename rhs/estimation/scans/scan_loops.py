@@ -1,13 +1,13 @@
 """Loops that only scans can close: a corridor walked back the other way, where no camera recognises anything.
 
 The walls seen on the way there (several scans in one small map) and those seen on the way back (several scans in one
-cloud) are laid onto one another (rhs.scanmatch). Along a plain corridor the result says nothing, by its covariance.
+cloud) are laid onto one another (rhs.estimation.scans.scan_match). Along a plain corridor the result says nothing, by
+its covariance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,40 +15,23 @@ from rhs.api.geometry import inverse, planar, se2, wrap
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import LoopEdge, View
 
-from .scan_match import MatchSettings, ScanMatcher, ends
-
-CELL_M = 0.1
-
-
-@dataclass(frozen=True)
-class ScanLoopSettings:
-    """every_m: metres of way between two tries. within_m: believed distance of the two views. turned_rad: least difference
-    of their headings; views that look the same way are the camera's business. min_way_m: way between them. there_m,
-    back_m: scans from so much of the way on both sides of a view make its map, and its cloud. sigma_m, sigma_rad: how far
-    off the belief may be."""
-
-    every_m: float = 1.0
-    within_m: float = 1.5
-    turned_rad: float = np.radians(120.0)
-    min_way_m: float = 5.0
-    there_m: float = 9.0
-    back_m: float = 1.5
-    sigma_m: float = 0.4
-    sigma_rad: float = 0.1
+from .scan_match import ScanMatcher, ends
+from .settings import MatchSettings, ScanLoopSettings
 
 
 def scan_edges(
-    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: ScanLoopSettings
+    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: ScanLoopSettings, *, every_m: float = 1.0
 ) -> list[LoopEdge]:
-    """Edges between views (at the believed poses (N, 4, 4), way_m (N,)) that stand close and look the other way."""
+    """Edges between views (at the believed poses (N, 4, 4), way_m (N,)) that stand close and look the other way. every_m:
+    metres of way between two tries."""
     states = np.array([planar(pose) for pose in poses]).reshape(-1, 3)
-    walls = _Walls(views, poses)
+    walls = _Walls(views, poses, settings.match)
     out, tried_m = [], -np.inf
     for later, view in enumerate(views):
-        if view.scan is None or way_m[later] < tried_m + settings.every_m:
+        if view.scan is None or way_m[later] < tried_m + every_m:
             continue
         gap = np.hypot(*(states[:, :2] - states[later, :2]).T)
-        turned = np.abs(wrap(states[:, 2] - states[later, 2])) > settings.turned_rad
+        turned = np.abs(wrap(states[:, 2] - states[later, 2])) > np.radians(settings.turned_deg)
         possible = turned & (gap < settings.within_m) & (way_m < way_m[later] - settings.min_way_m)
         if not possible.any():
             continue
@@ -61,8 +44,8 @@ def scan_edges(
 class _Walls:
     """Wall points of views, each scan looked at once. poses (N, 4, 4)."""
 
-    def __init__(self, views: Sequence[View], poses: np.ndarray) -> None:
-        self._views, self.poses = views, poses
+    def __init__(self, views: Sequence[View], poses: np.ndarray, match: MatchSettings) -> None:
+        self._views, self.poses, self._match = views, poses, match
         self._points: dict[int, np.ndarray] = {}
 
     def cloud(self, chosen: np.ndarray, at: int) -> np.ndarray:
@@ -78,7 +61,7 @@ class _Walls:
     def _of(self, view: int) -> np.ndarray:
         if view not in self._points:
             scan = self._views[view].scan
-            self._points[view] = ends(scan, MatchSettings()) if scan is not None else np.empty((0, 2))
+            self._points[view] = ends(scan, self._match) if scan is not None else np.empty((0, 2))
         return self._points[view]
 
 
@@ -86,13 +69,13 @@ def _edge(walls: _Walls, way_m, pair: tuple[int, int], settings: ScanLoopSetting
     """The edge between one pair of views, or None when their walls do not fit."""
     earlier, later = pair
     chart = walls.cloud(np.abs(way_m - way_m[earlier]) <= settings.there_m, earlier)
-    cloud = _thinned(walls.cloud(np.abs(way_m - way_m[later]) <= settings.back_m, later), CELL_M)
-    if len(chart) < 50 or len(cloud) < 50:
+    cloud = _thinned(walls.cloud(np.abs(way_m - way_m[later]) <= settings.back_m, later), settings.cell_m)
+    if min(len(chart), len(cloud)) < settings.least_points:
         return None
     prior = np.diag([settings.sigma_m**2, settings.sigma_m**2, settings.sigma_rad**2])
     earlier_from_later = inverse(walls.poses[earlier]) @ walls.poses[later]
     state = planar(earlier_from_later)
-    found = ScanMatcher(_drawn(chart), MatchSettings(sigma_m=0.05, trust=0.1)).match_points(cloud, state, prior)
+    found = ScanMatcher(_drawn(chart, settings.cell_m), settings.match).match_points(cloud, state, prior)
     if found is None:
         return None
     covariance = np.eye(6)
@@ -112,11 +95,11 @@ def _thinned(points: np.ndarray, cell_m: float) -> np.ndarray:
     return np.stack([np.bincount(at, points[:, axis]) / count for axis in (0, 1)], axis=1)
 
 
-def _drawn(points: np.ndarray) -> OccupancyGrid:
+def _drawn(points: np.ndarray, cell_m: float) -> OccupancyGrid:
     """A map whose cells are occupied where at least two wall points lie."""
     low = points.min(axis=0) - 1.0
-    at = np.floor((points - low) / CELL_M).astype(int)
-    columns, rows = at.max(axis=0) + int(1.0 / CELL_M)
+    at = np.floor((points - low) / cell_m).astype(int)
+    columns, rows = at.max(axis=0) + int(1.0 / cell_m)
     counts = np.zeros((rows, columns))
     np.add.at(counts, (at[:, 1], at[:, 0]), 1.0)
-    return OccupancyGrid(np.where(counts >= 2, 0.95, 0.05).astype(np.float32), CELL_M, (float(low[0]), float(low[1])))
+    return OccupancyGrid(np.where(counts >= 2, 0.95, 0.05).astype(np.float32), cell_m, (float(low[0]), float(low[1])))

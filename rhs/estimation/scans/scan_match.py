@@ -19,27 +19,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
 from rhs.estimation.filters.kalman import gate
 
-LEVER_M = 3.0  # a heading moves what the scan sees by so much per radian
-
-
-@dataclass(frozen=True)
-class MatchSettings:
-    """beams: used of a scan, evenly spaced, up to range_max_m. sigma_m: of a beam's end against a wall. trust: neighbouring
-    beams share their errors, so each counts for so much. reach_m: ends further from any wall belong to something the map
-    does not hold. least_share: of the ends that must lie within reach. blind_below: directions with less than this share of
-    the information of the best seen one count as unseen. floor_m: no direction gets sharper than this by one scan (metres;
-    divided by LEVER_M for the heading). gate_probability: of the shift against the prior."""
-
-    beams: int = 80
-    range_max_m: float = 6.5
-    sigma_m: float = 0.06
-    trust: float = 0.25
-    reach_m: float = 0.35
-    least_share: float = 0.6
-    blind_below: float = 0.004
-    floor_m: float = 0.04
-    iterations: int = 12
-    gate_probability: float = 0.999
+from .settings import MatchSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +117,7 @@ class ScanMatcher:
 
     def _trusted(self, information: np.ndarray) -> tuple[np.ndarray, int]:
         """The information without the directions that are hardly seen, none sharper than floor_m; how many are left."""
-        scale = np.array([1.0, 1.0, 1.0 / LEVER_M])
+        scale = np.array([1.0, 1.0, 1.0 / self.settings.lever_m])
         values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
         kept = np.where(values > self.settings.blind_below * values.max(), values, 0.0)
         kept = np.where(kept > 0, 1.0 / (1.0 / np.where(kept > 0, kept, 1.0) + self.settings.floor_m**2), 0.0)

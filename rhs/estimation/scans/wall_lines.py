@@ -20,25 +20,7 @@ import numpy as np
 from rhs.api.geometry import se2, wrap
 from rhs.api.records import Scan
 
-TRIM = 2  # beams left out at both ends of a wall: they may have met what lies behind its edge
-GAP = 5  # unknown beams in a row that end a stretch
-
-
-@dataclass(frozen=True)
-class LineSettings:
-    """sigma_per_m: of an inverse range, 1/m (a Kinect: 0.002). jump_per_m: between neighbouring beams that ends a
-    stretch. least_beams, least_m: a shorter stretch is no wall. range_max_m: further beams are not used. shared: how many
-    neighbouring beams err as one. corner_rad: two parts that touch at less than this are one bent wall. bend_sigma: a line
-    whose curvature stands out by so many sigmas is no straight wall."""
-
-    sigma_per_m: float = 0.003
-    jump_per_m: float = 0.03
-    least_beams: int = 20
-    least_m: float = 0.5
-    range_max_m: float = 7.5
-    shared: float = 4.0
-    corner_rad: float = np.radians(30.0)
-    bend_sigma: float = 2.0
+from .settings import LineSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +37,7 @@ class WallLine:
     sigma_bend: float
 
 
-def wall_lines(scan: Scan, settings: LineSettings | None = None) -> list[WallLine]:
+def find_wall_lines(scan: Scan, settings: LineSettings | None = None) -> list[WallLine]:
     """The straight walls of a scan, in the order of its beams."""
     settings = settings or LineSettings()
     ranges = np.asarray(scan.ranges_m, float)
@@ -64,11 +46,12 @@ def wall_lines(scan: Scan, settings: LineSettings | None = None) -> list[WallLin
     if len(known) < settings.least_beams:
         return []
     fit = _Stretches(1.0 / ranges[known], np.asarray(scan.bearings_rad, float)[known], settings)
-    ends = np.nonzero((np.diff(known) > GAP) | (np.abs(np.diff(fit.near)) > settings.jump_per_m))[0] + 1
+    ends = np.nonzero((np.diff(known) > settings.gap_beams) | (np.abs(np.diff(fit.near)) > settings.jump_per_m))[0] + 1
     bounds = [0, *ends.tolist(), len(known)]
     pieces = [piece for low, high in zip(bounds, bounds[1:], strict=False) for piece in fit.split(low, high)]
     parts = fit.alone(fit.merged(pieces))
-    lines = [fit.line(low + TRIM, high - TRIM, np.asarray(scan.origin_xy_m)) for low, high in parts]
+    trim, origin_m = settings.trim_beams, np.asarray(scan.origin_xy_m)
+    lines = [fit.line(low + trim, high - trim, origin_m) for low, high in parts]
     return [line for line in lines if line is not None]
 
 
@@ -127,7 +110,7 @@ class _Stretches:
         """Neighbouring pieces that one line explains, as one."""
         out: list[tuple[int, int]] = []
         for low, high in pieces:
-            if out and low - out[-1][1] <= GAP and self.straight(out[-1][0], high):
+            if out and low - out[-1][1] <= self.settings.gap_beams and self.straight(out[-1][0], high):
                 out[-1] = out[-1][0], high
             else:
                 out.append((low, high))
@@ -140,9 +123,9 @@ class _Stretches:
         bent = set()
         for k in range(len(pieces) - 1):
             first, second = ways[k], ways[k + 1]
-            if first is None or second is None or pieces[k + 1][0] - pieces[k][1] > GAP:
+            if first is None or second is None or pieces[k + 1][0] - pieces[k][1] > self.settings.gap_beams:
                 continue
-            if abs(wrap(second - first)) < self.settings.corner_rad:
+            if abs(wrap(second - first)) < np.radians(self.settings.corner_deg):
                 bent |= {k, k + 1}
         return [piece for k, piece in enumerate(pieces) if k not in bent]
 

@@ -46,7 +46,7 @@ def lift_on_walls(
     """The same features with `points` (camera frame) where their rays first meet a wall, the floor or the ceiling.
 
     Rays that meet nothing within max_range_m stay NaN. Floor and ceiling are those of the walls: the lowest floor and,
-    if finite, the lowest ceiling. This gives views of one eye the points that a place memory and a loop closer need.
+    if finite, the lowest ceiling. This gives monocular views the points that a place memory and a loop closer need.
     """
     if not walls or not len(features.pixels):
         return features

@@ -10,22 +10,13 @@ white, and the set is grown greedily from the edge with most support.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.records import LoopEdge
 
-
-@dataclass(frozen=True)
-class DriftBounds:
-    """How wrong the odometry may be: metres at once, metres per metre travelled, radians at once and per metre."""
-
-    base_m: float = 0.15
-    per_m: float = 0.05
-    base_rad: float = 0.05
-    rad_per_m: float = 0.015
+from .settings import DriftBounds
 
 
 def consistent(a: LoopEdge, b: LoopEdge, poses: np.ndarray, travelled_m: np.ndarray, bounds: DriftBounds) -> bool:

@@ -17,29 +17,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from rhs.api.files import replacing
-from rhs.api.frozen import seal
-from rhs.api.records import Features, FeatureSettings, Glance, Observation
+from rhs.api.frozen import freeze
+from rhs.api.records import FeatureAdvanced, Features, FeatureSettings, Observation, Thumbnail
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 
 # The image size that FeatureSettings.count is meant for.
 REFERENCE_PX = 320 * 240
-# Depth under a key-point: a plane fitted to this many pixels around it ...
-WINDOW_PX = 5
-# ... needs at least this share of them known, and ...
-WINDOW_KNOWN = 0.6
-# ... its inverse depths must lie this close to the plane (1/m, RMS), or the key-point hangs over an edge.
-EDGE_INVERSE_DEPTH = 0.02
-# Where inverse depth bends by more than this from pixel to pixel (1/m), something stands in front of something else. A
-# key-point whose patch holds such an edge sees two things that move apart, and is pulled along by the wrong one.
-OCCLUSION_INVERSE_DEPTH = 0.03
-# The patch that places a key-point reaches this many of its diameters from its centre.
-PATCH_DIAMETERS = 1.5
-# Key-points over edges are left without depth when they are at most this share: in a corridor they bend the path, in a
-# cluttered view they are too many to lose (measured: half the drift in the square, a third more error on a desk).
-FEW_OVER_EDGES = 0.1
+THUMBNAIL_COLUMNS = 80  # of a thumbnail: blocks of 4 by 4 pixels of a picture of 320 by 240
 
-GLANCE_COLUMNS = 80  # of a view at a glance: blocks of 4 by 4 pixels of a picture of 320 by 240
+USUAL = FeatureAdvanced()
 
 ORB_RATIO = 1.2  # of the sizes of two levels of ORB's pyramid
 
@@ -89,28 +76,28 @@ def gray(image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else _cv2().cvtColor(image, _cv2().COLOR_RGB2GRAY)
 
 
-def glance(observation: Observation) -> Glance | None:
-    """The view in blocks, GLANCE_COLUMNS of them side by side; None without an image."""
+def thumbnail(observation: Observation) -> Thumbnail | None:
+    """The view in blocks, THUMBNAIL_COLUMNS of them side by side; None without an image."""
     if observation.image is None:
         return None
     image = gray(observation.image)
     height, width = image.shape
-    size = (min(GLANCE_COLUMNS, width), max(1, round(height * min(GLANCE_COLUMNS, width) / width)))
+    size = (min(THUMBNAIL_COLUMNS, width), max(1, round(height * min(THUMBNAIL_COLUMNS, width) / width)))
     area = _cv2().INTER_AREA
     depth = np.full(size[::-1], np.nan, np.float32)
     if observation.depth is not None:
         known = np.where(observation.depth > 0, observation.depth, np.nan).astype(np.float32)
         depth = _cv2().resize(known, size, interpolation=area)
-    return Glance(_cv2().resize(image, size, interpolation=area), depth)
+    return Thumbnail(_cv2().resize(image, size, interpolation=area), depth)
 
 
-def depth_at(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def depth_at(depth: np.ndarray, pixels: np.ndarray, s: FeatureAdvanced = USUAL) -> np.ndarray:
     """(N,) float64 metres along the optical axis at (N, 2) sub-pixel positions of an (H, W) depth image.
 
     On a plane inverse depth is linear in the pixel, so a plane is fitted to the inverse depths of the window around
     the pixel and read off at the exact position. NaN where too little is known, or where the window holds an edge.
     """
-    inverse, known, offset = _windows(depth, pixels)
+    inverse, known, offset = _windows(depth, pixels, s.window_half_px)
     share = known.mean(axis=1)
     basis = np.concatenate([np.ones((*offset.shape[:2], 1)), offset], axis=2)
     weighted = basis * known[:, :, None]
@@ -118,11 +105,11 @@ def depth_at(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     plane = np.linalg.solve(normal, np.einsum("nki,nk->ni", weighted, inverse)[:, :, None])[:, :, 0]
     residual = (np.einsum("nki,ni->nk", basis, plane) - inverse) * known
     rms = np.sqrt((residual**2).sum(axis=1) / np.maximum(known.sum(axis=1) - 3, 1))
-    good = (share >= WINDOW_KNOWN) & (rms < EDGE_INVERSE_DEPTH) & (plane[:, 0] > 1e-3)
+    good = (share >= s.window_known) & (rms < s.edge_per_m) & (plane[:, 0] > 1e-3)
     return np.where(good, 1.0 / np.where(good, plane[:, 0], 1.0), np.nan)
 
 
-def occlusion_distance(depth: np.ndarray) -> np.ndarray:
+def occlusion_distance(depth: np.ndarray, s: FeatureAdvanced = USUAL) -> np.ndarray:
     """(H, W) float32 pixels, within a few per cent, from each pixel to the nearest occlusion edge of an (H, W) depth
     image."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -131,21 +118,20 @@ def occlusion_distance(depth: np.ndarray) -> np.ndarray:
         for rho, inner in ((inverse, smooth[1:-1]), (inverse.T, smooth.T[1:-1])):
             bend = rho[2:] + rho[:-2]
             bend -= 2.0 * rho[1:-1]
-            inner &= ~(np.abs(bend, out=bend) > OCCLUSION_INVERSE_DEPTH)
+            inner &= ~(np.abs(bend, out=bend) > s.occlusion_per_m)
     if smooth.all():
         return np.full(depth.shape, np.inf, np.float32)
     return _cv2().distanceTransform(smooth, _cv2().DIST_L2, _cv2().DIST_MASK_5)
 
 
-def _over_edges(depth: np.ndarray, pixels: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+def _over_edges(depth: np.ndarray, pixels: np.ndarray, sizes: np.ndarray, s: FeatureAdvanced) -> np.ndarray:
     """(N,) bool: the patch of the key-point holds an occlusion edge. The centre of a key-point may lie past the rim."""
     column, row = np.clip(np.rint(pixels).astype(int), 0, np.array(depth.shape[::-1]) - 1).T
-    return occlusion_distance(depth)[row, column] < PATCH_DIAMETERS * sizes
+    return occlusion_distance(depth, s)[row, column] < s.patch_diameters * sizes
 
 
-def _windows(depth: np.ndarray, pixels: np.ndarray):
+def _windows(depth: np.ndarray, pixels: np.ndarray, half: int):
     """Inverse depths (N, K), which are known (N, K), and pixel offsets (N, K, 2) from the key-point, of the windows."""
-    half = WINDOW_PX // 2
     reach = np.arange(-half, half + 1)
     dv, du = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
     centre = np.rint(pixels).astype(int)
@@ -178,13 +164,13 @@ def _sift(observation: Observation, settings: FeatureSettings) -> Features:
     detector = _detector("sift", max(1, round(settings.count * pixels / REFERENCE_PX)), settings.contrast)
     pixels, sizes, descriptors = _detect(observation, detector, np.empty((0, 128), np.float32))
     descriptors = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
-    found = _lifted(observation, pixels, sizes, descriptors.astype(np.float32))
-    return replace(found, glance=seal(glance(observation)))
+    found = _lifted(observation, (pixels, sizes, descriptors.astype(np.float32)), settings.advanced)
+    return replace(found, thumbnail=freeze(thumbnail(observation)))
 
 
 def _orb(observation: Observation, count: int) -> Features:
     found = _detect(observation, _detector("orb", count, 0.0), np.empty((0, 32), np.uint8), ratio=ORB_RATIO)
-    return _lifted(observation, *found)
+    return _lifted(observation, found, USUAL)
 
 
 def _detect(
@@ -207,14 +193,17 @@ def _detect(
     return pixels, np.array([point.size for point in key_points]), descriptors
 
 
-def _lifted(observation: Observation, pixels: np.ndarray, sizes: np.ndarray, descriptors: np.ndarray) -> Features:
-    """Depth is looked up at the raw pixel; only the ray is undistorted."""
+def _lifted(
+    observation: Observation, found: tuple[np.ndarray, np.ndarray, np.ndarray], s: FeatureAdvanced
+) -> Features:
+    """Depth is looked up at the raw pixel; only the ray is undistorted. found: pixels, diameters, descriptors."""
+    pixels, sizes, descriptors = found
     points = np.full((len(pixels), 3), np.nan, np.float32)
     if observation.depth is not None and len(pixels):
         exact = pixels.astype(float)
-        depth = depth_at(observation.depth, exact)
-        over_edge = _over_edges(observation.depth, pixels, sizes) & np.isfinite(depth)
-        if over_edge.sum() <= FEW_OVER_EDGES * np.isfinite(depth).sum():
+        depth = depth_at(observation.depth, exact, s)
+        over_edge = _over_edges(observation.depth, pixels, sizes, s) & np.isfinite(depth)
+        if over_edge.sum() <= s.few_over_edges * np.isfinite(depth).sum():
             depth[over_edge] = np.nan
         points = observation.camera.points(exact, depth).astype(np.float32)
     for array in (pixels, descriptors, points):

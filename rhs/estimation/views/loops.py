@@ -10,7 +10,8 @@ from rhs.api.geometry import inverse
 from rhs.api.records import LoopEdge, View
 
 from .features import match
-from .view_pose import SightingSettings, Snapshot, sight
+from .settings import SightingSettings
+from .view_pose import Snapshot, sight
 
 
 def stored(views: Sequence[View]) -> list[View]:

@@ -9,18 +9,10 @@ import numpy as np
 from rhs.api.geometry import Camera, inverse, transform
 from rhs.api.records import Features, Scan
 
-from .view_support import DEPTH_M, DEPTH_SHARE, PIXELS, in_view
+from .explainability import in_view
+from .settings import ContinuitySettings, scaled_px
 
-# A view goes on when this share of the key-points that ought to be in both is found again, of so many at least. On led laps
-# of three worlds views 0.2 m or 8 degrees apart share 0.29 or more; unrelated ones 0.06 in 99 of 100.
-GOES_ON, TELLING_PAIRS = 0.15, 20
-AGAIN = 0.85  # cosine of descriptors of a key-point found again in the next view
-# A scan goes on when this share of the beams that both views hold ends where the last one says, within so much; it is broken
-# below the other. On led laps of three worlds scans 0.2 m or 8 degrees apart share 0.98 or more, those of a robot carried
-# off 0.04 in the median; in between something may have moved.
-SCAN_GOES_ON, SCAN_BROKEN, TELLING_BEAMS = 0.8, 0.5, 10
-BEAM_M, BEAM_SHARE = 0.08, 0.04  # constant, and of the range
-CARRIED = 0.5  # chance of having been carried elsewhere when a view does not go on from the last; else it was spoiled
+USUAL = ContinuitySettings()
 
 
 class Continuity(StrEnum):
@@ -31,26 +23,31 @@ class Continuity(StrEnum):
     UNKNOWN = "unknown"  # no view before, too few key-points, or none with depth
 
 
-def continuity(last: Features | None, seen: Features, camera: Camera, previous_from_body: np.ndarray) -> Continuity:
+def continuity(
+    last: Features | None, seen: Features, camera: Camera, previous_from_body: np.ndarray, s: ContinuitySettings = USUAL
+) -> Continuity:
     """Whether a view can have been taken one motion (4x4, body) after the last: key-points with depth of the last view are
     drawn into this one and looked for."""
-    if last is None or len(seen.pixels) < TELLING_PAIRS:
+    if last is None or len(seen.pixels) < s.telling_pairs:
         return Continuity.UNKNOWN
     known = np.isfinite(last.points).all(axis=1)
     seen_from_last = inverse(previous_from_body @ camera.body_from_camera) @ camera.body_from_camera
     drawn = transform(seen_from_last, last.points[known].astype(float))
     pixels, inside = in_view(drawn, camera)
     drawn, pixels, theirs = drawn[inside], pixels[inside], last.descriptors[known][inside]
-    if len(drawn) < TELLING_PAIRS:
+    if len(drawn) < s.telling_pairs:
         return Continuity.UNKNOWN
     from .keypoint_kernels import found_again
 
+    limits = scaled_px(s.pixels_px, camera.width), s.depth_share, s.depth_m, s.likeness
     found = found_again(np.column_stack([pixels, drawn[:, 2]]), theirs, seen.pixels.astype(float),
-                        seen.points[:, 2].astype(float), seen.descriptors, (PIXELS, DEPTH_SHARE, DEPTH_M, AGAIN))
-    return Continuity.BROKEN if found < GOES_ON * len(drawn) else Continuity.GOES_ON
+                        seen.points[:, 2].astype(float), seen.descriptors, limits)
+    return Continuity.BROKEN if found < s.goes_on_share * len(drawn) else Continuity.GOES_ON
 
 
-def scan_continuity(last: Scan | None, seen: Scan | None, previous_from_body: np.ndarray) -> Continuity:
+def scan_continuity(
+    last: Scan | None, seen: Scan | None, previous_from_body: np.ndarray, s: ContinuitySettings = USUAL
+) -> Continuity:
     """Whether a scan can have been taken one motion (4x4, body) after the last, whose ends are drawn into this one."""
     if last is None or seen is None:
         return Continuity.UNKNOWN
@@ -62,15 +59,15 @@ def scan_continuity(last: Scan | None, seen: Scan | None, previous_from_body: np
     bearing = np.arctan2(drawn[:, 1], drawn[:, 0])
     inside = (bearing >= seen.bearings_rad.min(initial=0.0)) & (bearing <= seen.bearings_rad.max(initial=0.0))
     beside = np.searchsorted(seen.bearings_rad, bearing)[:, None] + np.arange(-2, 2)  # edges: one of the beams there
-    if inside.sum() < TELLING_BEAMS:
+    if inside.sum() < s.telling_beams:
         return Continuity.UNKNOWN
     there = seen.ranges_m[np.clip(beside, 0, len(seen.bearings_rad) - 1)]
     known = inside & np.isfinite(there).all(axis=1)
-    if known.sum() < TELLING_BEAMS:
+    if known.sum() < s.telling_beams:
         return Continuity.UNKNOWN
     there, reach = there[known], np.hypot(drawn[known, 0], drawn[known, 1])
-    slack = BEAM_M + BEAM_SHARE * reach
+    slack = s.beam_m + s.beam_share * reach
     share = np.mean((reach > there.min(axis=1) - slack) & (reach < there.max(axis=1) + slack))
-    if share < SCAN_BROKEN:
+    if share < s.scan_broken_share:
         return Continuity.BROKEN
-    return Continuity.GOES_ON if share >= SCAN_GOES_ON else Continuity.UNKNOWN
+    return Continuity.GOES_ON if share >= s.scan_goes_on_share else Continuity.UNKNOWN

@@ -6,48 +6,21 @@ An answer is a pose in the map with covariance, or `abstained` with a reason.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rhs.api.geometry import Camera, compose_covariance, inverse, planar, wrap
 from rhs.api.records import Features
 
+from .explainability import explainability, nearest_views
 from .place_memory import Memory, Rootsift
 from .retrieval import make_retrieval
-from .thumbnails import Blocks, Fit, blocks, fit, outdoes
-from .view_pose import Sighting, SightingSettings, Snapshot, sight
-from .view_support import nearest_views, support
+from .settings import PlaceRules, PlaceSettings, SightingSettings
+from .thumbnails import Blocks, ThumbnailFit, blocks, fit, outdoes
+from .view_pose import Sighting, Snapshot, sight
 
-# The map is drawn from the very poses of the stored views; a place is as exact in it as its neighbours are.
-PLACE_SIGMA_M, PLACE_SIGMA_RAD = 0.03, np.radians(0.5)
-TIE, SLOPE = 0.12, 12.0  # of the support of two places, see `shares`
-MOST = 4  # different places whose support is asked for
-APART_M, APART_RAD = 1.0, np.radians(20.0)  # two sightings further apart than this are two different places
-
-
-@dataclass(frozen=True)
-class PlaceSettings:
-    """retrieval: votes, kd_tree or vlad. checks: candidates checked by geometry. min_score: least support (rhs.support) of
-    an answer. rival_share: if a second, distant place has more than this share of the best one's support, the answer is
-    abstained: the two look alike.
-
-    Where views are kept at a glance (rhs.glances): a place fits up to `misfit`, and refutes places that fit worse by `level`
-    sigmas (3.1: by chance once in 1,000). One that does not fit is no answer with fewer than misfit_inliers agreeing
-    key-points; pictures of real cameras seldom fit, but many key-points agree in them. If none fits, a second look asks
-    faint_checks candidates whether they fit with no more than faint_inliers agreeing key-points: worth its time (it doubles
-    a query that finds nothing) for a view asked alone; a robot on its way asks with its next view, so 0 by default."""
-
-    retrieval: str = "vlad"
-    checks: int = 5
-    min_score: float = 0.02
-    rival_share: float = 0.85
-    misfit: float = 1.5
-    level: float = 3.1
-    misfit_inliers: int = 30
-    faint_inliers: int = 6
-    faint_checks: int = 0
-    sighting: SightingSettings = field(default_factory=SightingSettings)
+USUAL = PlaceRules()
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +33,7 @@ class Recognised:
     map_from_body: np.ndarray
     covariance: np.ndarray
     score: float = np.nan
-    fit: Fit | None = None
+    fit: ThumbnailFit | None = None
 
     def fits(self, limit: float) -> bool:
         """Whether the picture is known to look as it must from here; never true of one that cannot be compared."""
@@ -70,7 +43,7 @@ class Recognised:
 @dataclass(frozen=True, eq=False)
 class PlaceAnswer:
     """best: the place recognised, or None when abstained, for `reason`. verified: the best candidate of each different place
-    that passed the check, most inliers first. distinct: those of them that the picture does not refute, best supported
+    that passed the check, most inliers first. distinct: those of them that the picture does not refute, best explained
     first. ranked (T,): the candidates as retrieved, with their scores (T,)."""
 
     best: Recognised | None
@@ -97,28 +70,29 @@ class PlaceDatabase:
     """Answers queries over a memory."""
 
     def __init__(self, memory: Memory, settings: PlaceSettings, rng: np.random.Generator) -> None:
-        self.memory, self._settings, self._rng = memory, settings, rng
+        self.memory, self._settings, self._rules, self._rng = memory, settings, settings.rules, rng
         usable = len(memory) > 0 and len(memory.descriptors) > 0
         self.retrieval = (
             make_retrieval(settings.retrieval, Rootsift(memory.descriptors), memory.starts, rng) if usable else None
         )
 
     def ask(self, query: Features, camera: Camera, also: Sequence[np.ndarray] = ()) -> PlaceAnswer:
-        """Where was this seen? Retrieve, check by geometry, weigh by support; abstain when nothing or too much fits.
+        """Where was this seen? Retrieve, check by geometry, weigh by how much the memory explains; abstain when nothing
+        or too much fits.
 
         also: poses (4x4) believed in, whose nearest stored view is checked as well. Without this a belief would be
         contradicted by answers that never looked at it.
         """
         if self.retrieval is None or len(query.pixels) < 2:
             return _abstained("nothing stored" if self.retrieval is None else "no key-points in the view")
-        ranked, scores = self.retrieval.rank(query.descriptors, 4 * max(self._settings.checks, self._settings.faint_checks))
-        believed = [int(view) for pose in also for view in nearest_views(self.memory, pose, 1)]
-        view = _Asked(Snapshot(query, camera), blocks(query.glance, camera))
+        ranked, scores = self.retrieval.rank(query.descriptors, 4 * max(self._settings.checks, self._rules.faint_checks))
+        believed = [int(view) for pose in also for view in nearest_views(self.memory, pose, 1, self._rules.explain)]
+        view = _Asked(Snapshot(query, camera), blocks(query.thumbnail, camera))
         likely = self._likely([*self._spread(ranked, self._settings.checks), *believed], view, self._settings.sighting)
         comparable = view.blocks is not None and self.memory.greys.size > 0
-        if self._settings.faint_checks > 0 and comparable and not any(map(self._fits, likely)):
-            faint = replace(self._settings.sighting, min_inliers=self._settings.faint_inliers)
-            more = self._likely([*self._spread(ranked, self._settings.faint_checks), *believed], view, faint)
+        if self._rules.faint_checks > 0 and comparable and not any(map(self._fits, likely)):
+            faint = replace(self._settings.sighting, min_inliers=self._rules.faint_inliers)
+            more = self._likely([*self._spread(ranked, self._rules.faint_checks), *believed], view, faint)
             likely = [item for item in more if self._enough(item) or self._fits(item)]
         return self._judged(likely, ranked, scores)
 
@@ -126,7 +100,7 @@ class PlaceDatabase:
         """The best candidates, no more than two of them from one neighbourhood: look-alikes get a hearing."""
         chosen: list[int] = []
         for place in ranked:
-            same = sum(not apart(self.memory.poses[place], self.memory.poses[other]) for other in chosen)
+            same = sum(not apart(self.memory.poses[place], self.memory.poses[other], self._rules) for other in chosen)
             if same < 2:
                 chosen.append(int(place))
             if len(chosen) == most:
@@ -134,28 +108,28 @@ class PlaceDatabase:
         return chosen
 
     def _likely(self, places: Sequence[int], view: _Asked, sighting: SightingSettings) -> list[Recognised]:
-        """Different places among candidates that enough key-points agree on, with support and fit; most inliers first."""
+        """Different places among candidates that enough key-points agree on, with score and fit; most inliers first."""
         found = [self._check(place, view.snapshot, sighting) for place in dict.fromkeys(places)]
         passed = sorted((item for item in found if item is not None), key=lambda r: -r.sighting.inliers)
-        looked = [self._looked(item, view) for item in _distinct(passed, MOST)]
-        return [item for item in looked if item.score >= self._settings.min_score]
+        looked = [self._looked(item, view) for item in _distinct(passed, self._rules)]
+        return [item for item in looked if item.score >= self._rules.min_score]
 
     def _check(self, place: int, query: Snapshot, sighting: SightingSettings) -> Recognised | None:
         stored = Snapshot(self.memory.features(place), self.memory.camera)
         seen = sight(stored, query, settings=sighting, rng=self._rng)
         if seen is None:
             return None
-        covariance = compose_covariance(_place_covariance(), seen.stored_from_query, seen.covariance)
+        covariance = compose_covariance(_place_covariance(self._rules), seen.stored_from_query, seen.covariance)
         return Recognised(place, seen, self.memory.poses[place] @ seen.stored_from_query, covariance)
 
     def _judged(self, likely: Sequence[Recognised], ranked: np.ndarray, scores: np.ndarray) -> PlaceAnswer:
         fitting = [item for item in likely if self._fits(item)]
-        left = [r for r in likely if not any(outdoes(other.fit, r.fit) > self._settings.level for other in fitting)]
+        left = [r for r in likely if not any(outdoes(other.fit, r.fit) > self._rules.level for other in fitting)]
         distinct = tuple(sorted(left, key=lambda r: -r.score))
         best, reason = None, ""
         if not distinct:
             reason = "no candidate passed the geometric check"
-        elif any(rival.score > self._settings.rival_share * distinct[0].score for rival in distinct[1:]):
+        elif any(rival.score > self._rules.rival_share * distinct[0].score for rival in distinct[1:]):
             reason = "two places look alike"
         elif self._doubtful(distinct[0]):
             reason = "the picture does not look like the place"
@@ -164,9 +138,10 @@ class PlaceDatabase:
         return PlaceAnswer(best, reason, tuple(likely), distinct, ranked, scores)
 
     def _looked(self, item: Recognised, view: _Asked) -> Recognised:
-        """The candidate with its support and with how the picture fits there."""
-        score = support(self.memory, view.snapshot.features, view.snapshot.camera, item.map_from_body).score
-        return replace(item, score=score, fit=fit(self.memory, view.blocks, item.map_from_body))
+        """The candidate with its score (explainability) and with how the picture fits there."""
+        seen, rules = view.snapshot, self._rules
+        score = explainability(self.memory, seen.features, seen.camera, item.map_from_body, settings=rules.explain).score
+        return replace(item, score=score, fit=fit(self.memory, view.blocks, item.map_from_body, rules.thumbnails))
 
     def _enough(self, item: Recognised) -> bool:
         return item.sighting.inliers >= self._settings.sighting.min_inliers
@@ -174,42 +149,42 @@ class PlaceDatabase:
     def _doubtful(self, item: Recognised) -> bool:
         """Whether the picture is known not to fit, and too few key-points agree to outweigh that."""
         misfit = np.nan if item.fit is None else item.fit.misfit
-        return bool(misfit > self._settings.misfit) and item.sighting.inliers < self._settings.misfit_inliers
+        return bool(misfit > self._rules.misfit) and item.sighting.inliers < self._rules.misfit_inliers
 
     def _fits(self, item: Recognised) -> bool:
-        return item.fits(self._settings.misfit)
+        return item.fits(self._rules.misfit)
 
 
-def _distinct(verified: Sequence[Recognised], most: int) -> list[Recognised]:
+def _distinct(verified: Sequence[Recognised], rules: PlaceRules) -> list[Recognised]:
     """The verified candidate with most inliers of each different place, at most `most` of them."""
     out: list[Recognised] = []
     for item in verified:
-        if all(apart(item.map_from_body, other.map_from_body) for other in out):
+        if all(apart(item.map_from_body, other.map_from_body, rules) for other in out):
             out.append(item)
-    return out[:most]
+    return out[: rules.most]
 
 
-def shares(distinct: Sequence[Recognised]) -> np.ndarray:
+def shares(distinct: Sequence[Recognised], rules: PlaceRules = USUAL) -> np.ndarray:
     """(D,) how the evidence is divided between distinct places; adds up to one.
 
-    Places within TIE of the best support count as equal: such differences come from where the stored views happen to
-    stand and keep their sign for many views, so they must not be counted view after view. Below, e-fold per 1 / SLOPE.
+    Places within `tie` of the best score count as equal: such differences come from where the stored views happen to
+    stand and keep their sign for many views, so they must not be counted view after view. Below, e-fold per 1 / slope.
     """
     scores = np.array([item.score for item in distinct])
     if len(scores) == 0:
         return scores
-    likely = np.exp(-SLOPE * np.maximum(1.0 - scores / scores.max() - TIE, 0.0))
+    likely = np.exp(-rules.slope * np.maximum(1.0 - scores / scores.max() - rules.tie, 0.0))
     return likely / likely.sum()
 
 
-def apart(pose_a: np.ndarray, pose_b: np.ndarray) -> bool:
+def apart(pose_a: np.ndarray, pose_b: np.ndarray, rules: PlaceRules = USUAL) -> bool:
     """Whether two poses (4x4) are different places rather than two estimates of one."""
     x_m, y_m, yaw_rad = planar(inverse(pose_a) @ pose_b)
-    return bool(np.hypot(x_m, y_m) > APART_M or abs(wrap(yaw_rad)) > APART_RAD)
+    return bool(np.hypot(x_m, y_m) > rules.apart_m or abs(wrap(yaw_rad)) > np.radians(rules.apart_deg))
 
 
-def _place_covariance() -> np.ndarray:
-    return np.diag([PLACE_SIGMA_M**2] * 3 + [PLACE_SIGMA_RAD**2] * 3)
+def _place_covariance(rules: PlaceRules) -> np.ndarray:
+    return np.diag([rules.place_sigma_m**2] * 3 + [np.radians(rules.place_sigma_deg) ** 2] * 3)
 
 
 def _abstained(reason: str) -> PlaceAnswer:

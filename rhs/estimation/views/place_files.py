@@ -36,12 +36,12 @@ def load(path: Path) -> Memory:
             data = {name: file[name] for name in file.files}
         if int(data["format"]) != FORMAT:
             raise ValueError(f"format {int(data['format'])}, expected {FORMAT}")
-        if "greys" not in data:  # written before views were kept at a glance
+        if "greys" not in data:  # written before views were kept as thumbnails
             data["greys"] = np.empty((len(data["poses"]), 0, 0), np.uint8)
         memory = Memory(**{name: data[name] for name in _ARRAYS}, camera=_camera_of(data))
         _check_sizes(memory)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
-        raise RecordingError(f"{path} is not a place database: {error}; write one with rhs.place_files.save") from error
+        raise RecordingError(f"{path} is not a place database: {error}; write one with place_files.save") from error
     return memory
 
 

@@ -21,7 +21,7 @@ BYTE_SCALE = 512.0
 class Memory:
     """Stored views as plain arrays: poses (P, 4, 4) map_from_body; indices (P,) of the views in their survey;
     starts (P + 1,) rows of the key-points of each view in pixels (M, 2), descriptors (M, 128) uint8, points (M, 3);
-    greys (P, h, w) uint8: the views at a glance, empty pictures when they were not kept."""
+    greys (P, h, w) uint8: the thumbnails of the views, empty pictures when they were not kept."""
 
     poses: np.ndarray
     indices: np.ndarray
@@ -72,11 +72,11 @@ def memory_of(views: Sequence[View]) -> Memory:
 
 
 def _greys(parts: Sequence[Features]) -> np.ndarray:
-    """(P, h, w) uint8 pictures at a glance; of no pixels unless all views have one, of the same size."""
-    glances = [part.glance for part in parts]
-    if any(g is None for g in glances) or len({g.grey.shape for g in glances if g is not None}) != 1:
+    """(P, h, w) uint8 thumbnails; of no pixels unless all views have one, of the same size."""
+    thumbnails = [part.thumbnail for part in parts]
+    if any(g is None for g in thumbnails) or len({g.grey.shape for g in thumbnails if g is not None}) != 1:
         return np.empty((len(parts), 0, 0), np.uint8)
-    return np.stack([g.grey for g in glances if g is not None])
+    return np.stack([g.grey for g in thumbnails if g is not None])
 
 
 @dataclass(frozen=True, eq=False)

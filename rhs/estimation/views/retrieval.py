@@ -22,7 +22,8 @@ class Retrieval(Protocol):
 
 
 class Descriptors(Protocol):
-    """(M, 128) float32 rows, all at once or made where they are looked at: an array, or rhs.memory.Rootsift."""
+    """(M, 128) float32 rows, all at once or made where they are looked at: an array, or
+    rhs.estimation.views.place_memory.Rootsift."""
 
     def __len__(self) -> int: ...
 

@@ -1,7 +1,7 @@
 """Rigid motion between two views whose key-points have depth: RANSAC, weighted Procrustes, reprojection refinement.
 
 Everywhere `p` (N, 3) are points in the camera frame of view b, `q` (N, 3) the same points in the camera frame of view
-a, and the result is a_from_b with the covariance of its right perturbation (see rhs.geometry).
+a, and the result is a_from_b with the covariance of its right perturbation (see rhs.api.geometry).
 Used by the odometry, by the check of a recognised place and by loop closing.
 """
 
@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.geometry import align, exp_se3, orthonormal, transform
+
+from .settings import RansacSettings
 
 HUBER = 2.0  # sigmas beyond which a pair pulls no harder
 
@@ -33,7 +35,7 @@ class PointNoise:
 
     @property
     def numbers(self) -> np.ndarray:
-        """(4,) as rhs.rigid_kernels takes them."""
+        """(4,) as rhs.estimation.views.rigid_kernels takes them."""
         return np.array([self.pixel_px / self.focal_px, self.constant_m, self.quadratic_per_m, self.nearest_m])
 
     def isotropic(self, points: np.ndarray) -> np.ndarray:
@@ -49,14 +51,6 @@ class PointNoise:
         out[:, 0, 0] += across
         out[:, 1, 1] += across
         return out
-
-
-@dataclass(frozen=True)
-class RansacSettings:
-    """hypotheses: three-point motions tried. gate_sigma: a pair further off than this many sigmas is an outlier."""
-
-    hypotheses: int = 200
-    gate_sigma: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ def _projected(pose, moved, by_p):
 @compiled
 def _weight(by_p, p, q, noise, weight):
     """weight (3, 3): inverse of the covariance of the residual. Either end is uncertain along its ray and across it
-    (rhs.rigid.PointNoise); of q only the inverse depth feels the former."""
+    (rhs.estimation.views.rigid.PointNoise); of q only the inverse depth feels the former."""
     u, v, z = p[0] / p[2], p[1] / p[2], q[2]
     along, across = _variances(p, noise)
     c = np.empty((3, 3))

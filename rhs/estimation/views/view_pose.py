@@ -6,7 +6,7 @@ is the camera pose from points and pixels (PnP). Without any depth nothing can b
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,18 +14,8 @@ from rhs.api.geometry import Camera, adjoint, exp_so3, inverse, se3, transform
 from rhs.api.records import Features
 
 from .features import match
-from .rigid import PointNoise, RansacSettings, ransac_rigid, refine_reprojection
-
-
-@dataclass(frozen=True)
-class SightingSettings:
-    """min_inliers: key-points that must agree on one motion. min_coverage: least share of the key-points which ought to
-    be seen again, were the place the same, that are. ratio: Lowe's ratio of the matches."""
-
-    min_inliers: int = 15
-    min_coverage: float = 0.0
-    ratio: float = 0.8
-    ransac: RansacSettings = field(default_factory=RansacSettings)
+from .rigid import PointNoise, ransac_rigid, refine_reprojection
+from .settings import SightingSettings
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,12 +23,12 @@ class FakeSource:
 
     needs: ClassVar[frozenset[str]] = NOTHING
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "driving", "command", "wheel"})
-    # pixels across
     image_width: int = 32
-    # views of the survey
+    """pixels across"""
     views: int = 6
-    # seconds it takes to come up with a view
+    """views of the survey"""
     delay_s: float = 0.0
+    """seconds it takes to come up with a view"""
 
     def build(self, context: Any) -> Any:
         from .room import Room
@@ -126,10 +126,14 @@ class FakeBlind(FakeOdometry):
 class Faulty(FakeOdometry):
     """Goes wrong in the way one asks for."""
 
-    how: str = "none"  # what happens
-    at: int = 3  # at which view
-    seed: int = -1  # only in the run with this seed; -1: always
-    flag: str = ""  # a file; while it exists, nothing goes wrong
+    how: str = "none"
+    """what happens"""
+    at: int = 3
+    """at which view"""
+    seed: int = -1
+    """only in the run with this seed; -1: always"""
+    flag: str = ""
+    """a file; while it exists, nothing goes wrong"""
 
     def __post_init__(self) -> None:
         check_choice("odometry.faulty", "how", self.how, FAULTS)
@@ -301,15 +305,16 @@ class FakePlanner:
 
     needs: ClassVar[frozenset[str]] = NOTHING
     provides: ClassVar[frozenset[str]] = NOTHING
-    # points drawn
     samples: int = 100
-    step_m: float = 0.5  # longest edge, metres
+    """points drawn"""
+    step_m: float = 0.5
+    """longest edge, metres"""
     mode: str = "fast"
     """a word"""
     smooth: bool = True
     """a switch"""
-    # numbers of several kinds
     weights: list[float] = field(default_factory=lambda: [1.0, 2.0])
+    """numbers of several kinds"""
     limit: float | None = None
     """a number or none"""
     norm: Literal["l1", "l2"] = "l2"

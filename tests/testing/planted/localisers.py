@@ -8,7 +8,7 @@ import numpy as np
 
 from rhs.api.belief import moved
 from rhs.api.geometry import inverse, planar, se2
-from rhs.api.records import Belief, Knowing, Tracking
+from rhs.api.records import Belief, BeliefStatus, Tracking
 
 from . import settings
 
@@ -25,7 +25,7 @@ class Honest:
         self.views = views
 
     def start(self, belief):
-        self.belief = belief or Belief(np.eye(4), WIDE, Knowing.LOST, 0.0)
+        self.belief = belief or Belief(np.eye(4), WIDE, BeliefStatus.LOST, 0.0)
 
     def update(self, observation, motion):
         self.belief = self.after(motion)
@@ -151,7 +151,7 @@ class Optimist(Honest):
     says = "it claims to track"
 
     def after(self, motion):
-        return replace(moved(self.belief, motion), status=Knowing.TRACKING)
+        return replace(moved(self.belief, motion), status=BeliefStatus.TRACKING)
 
 
 class Pessimist(Honest):
@@ -159,7 +159,7 @@ class Pessimist(Honest):
     says = "it tracks in only"
 
     def after(self, motion):
-        return replace(moved(self.belief, motion), status=Knowing.CONVERGING)
+        return replace(moved(self.belief, motion), status=BeliefStatus.CONVERGING)
 
 
 class Overlikely(Honest):
@@ -181,7 +181,7 @@ class NotANumber(Honest):
 
 class Wordy(Honest):
     """A status that nobody knows."""
-    says = "a Knowing"
+    says = "a BeliefStatus"
 
     def after(self, motion):
         return replace(moved(self.belief, motion), status="tracking")

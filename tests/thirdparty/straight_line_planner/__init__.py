@@ -17,8 +17,8 @@ class StraightLine:
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    # distance between the points at which the line is looked at, metres
     step_m: float = 0.05
+    """distance between the points at which the line is looked at, metres"""
 
     def __post_init__(self) -> None:
         check_range("planner.straight_line", "step_m", self.step_m, low=0.01, high=1.0, unit="m")

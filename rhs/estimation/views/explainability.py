@@ -15,20 +15,13 @@ from rhs.api.geometry import Camera, inverse, planar, transform, wrap
 from rhs.api.records import Features
 
 from .place_memory import Memory
+from .settings import ExplainSettings, scaled_px
 
-NEAR_M, NEAR_RAD = 2.0, np.radians(40.0)  # stored views this near a pose may show what is seen from it
-PIXELS = 5.0  # a key-point is found within this distance of where it is drawn ...
-LIKENESS = 0.75  # ... with at least this cosine of the descriptors ...
-DEPTH_SHARE, DEPTH_M = 0.08, 0.05  # ... at the same depth up to this share and constant, where it is known
-
-TELLING = 60  # a view with fewer key-points says nothing by not being recognised
-# How much likelier it is that no place is recognised somewhere else than where one ought to be: of views beside the
-# surveyed way 1 to 10 % are not recognised, of views that look the other way nearly all.
-SILENCE = 5.0
+USUAL = ExplainSettings()
 
 
 @dataclass(frozen=True)
-class Support:
+class Explainability:
     """explained: share of the query's key-points that the memory accounts for. found: share of the memory's key-points
     drawn into the query that are seen there. Both 0..1; `score` is their product."""
 
@@ -40,24 +33,28 @@ class Support:
         return self.explained * self.found
 
 
-def support(memory: Memory, query: Features, camera: Camera, map_from_body: np.ndarray, *, views: int = 4) -> Support:
-    """What the `views` stored views nearest to a pose (4x4) explain of a query taken there."""
-    near = nearest_views(memory, map_from_body, views)
+def explainability(
+    memory: Memory, query: Features, camera: Camera, map_from_body: np.ndarray, *, settings: ExplainSettings = USUAL
+) -> Explainability:
+    """What the stored views nearest to a pose (4x4) explain of a query taken there."""
+    near = nearest_views(memory, map_from_body, settings.views, settings)
     drawn, rows = _drawn(memory, near, camera, map_from_body)
     if len(rows) == 0 or len(query.pixels) == 0:
-        return Support(0.0, 0.0)
+        return Explainability(0.0, 0.0)
     pixels = camera.project(drawn)
-    close = ((query.pixels[:, None] - pixels[None]) ** 2).sum(axis=2) < PIXELS**2
+    close = ((query.pixels[:, None] - pixels[None]) ** 2).sum(axis=2) < scaled_px(settings.pixels_px, camera.width) ** 2
     ours, theirs = np.nonzero(close)
-    alike = np.einsum("nd,nd->n", query.descriptors[ours], memory.rootsift(rows[theirs])) > LIKENESS
+    alike = np.einsum("nd,nd->n", query.descriptors[ours], memory.rootsift(rows[theirs])) > settings.likeness
     depth = query.points[ours, 2]
     with np.errstate(invalid="ignore"):
-        level = ~(np.abs(drawn[theirs, 2] - depth) > DEPTH_SHARE * depth + DEPTH_M)
+        level = ~(np.abs(drawn[theirs, 2] - depth) > settings.depth_share * depth + settings.depth_m)
     hit = alike & level
-    return Support(len(np.unique(ours[hit])) / len(query.pixels), len(np.unique(theirs[hit])) / len(rows))
+    return Explainability(len(np.unique(ours[hit])) / len(query.pixels), len(np.unique(theirs[hit])) / len(rows))
 
 
-def nearest_views(memory: Memory, map_from_body: np.ndarray, count: int) -> np.ndarray:
+def nearest_views(
+    memory: Memory, map_from_body: np.ndarray, count: int, settings: ExplainSettings = USUAL
+) -> np.ndarray:
     """Up to `count` stored views that look the same way from near a pose, nearest first."""
     if len(memory) == 0:
         return np.empty(0, int)
@@ -65,20 +62,20 @@ def nearest_views(memory: Memory, map_from_body: np.ndarray, count: int) -> np.n
     stands = memory.stands
     gap = np.hypot(stands[:, 0] - x_m, stands[:, 1] - y_m)
     turn = np.abs(wrap(stands[:, 2] - yaw_rad))
-    cost = np.where((gap <= NEAR_M) & (turn <= NEAR_RAD), gap + 2.0 * turn, np.inf)
+    cost = np.where((gap <= settings.near_m) & (turn <= np.radians(settings.near_deg)), gap + 2.0 * turn, np.inf)
     order = np.argsort(cost, kind="stable")[:count]
     return order[np.isfinite(cost[order])]
 
 
-def expected(memory: Memory, query: Features, map_from_body: np.ndarray) -> bool:
+def expected(memory: Memory, query: Features, map_from_body: np.ndarray, settings: ExplainSettings = USUAL) -> bool:
     """Whether a view with so many key-points, taken from this pose (4x4), ought to be recognised: a stored view stands
-    within 0.8 m and 20 degrees. That it is not is evidence too (`SILENCE`)."""
-    if len(query.pixels) < TELLING or len(memory) == 0:
+    near. That it is not is evidence too (`silence`)."""
+    if len(query.pixels) < settings.telling or len(memory) == 0:
         return False
     x_m, y_m, yaw_rad = planar(map_from_body)
     gap = np.hypot(memory.stands[:, 0] - x_m, memory.stands[:, 1] - y_m)
     turn = np.abs(wrap(memory.stands[:, 2] - yaw_rad))
-    return bool(np.any((gap < 0.8) & (turn < np.radians(20.0))))
+    return bool(np.any((gap < settings.expected_m) & (turn < np.radians(settings.expected_deg))))
 
 
 def in_view(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,5 @@
-"""Has the robot watched its own way? Each view is compared with the one before, by key-points and scans (rhs.continuity)."""
+"""Has the robot watched its own way? Each view is compared with the one before, by key-points and scans
+(rhs.estimation.views.motion_consistency)."""
 
 from __future__ import annotations
 
@@ -8,15 +9,18 @@ from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import features
 from rhs.estimation.views.motion_consistency import Continuity, continuity, scan_continuity
+from rhs.estimation.views.settings import ContinuitySettings
 
-SMOOTH = 0.9  # share above which a scan shows that a robot without key-points to tell is still where it expects to be
+USUAL = ContinuitySettings()
 
 
-class Watching:
-    """Remembers the last view. walls: the map, or None for a robot without one."""
+class ContinuityWatch:
+    """Remembers the last view. walls: the map, or None for a robot without one. smooth_share: of a scan's ends on walls,
+    above which a robot whose key-points cannot tell is still where it expects to be."""
 
-    def __init__(self, settings: FeatureSettings, walls: ScanMatcher | None) -> None:
-        self._settings, self._walls = settings, walls
+    def __init__(self, settings: FeatureSettings, walls: ScanMatcher | None, rules: ContinuitySettings = USUAL,
+                 *, smooth_share: float = 0.9) -> None:
+        self._settings, self._walls, self._rules, self._smooth_share = settings, walls, rules, smooth_share
         self.begin()
 
     def begin(self) -> None:
@@ -31,14 +35,14 @@ class Watching:
         the new one lies on the walls of the map as well."""
         last, scan = self._features, self._scan
         self._features, self._scan = features(observation, self._settings), observation.scan
-        seen = continuity(last, self._features, observation.camera, motion.previous_from_body)
+        seen = continuity(last, self._features, observation.camera, motion.previous_from_body, self._rules)
         if seen is not Continuity.UNKNOWN:
             return seen
-        if scan_continuity(scan, self._scan, motion.previous_from_body) is Continuity.BROKEN:
+        if scan_continuity(scan, self._scan, motion.previous_from_body, self._rules) is Continuity.BROKEN:
             return Continuity.BROKEN
         return Continuity.GOES_ON if self._on_walls(expected) else seen
 
     def _on_walls(self, pose: np.ndarray | None) -> bool:
         if self._scan is None or self._walls is None or pose is None:
             return False
-        return self._walls.share(self._scan, pose) >= SMOOTH
+        return self._walls.share(self._scan, pose) >= self._smooth_share

@@ -7,7 +7,7 @@ from rhs_odometry.corridor.state import Plane
 from rhs_odometry.corridor.wall_map import walls_of
 from rhs_odometry.corridor.walls import with_hits
 from rhs_odometry.tracks.__main__ import main
-from rhs_odometry.tracks.replay import Replay, figures
+from rhs_odometry.tracks.replay import FilterRun, figures
 from rhs_odometry.tracks.synthetic import named_tracks
 from rhs_odometry.tracks.track_frames import Tracks, save_tracks
 
@@ -44,7 +44,7 @@ def test_figures_of_a_constant_error():
     way = np.concatenate([np.arange(0, 5, 0.1), np.full(50, 5.0)])
     truth = np.column_stack([way, np.concatenate([np.zeros(50), np.arange(0, 5, 0.1)]), np.repeat([0.0, np.pi / 2], 50)])
     error = np.tile([0.0, 0.3, np.radians(1.0)], (100, 1))
-    run = Replay(truth + error, truth, error, np.ones((100, 3)), np.ones(100), np.ones(100, bool), (), np.ones(100))
+    run = FilterRun(truth + error, truth, error, np.ones((100, 3)), np.ones(100), np.ones(100, bool), (), np.ones(100))
     got = figures(run)
     assert got["ate_m"] == pytest.approx(0.3) and got["half_way_error_m"] == pytest.approx(0.3)
     assert got["corners"] == 1 and got["yaw_after_corner_deg"] == pytest.approx(1.0)

@@ -1,4 +1,4 @@
-"""When may a robot say that it knows where it is? While places vouch for its pose since the last doubt, and only a
+"""When may a robot say that it knows where it is? While places confirm its pose since the last doubt, and only a
 contradiction is a doubt.
 
 One recognised place is not enough where paintings look alike, and a robot that turns on the spot sees the same look-alike
@@ -19,28 +19,18 @@ from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.motion_consistency import Continuity
 from rhs.estimation.views.place_database import PlaceAnswer, Recognised
 
-CONFIRMATIONS, WAY_M = 4, 1.5  # so many named places in a row, over so much way, agree with the motion
-AGAINST, AGAINST_M = 6, 3.0  # so many speak against a belief that is held before it is doubted: a copy of a painting is
-# taken for the other one for as long as the robot drives towards it
-JUMP_M, JUMP_RAD = 0.75, np.radians(30.0)  # a belief that moved so far off its own motion is another belief
-SILENCES, SILENT_M = 6, 2.0  # views in which a place was expected and none recognised; way of a robot that watched its way
-STRONG = 0.25  # support (rhs.support) of a named place below which it neither vouches nor speaks against what is known: in a
-# building of eight paintings 6 of 7 right ones have more, 3 of 4 wrong ones less
-FITS = 0.7  # least share of a scan's ends on walls of the map, seen from a pose that a place vouches for
-ROOM_M = 0.15  # a robot does not stand as near to a wall as this
-UNNAMED = 0.2  # chance of a belief that no place confirms
-STALE_M = 2.0  # way without a place that halves the chance of a belief which is not vouched for
-FORGOTTEN_M = 2.0  # way after which a place named elsewhere, and not again, is forgotten
-SAME_M, SAME_RAD = 1.0, np.radians(20.0)  # two named poses as near as this are one place
+from .advanced import ConfirmationRules
+
+USUAL = ConfirmationRules()
 
 
-class Vouching:
-    """Counts what speaks for the pose believed in. known: told where it is, or nothing is there to vouch.
+class Confirmation:
+    """Counts what speaks for the pose believed in. known: it was given where it is, or nothing is there to confirm it.
 
-    vouched: it may call itself sure. watched: since a place last vouched, each view went on from the one before."""
+    confirmed: it may call itself sure. watched: since a place last confirmed, each view went on from the one before."""
 
-    def __init__(self, known: bool) -> None:
-        self.vouched, self.watched = known, known
+    def __init__(self, known: bool, rules: ConfirmationRules = USUAL) -> None:
+        self.confirmed, self.watched, self._rules = known, known, rules
         self._clear()
 
     def _clear(self) -> None:
@@ -52,15 +42,15 @@ class Vouching:
     @property
     def held(self) -> bool:
         """Sure, and nobody can have carried it off unseen: what speaks against it has to be strong."""
-        return self.vouched and self.watched
+        return self.confirmed and self.watched
 
     def doubt(self) -> None:
         """What was known is known no longer."""
-        self.vouched = False
+        self.confirmed = False
         self._clear()
 
     def divided(self) -> None:
-        """The belief is shared between places: it is not sure, and those that vouch have to begin anew."""
+        """The belief is shared between places: it is not sure, and those that confirm it have to begin anew."""
         named, stale_m = self._named, self._stale_m
         self.doubt()
         self._named, self._stale_m = named, stale_m
@@ -75,51 +65,53 @@ class Vouching:
         if seen is Continuity.BROKEN:
             self.doubt()
 
-    def hear(self, agrees: bool) -> None:
-        """A place was named with much support: where the robot believes to be, or elsewhere. One named elsewhere does not
-        overthrow what is vouched for, but those that vouch have to begin anew."""
+    def place_named(self, *, agrees: bool) -> None:
+        """A place that explains much of the view was named: where the robot believes to be, or elsewhere. One named
+        elsewhere does not overthrow what is confirmed, but those that confirm it have to begin anew."""
         self._named, self._stale_m = agrees, 0.0
         if not agrees:
             self._count, self._way_m = 0, 0.0
             return
         self._silences, self._silent_m, self.watched = 0, 0.0, True
         self._count += 1
-        self.vouched = self.vouched or (self._count >= CONFIRMATIONS and self._way_m >= WAY_M)
+        self.confirmed = self.confirmed or (self._count >= self._rules.confirmations and self._way_m >= self._rules.way_m)
 
     def silent(self) -> bool:
         """No place was recognised where one ought to be. Whether that speaks against the belief at once; to a robot that
         watched its way it does so only after some way."""
         held = self.held
         self._silences += 1
-        if self._silences >= SILENCES and (not held or self._silent_m >= SILENT_M):
+        if self._silences >= self._rules.silences and (not held or self._silent_m >= self._rules.silent_m):
             self.doubt()
         return not held
 
     def follow(self, expected: np.ndarray, believed: np.ndarray) -> None:
         """Doubt when the belief (3,) is not where the one before and the motion put it (3,)."""
         gap = believed - expected
-        if np.hypot(gap[0], gap[1]) > JUMP_M or abs(wrap(gap[2])) > JUMP_RAD:
+        if np.hypot(gap[0], gap[1]) > self._rules.jump_m or abs(wrap(gap[2])) > np.radians(self._rules.jump_deg):
             self.doubt()
 
     @property
     def chance(self) -> float:
         """Chance that the best belief is right, were its weight one: low while no place was named there, rising with the way
-        confirmed, falling with the way in which nothing more was: then it is time to look round again (rhs.search)."""
-        if self.vouched or not self._named:
-            return 1.0 if self.vouched else UNNAMED
-        confirmed = 0.6 + 0.35 * min(self._count / CONFIRMATIONS, self._way_m / WAY_M, 1.0)
-        return max(confirmed * 0.5 ** (self._stale_m / STALE_M), UNNAMED)
+        confirmed, falling with the way in which nothing more was: then it is time to look round again
+        (rhs.patrol.relocate)."""
+        r = self._rules
+        if self.confirmed or not self._named:
+            return 1.0 if self.confirmed else r.unnamed
+        confirmed = 0.6 + 0.35 * min(self._count / r.confirmations, self._way_m / r.way_m, 1.0)
+        return max(confirmed * 0.5 ** (self._stale_m / r.stale_m), r.unnamed)
 
 
-class Rumour:
-    """Places named somewhere else while the robot knows where it is: looked at again before anything is moved.
+class Contradiction:
+    """PlaceEvidence named somewhere else while the robot knows where it is: looked at again before anything is moved.
 
     A named place counts against a sharp belief only when `repeats` views in a row name it, at poses that differ by the
     motion between them: a look-alike seldom stays one as the robot moves. Against a belief that is `held` it takes
-    AGAINST of them over AGAINST_M."""
+    `against` of them over `against_m`."""
 
-    def __init__(self, repeats: int = 3) -> None:
-        self._repeats = repeats
+    def __init__(self, rules: ConfirmationRules = USUAL) -> None:
+        self._rules = rules
         self._forget()
 
     def _forget(self) -> None:
@@ -134,41 +126,43 @@ class Rumour:
     def chance(self, *, held: bool) -> float:
         """What the belief keeps of its chance: each place named elsewhere takes half of it, or 3 % of a belief that is
         held; there no more of them count than would overthrow it."""
-        return 0.97 ** min(self._count, AGAINST) if held else 0.5**self._count
+        return 0.97 ** min(self._count, self._rules.against) if held else 0.5**self._count
 
     def move(self, previous_from_body: np.ndarray) -> None:
         """The robot moved (4x4), and so would the named places have."""
         self._named = np.array([planar(se2(*pose) @ previous_from_body) for pose in self._named]).reshape(-1, 3)
         way_m = float(np.hypot(*planar(previous_from_body)[:2])) if self._count else 0.0
         self._way_m, self._silent_m = self._way_m + way_m, self._silent_m + way_m
-        if self._silent_m > FORGOTTEN_M:
+        if self._silent_m > self._rules.forgotten_m:
             self._forget()
 
     def convinces(self, named: Sequence[np.ndarray], *, against: bool, held: bool) -> bool:
-        """Whether the named poses (3,) are to be heeded. Those that do not speak against a sharp belief always are."""
+        """Whether the named poses (3,) are to be accepted. Those that do not speak against a sharp belief always are."""
         if not against:
             self._forget()
             return True
         self._silent_m = 0.0
-        again = any(same_place(pose, mean) for mean in self._named for pose in named)
+        again = any(same_place(pose, mean, self._rules) for mean in self._named for pose in named)
         self._count, self._way_m = (self._count + 1, self._way_m) if again else (1, 0.0)
         self._named = np.array(named).reshape(-1, 3)
         if held:
-            return self._count >= AGAINST and self._way_m >= AGAINST_M
-        return self._count >= self._repeats
+            return self._count >= self._rules.against and self._way_m >= self._rules.against_m
+        return self._count >= self._rules.repeats
 
 
-def possible(answer: PlaceAnswer, walls: ScanMatcher | None) -> list[Recognised]:
+def possible(answer: PlaceAnswer, walls: ScanMatcher | None, rules: ConfirmationRules = USUAL) -> list[Recognised]:
     """The distinct places of an answer, without those where no robot can stand."""
-    return [item for item in answer.distinct if walls is None or walls.room_m(planar(item.map_from_body)) >= ROOM_M]
+    return [r for r in answer.distinct if walls is None or walls.room_m(planar(r.map_from_body)) >= rules.room_m]
 
 
-def fits(scan: Scan | None, walls: ScanMatcher | None, pose: np.ndarray) -> bool:
+def fits(
+    scan: Scan | None, walls: ScanMatcher | None, pose: np.ndarray, rules: ConfirmationRules = USUAL
+) -> bool:
     """Whether a scan, if there is one, could have been taken from a planar pose (3,)."""
-    return scan is None or walls is None or not walls.share(scan, pose) < FITS
+    return scan is None or walls is None or not walls.share(scan, pose) < rules.fits_share
 
 
-def same_place(pose_a: np.ndarray, pose_b: np.ndarray) -> bool:
+def same_place(pose_a: np.ndarray, pose_b: np.ndarray, rules: ConfirmationRules = USUAL) -> bool:
     """Whether two planar poses (3,) are one place."""
     gap = pose_a - pose_b
-    return bool(np.hypot(gap[0], gap[1]) < SAME_M and abs(wrap(gap[2])) < SAME_RAD)
+    return bool(np.hypot(gap[0], gap[1]) < rules.same_m and abs(wrap(gap[2])) < np.radians(rules.same_deg))

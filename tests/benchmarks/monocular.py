@@ -1,8 +1,8 @@
 """One-eye odometries on simulated surveys, no alignment anywhere:
 
-    python tests/benchmarks/one_eye.py --tracks /tmp/tracks            # all cases; surveys are rendered once and kept
-    python tests/benchmarks/one_eye.py --tracks /tmp/tracks square     # one case
-    python tests/benchmarks/one_eye.py --tracks /tmp/tracks square --runs 4 --filters command   # part of one
+    python tests/benchmarks/monocular.py --tracks /tmp/tracks            # all cases; surveys are rendered once and kept
+    python tests/benchmarks/monocular.py --tracks /tmp/tracks square     # one case
+    python tests/benchmarks/monocular.py --tracks /tmp/tracks square --runs 4 --filters command   # part of one
 
 Rows of earlier calls in OUT are kept; the same run again replaces its row. Begin in an empty OUT where the code changed.
 
@@ -35,8 +35,9 @@ from rhs.estimation.scans.wall_rays import cast_on_walls
 from rhs.worlds.world import load_world
 from rhs_mappers.occupancy import OccupancyMapper
 from rhs_mappers.occupancy_config import Occupancy
-from rhs_odometry.tracks.klt import KltSettings, KltTracker
-from rhs_odometry.tracks.replay import Replay, figures, replay
+from rhs_odometry.tracks.klt import KltTracker
+from rhs_odometry.tracks.replay import FilterRun, figures, run_filter
+from rhs_odometry.tracks.settings import KltSettings
 from rhs_odometry.tracks.track_frames import Tracks, load_tracks, save_tracks
 
 COMMAND: dict[str, Any] = {}
@@ -137,13 +138,13 @@ def run_case(name: str, case: Case, folder: Path) -> Iterator[dict[str, Any]]:
         tracking = {"tracking_ms_median": float(np.median(spent_ms)), "tracking_ms_p95": float(np.percentile(spent_ms, 95))}
         true_free = drawn_truth(world, tracks)
         for label, (odometry, settings) in case.filters.items():
-            played = replay(odometry, settings, tracks)
+            played = run_filter(odometry, settings, tracks)
             run = {**figures(played), **map_figures(played, world, true_free), **tracking}
             print(name, way, seed, label, f"ate {run['ate_m']:.3f} end {run['end_error_m']:.3f}", flush=True)
             yield {"case": name, "filter": label, "seed": seed, "direction": way, **run}
 
 
-def map_figures(run: Replay, world: World, true_free: np.ndarray) -> dict[str, float]:
+def map_figures(run: FilterRun, world: World, true_free: np.ndarray) -> dict[str, float]:
     """Walls found: true walls longer than a metre with a wall of the filter along at least half of them, no more than
     0.3 m off; their offsets. Free-space IoU of the map drawn from the filter's poses and walls against the same beams
     drawn from the true poses and walls, without alignment, cells of 0.1 m."""

@@ -11,26 +11,31 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 
 from rhs.api import contracts, records
 from rhs.api.contracts import PLUGIN_KINDS
-from rhs.config import registry
+from rhs.api.metric import Metric
 
-from .evaluate import metrics
+from . import registry
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column in words: name, unit as people write it, meaning, and where it comes from."""
+    """One column in words: name, unit as people write it, meaning, where it comes from, and of what kind it is: `word`,
+    `count` (a whole number), `number`, or empty where that is not known."""
 
     name: str
     unit: str
     meaning: str
     source: str
+    kind: str = ""
 
 
-def _rows(source: str, *columns: tuple[str, str, str]) -> tuple[Column, ...]:
-    return tuple(Column(name, unit, meaning, source) for name, unit, meaning in columns)
+def _rows(source: str, *columns: tuple[str, str, str], words: tuple[str, ...] = (), counts: tuple[str, ...] = (),
+          ) -> tuple[Column, ...]:
+    return tuple(Column(name, unit, meaning, source, "word" if name in words else "count" if name in counts else "number")
+                 for name, unit, meaning in columns)
 
 
 RUN = _rows(
@@ -56,12 +61,26 @@ RUN = _rows(
     ("wall_ms", "ms", "time of the whole run on this machine"),
     ("real_time_factor", "", "time the robot lived through per time the program took"),
     ("peak_memory_mb", "MB", "most memory the process held"),
+    words=("status", "reason", "failure", "task", "world", *PLUGIN_KINDS, "config_hash", "plugins", "commit", "versions",
+           "renderer", "scale_from", "lost", "metric_failures", "picture_failures"),
+    counts=("seed",),
 )
+LAST = ("commit", "versions", "renderer", "scale_from", "lost", "views", "metric_failures", "picture_failures", "wall_ms",
+        "real_time_factor", "peak_memory_mb")
+RUN_FIRST = tuple(column for column in RUN if column.name not in LAST)
+RUN_LAST = tuple(column for column in RUN if column.name in LAST)
 TASKS = _rows(
     "rhs_tasks",
-    ("plan_learn_ms", "ms", "task=planning: CPU time to learn the map, before the first question"),
-    ("plan_ms", "ms", "task=planning: CPU time of the first question after learning"),
+    ("plan_learn_ms", "ms", "task=planning: of that, what the same question took less the second time: learning"),
+    ("plan_ms", "ms", "task=planning: CPU time of the first question, learning included"),
     ("plan_again_ms", "ms", "task=planning: CPU time of the same question again"),
+    ("plan_wall_ms", "ms", "task=planning: wall-clock time of the first question"),
+    ("plan_claimed_ms", "ms", "task=planning: what the planner says it took"),
+    ("plan_again_wall_ms", "ms", "task=planning: wall-clock time of the second question"),
+    ("plan_again_claimed_ms", "ms", "task=planning: what the planner says the second took"),
+    ("plan_learn_wall_ms", "ms", "task=planning: learning, by the wall clock"),
+    ("plan_learn_claimed_ms", "ms", "task=planning: what the planner says learning took"),
+    ("plan_start_moved_m", "m", "task=planning: how far the planner set off from a blocked start; any plan_* is its detail"),
     ("places_stored", "", "task=places: views stored"),
     ("queries", "", "task=places: views asked off the route"),
     *((f"loc{name}_{outcome}", "share", f"task=places: answers of {words} that were {outcome}")
@@ -124,19 +143,48 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
     "Events (steps.csv, event)": records.Event,
     "Mission statuses (missions.json)": records.MissionStatus,
     "Motion statuses (steps.csv, motion_status)": records.Tracking,
-    "Belief statuses (steps.csv, belief_status)": records.Knowing,
+    "Belief statuses (steps.csv, belief_status)": records.BeliefStatus,
     "Plan reasons (plan_reason, plans.json)": records.PlanReason,
     "Answers to a blocked way (rhs.replan)": contracts.Blocked,
 }
 
 
+GROUPS = ("patrol", "calibration", "survey", "map", "planning", "stages")  # ours, in the order of a table
+
+
+def metrics(task: str = "") -> list[Metric]:
+    """The metrics of a task's rows (empty: of any), ours first and then everybody's. Those of a plugin that cannot be
+    imported are left out; `python -m rhs help kinds` says so."""
+    groups = sorted(registry.names("metric"), key=lambda name: (GROUPS.index(name) if name in GROUPS else len(GROUPS), name))
+    found = [metric for name in groups if registry.failure("metric", name) is None
+             for metric in registry.load("metric", name)]  # type: ignore[attr-defined]
+    return [metric for metric in found if not task or not metric.tasks or task in metric.tasks]
+
+
 def columns() -> dict[str, Column]:
     """Every column a row can have, by name, in the order of a table."""
-    known = {column.name: column for column in RUN}
-    for task in registry.names("task"):
-        for metric in metrics(task):
-            known.setdefault(metric.name, Column(metric.name, metric.unit, metric.meaning, metric.source))
-    return known | {column.name: column for column in TASKS if column.name not in known}
+    return _columns(tuple(registry.names("metric")))[0]
+
+
+def rank(name: str) -> int | None:
+    """Place of a column in that order; None for one that nobody described."""
+    return _columns(tuple(registry.names("metric")))[1].get(name)
+
+
+@cache
+def _columns(groups: tuple[str, ...]) -> tuple[dict[str, Column], dict[str, int]]:
+    """Columns and their places, for these groups of metrics."""
+    found = [Column(m.name, m.unit, m.meaning, m.source, "word" if m.word else "count" if m.count else "number")
+             for m in metrics()]
+    known = {column.name: column for column in reversed([*RUN_FIRST, *found, *TASKS, *RUN_LAST])}
+    ordered = dict(reversed(known.items()))
+    return ordered, {name: place for place, name in enumerate(ordered)}
+
+
+def kind_of(name: str) -> str:
+    """`word`, `count`, `number`, or empty for a column that nobody described."""
+    column = columns().get(name)
+    return column.kind if column is not None else ""
 
 
 def members(cls: type[StrEnum]) -> dict[str, str]:

@@ -6,14 +6,15 @@ from painted_survey import FEATURES, SMALL, context, look, ring, survey
 
 from rhs.api.geometry import inverse, se2
 from rhs.api.grid import OccupancyGrid, frame_of
-from rhs.api.records import Belief, Features, Knowing, Motion, Observation, Scan, Tracking
+from rhs.api.records import Belief, BeliefStatus, Features, Motion, Observation, Scan, Tracking
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import share
 from rhs.estimation.views.motion_consistency import Continuity
+from rhs_localisers.advanced import ConfirmationRules
+from rhs_localisers.confirmation import Confirmation, Contradiction, fits
+from rhs_localisers.continuity_watch import ContinuityWatch
 from rhs_localisers.particle_filter_config import ParticleFilter
 from rhs_localisers.sift_db_config import SiftDb
-from rhs_localisers.vouching import AGAINST_M, Rumour, Vouching, fits
-from rhs_localisers.watching import Watching
 
 STILL, ON = np.eye(4), se2(0.26, 0.0, 0.0)
 GOES_ON, UNKNOWN, BROKEN = Continuity.GOES_ON, Continuity.UNKNOWN, Continuity.BROKEN
@@ -24,107 +25,108 @@ def _round(angle):
 
 
 def test_places_vouch_again_after_four_that_agree_over_a_metre_and_a_half_and_not_on_the_spot():
-    part = Vouching(False)
+    part = Confirmation(False)
     for _ in range(10):
         part.travel(STILL, GOES_ON)
-        part.hear(True)
-    assert not part.vouched and part.chance < 0.7
+        part.place_named(agrees=True)
+    assert not part.confirmed and part.chance < 0.7
     for _ in range(6):
         part.travel(ON, GOES_ON)
-        part.hear(True)
-    assert part.vouched and part.chance == 1.0
+        part.place_named(agrees=True)
+    assert part.confirmed and part.chance == 1.0
 
 
 def test_a_place_named_elsewhere_makes_the_count_begin_anew_but_does_not_overthrow_what_is_known():
-    part, known = Vouching(False), Vouching(True)
+    part, known = Confirmation(False), Confirmation(True)
     for k in range(11):
         part.travel(ON, GOES_ON)
-        part.hear(k != 5)
-    assert not part.vouched
-    known.hear(False)
-    assert known.vouched
+        part.place_named(agrees=k != 5)
+    assert not part.confirmed
+    known.place_named(agrees=False)
+    assert known.confirmed
 
 
 def test_a_belief_that_leaps_off_its_own_motion_is_doubted():
-    part = Vouching(True)
+    part = Confirmation(True)
     part.follow(np.array([1.0, 2.0, 3.1]), np.array([1.1, 2.0, -3.1]))
-    assert part.vouched
+    assert part.confirmed
     part.follow(np.array([1.0, 2.0, 3.1]), np.array([3.0, 2.0, 3.1]))
-    assert not part.vouched and part.chance < 0.5
+    assert not part.confirmed and part.chance < 0.5
 
 
 def test_a_belief_divided_between_two_places_keeps_that_it_was_named_and_a_contradiction_does_not():
-    part = Vouching(True)
-    part.hear(True)
+    part = Confirmation(True)
+    part.place_named(agrees=True)
     part.divided()
-    assert not part.vouched and part.chance == pytest.approx(0.6)  # its weight, a half, says the rest
+    assert not part.confirmed and part.chance == pytest.approx(0.6)  # its weight, a half, says the rest
     for _ in range(4):
-        part.hear(True)
+        part.place_named(agrees=True)
     part.travel(ON, GOES_ON)
-    assert not part.vouched and part.chance < 0.7  # those that vouch began anew
-    part.hear(False)
+    assert not part.confirmed and part.chance < 0.7  # those that confirm began anew
+    part.place_named(agrees=False)
     part.doubt()
     assert part.chance == pytest.approx(0.2)
 
 
 def test_names_elsewhere_halve_the_chance_of_a_loose_belief_and_take_little_from_one_that_is_held():
-    rumour, elsewhere = Rumour(), [np.array([9.0, 9.0, 0.0])]
+    contradiction, elsewhere = Contradiction(), [np.array([9.0, 9.0, 0.0])]
     for _ in range(3):
-        rumour.convinces(elsewhere, against=True, held=True)
-    assert rumour.chance(held=False) == pytest.approx(0.125) and rumour.chance(held=True) == pytest.approx(0.97**3)
+        contradiction.convinces(elsewhere, against=True, held=True)
+    assert contradiction.chance(held=False) == pytest.approx(0.125)
+    assert contradiction.chance(held=True) == pytest.approx(0.97**3)
     for _ in range(100):  # on the spot: they would never overthrow it, so they do not take all of its chance either
-        rumour.convinces(elsewhere, against=True, held=True)
-    assert rumour.chance(held=True) > 0.8
+        contradiction.convinces(elsewhere, against=True, held=True)
+    assert contradiction.chance(held=True) > 0.8
 
 
 def test_a_break_is_a_doubt_and_a_view_that_cannot_tell_is_not():
-    part = Vouching(True)
+    part = Confirmation(True)
     part.travel(ON, UNKNOWN)
-    assert part.vouched and not part.held
-    part.hear(True)
+    assert part.confirmed and not part.held
+    part.place_named(agrees=True)
     assert part.held
     part.travel(ON, BROKEN)
-    assert not part.vouched
+    assert not part.confirmed
 
 
 def test_silence_tells_a_robot_that_may_have_been_carried_at_once_and_one_that_watched_its_way_after_two_metres():
-    watching, blind = Vouching(True), Vouching(True)
+    watching, blind = Confirmation(True), Confirmation(True)
     blind.travel(STILL, UNKNOWN)
     for part in (watching, blind):
         for _ in range(6):
             part.silent()
-    assert watching.vouched and not watching.silent() and not blind.vouched
+    assert watching.confirmed and not watching.silent() and not blind.confirmed
     for _ in range(8):
         watching.travel(ON, GOES_ON)
     watching.silent()
-    assert not watching.vouched
+    assert not watching.confirmed
 
 
-@pytest.mark.parametrize("held, metres", [(True, AGAINST_M), (False, 0.5)])
+@pytest.mark.parametrize("held, metres", [(True, ConfirmationRules().against_m), (False, 0.5)])
 def test_places_named_elsewhere_convince_a_robot_that_watched_its_way_only_after_three_metres(held, metres):
-    rumour, named, way_m = Rumour(), se2(4.0, 2.0, 1.0), 0.0
-    assert rumour.convinces([np.array([9.0, 9.0, 0.0])], against=False, held=held)
-    while not rumour.convinces([np.array([named[0, 3], named[1, 3], 1.0])], against=True, held=held):
-        rumour.move(ON)
+    contradiction, named, way_m = Contradiction(), se2(4.0, 2.0, 1.0), 0.0
+    assert contradiction.convinces([np.array([9.0, 9.0, 0.0])], against=False, held=held)
+    while not contradiction.convinces([np.array([named[0, 3], named[1, 3], 1.0])], against=True, held=held):
+        contradiction.move(ON)
         named, way_m = named @ ON, way_m + 0.26
         assert way_m < 4.0
     assert metres <= way_m < metres + 0.27
 
 
 def test_a_name_that_is_not_heard_again_for_two_metres_is_forgotten():
-    rumour = Rumour()
-    rumour.convinces([np.array([9.0, 9.0, 0.0])], against=True, held=False)
-    rumour.move(se2(1.9, 0.0, 0.0))
-    assert rumour.pending == 1 and rumour.chance(held=False) == 0.5
-    rumour.move(se2(0.2, 0.0, 0.0))
-    assert rumour.pending == 0 and rumour.chance(held=False) == 1.0
+    contradiction = Contradiction()
+    contradiction.convinces([np.array([9.0, 9.0, 0.0])], against=True, held=False)
+    contradiction.move(se2(1.9, 0.0, 0.0))
+    assert contradiction.pending == 1 and contradiction.chance(held=False) == 0.5
+    contradiction.move(se2(0.2, 0.0, 0.0))
+    assert contradiction.pending == 0 and contradiction.chance(held=False) == 1.0
 
 
 def test_names_that_do_not_move_as_the_robot_does_never_convince():
-    rumour = Rumour()
+    contradiction = Contradiction()
     for k in range(30):
-        rumour.move(ON)
-        assert not rumour.convinces([np.array([2.0 * k, 0.0, 0.0])], against=True, held=False)
+        contradiction.move(ON)
+        assert not contradiction.convinces([np.array([2.0 * k, 0.0, 0.0])], against=True, held=False)
 
 
 def _walls():
@@ -150,7 +152,7 @@ def test_a_scan_fits_only_where_it_can_have_been_taken():
 
 def test_without_key_points_scans_tell_whether_a_view_goes_on():
     def seen(scan, pose, before=None):
-        part = Watching(FEATURES, _walls())
+        part = ContinuityWatch(FEATURES, _walls())
         for scan_of_view in (before, scan):
             view = Observation(0, 0.0, None, scan=scan_of_view)
             share(view, FEATURES, Features(np.empty((0, 2)), np.empty((0, 128)), np.empty((0, 3))))
@@ -164,13 +166,13 @@ def test_without_key_points_scans_tell_whether_a_view_goes_on():
 
 
 def test_a_belief_that_no_place_confirms_any_longer_loses_half_its_chance_every_two_metres():
-    part = Vouching(False)
-    part.hear(True)
+    part = Confirmation(False)
+    part.place_named(agrees=True)
     assert part.chance == pytest.approx(0.6)
     for _ in range(2):
         part.travel(se2(1.0, 0.0, 0.0), GOES_ON)
     assert part.chance == pytest.approx(0.5 * (0.6 + 0.35 * 0.25))
-    part.hear(True)
+    part.place_named(agrees=True)
     assert part.chance > 0.75
 
 
@@ -186,6 +188,6 @@ def test_a_robot_carried_to_where_no_place_is_known_is_not_sure_in_a_single_view
     for route in (path, [_round(a) for a in 4.0 + 0.1 * np.arange(10)]):
         steps = [STILL] + [inverse(a) @ b for a, b in zip(route[:-1], route[1:], strict=True)]
         beliefs = [part.update(look(a), Motion(s, SMALL, Tracking.OK)) for a, s in zip(route, steps, strict=True)]
-        status.append([belief.status is Knowing.TRACKING for belief in beliefs])
+        status.append([belief.status is BeliefStatus.TRACKING for belief in beliefs])
     assert all(status[0]) and not any(status[1])
     assert beliefs[-1].probability <= 0.5

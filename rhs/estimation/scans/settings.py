@@ -1,0 +1,121 @@
+"""Thresholds of what is judged from scans, light to import: plugins nest these classes in their `advanced` settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from rhs.api.errors import check_ranges
+
+
+@dataclass(frozen=True)
+class MatchSettings:
+    """A scan laid onto a map near a believed pose (rhs.estimation.scans.scan_match)."""
+
+    beams: int = 80
+    """used of a scan, evenly spaced"""
+    range_max_m: float = 6.5
+    """longer beams are not used, metres"""
+    sigma_m: float = 0.06
+    """of a beam's end against a wall, metres: half a cell of map and the depth noise"""
+    trust: float = 0.25
+    """neighbouring beams share their errors, so each counts for so much"""
+    reach_m: float = 0.35
+    """ends further from any wall belong to something the map does not hold, metres"""
+    least_share: float = 0.6
+    """of the ends that must lie within reach"""
+    blind_below: float = 0.004
+    """directions with less than this share of the information of the best seen one count as unseen"""
+    floor_m: float = 0.04
+    """no direction gets sharper than this by one scan, metres; divided by lever_m for the heading"""
+    lever_m: float = 3.0
+    """a heading moves what the scan sees by so much per radian, metres"""
+    iterations: int = 12
+    """Gauss-Newton steps at most"""
+    gate_probability: float = 0.999
+    """chance that a true match passes the chi-square gate of its shift against the prior"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, beams=(8, 100_000), range_max_m=(0.1, 1000.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
+                     reach_m=(1e-3, 100.0), least_share=(0.0, 1.0), blind_below=(0.0, 1.0), floor_m=(0.0, 10.0),
+                     lever_m=(1e-3, 1000.0), iterations=(1, 1000), gate_probability=(0.5, 1.0 - 1e-12))
+
+
+@dataclass(frozen=True)
+class FieldSettings:
+    """The likelihood field (Thrun, Burgard, Fox, Probabilistic Robotics, 6.4)."""
+
+    beams: int = 40
+    """used of each scan, evenly spaced"""
+    sigma_m: float = 0.12
+    """of a beam's end against the wall, metres: map and depth noise"""
+    stray: float = 0.1
+    """share of beams that mean nothing"""
+    range_max_m: float = 8.0
+    """longer beams are not used, metres"""
+    open_m: float = 0.5
+    """further than this from any wall a beam ends in the open, metres"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, beams=(1, 100_000), sigma_m=(1e-3, 10.0), stray=(1e-6, 0.99), range_max_m=(0.1, 1000.0),
+                     open_m=(0.0, 100.0))
+
+
+@dataclass(frozen=True)
+class ScanLoopSettings:
+    """Loops of a corridor walked back the other way (rhs.estimation.scans.scan_loops)."""
+
+    within_m: float = 1.5
+    """believed distance of the two views, metres"""
+    turned_deg: float = 120.0
+    """least difference of their headings, degrees; views that look the same way are the camera's business"""
+    min_way_m: float = 5.0
+    """way between them, metres"""
+    there_m: float = 9.0
+    """scans from so much of the way on both sides of the earlier view make its map, metres"""
+    back_m: float = 1.5
+    """and of the later view its cloud, metres"""
+    sigma_m: float = 0.4
+    """how far off the belief may be, metres (1 sigma)"""
+    sigma_rad: float = 0.1
+    """and its heading, radians (1 sigma)"""
+    cell_m: float = 0.1
+    """cells of map and cloud, metres"""
+    least_points: int = 50
+    """fewer wall points on either side say nothing"""
+    match: MatchSettings = field(default_factory=lambda: MatchSettings(sigma_m=0.05, trust=0.1))
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, within_m=(0.01, 100.0), turned_deg=(0.0, 180.0), min_way_m=(0.0, 1e4), there_m=(0.1, 1000.0),
+                     back_m=(0.1, 1000.0), sigma_m=(1e-4, 100.0), sigma_rad=(1e-4, 3.0), cell_m=(0.01, 2.0),
+                     least_points=(8, 100_000))
+
+
+@dataclass(frozen=True)
+class LineSettings:
+    """Straight walls in one scan (rhs.estimation.scans.wall_lines)."""
+
+    sigma_per_m: float = 0.003
+    """noise of an inverse range, 1/m (1 sigma); a Kinect has 0.002 (Nguyen, Izadi and Lovell 2012)"""
+    jump_per_m: float = 0.03
+    """a step of the inverse range between neighbouring beams that ends a stretch, 1/m"""
+    gap_beams: int = 5
+    """unknown beams in a row that end a stretch"""
+    trim_beams: int = 2
+    """beams left out at both ends of a wall: they may have met what lies behind its edge"""
+    least_beams: int = 20
+    """a shorter stretch is no wall"""
+    least_m: float = 0.5
+    """nor is one of fewer metres"""
+    range_max_m: float = 7.5
+    """further beams are not used, metres"""
+    shared: float = 4.0
+    """so many neighbouring beams err as one"""
+    corner_deg: float = 30.0
+    """two parts that touch at less than this are one bent wall, degrees"""
+    bend_sigma: float = 2.0
+    """a line whose curvature stands out by so many sigmas is no straight wall"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, sigma_per_m=(1e-6, 1.0), jump_per_m=(1e-6, 10.0), gap_beams=(1, 1000), trim_beams=(0, 1000),
+                     least_beams=(11, 100_000), least_m=(0.0, 100.0), range_max_m=(0.1, 1000.0), shared=(1.0, 1e4),
+                     corner_deg=(0.0, 90.0), bend_sigma=(0.0, 1000.0))
