@@ -12,7 +12,8 @@ TOUCH = 1e-7  # cells
 LONGEST = 2_000_000  # cells a path may run through; more is no path
 
 
-def first_blocked(points_m: np.ndarray, blocked: np.ndarray, resolution_m: float, origin_m) -> np.ndarray | None:
+def first_blocked(points_m: np.ndarray, blocked: np.ndarray, resolution_m: float,
+                  origin_m: np.ndarray | tuple[float, float]) -> np.ndarray | None:
     """(2,) metres of the first place where the polyline (N, 2) metres is not free on `blocked` (H, W) bool, or None.
 
     origin_m: corner of cell (0, 0). A start inside blocked cells may be left: the path's beginning, up to the first free
@@ -22,16 +23,19 @@ def first_blocked(points_m: np.ndarray, blocked: np.ndarray, resolution_m: float
     rows, columns = blocked.shape
     off = ((xy < -TOUCH) | (xy > (columns + TOUCH, rows + TOUCH))).any(axis=1)
     if off.any():
-        return points_m[int(off.argmax())]
+        where: np.ndarray = points_m[int(off.argmax())]
+        return where
     steps = np.linalg.norm(np.diff(xy, axis=0), axis=1)
     if steps.sum() > LONGEST:
-        return points_m[-1]
+        where = points_m[-1]
+        return where
     at, mid, length = _pieces(xy)
     wrong = ~_free(blocked, mid) & (length > TOUCH)
     if not _free(blocked, xy[:1])[0]:
         wrong &= ~_way_out(wrong, length, _nearest_free(blocked, xy[0]))
     if wrong.any():
-        return mid[int(wrong.argmax())] * resolution_m + origin_m
+        where = mid[int(wrong.argmax())] * resolution_m + origin_m
+        return where
     pinched = _pinched(blocked, at)
     stuck = np.concatenate([pinched, ~_free(blocked, xy[-1:])])
     return np.vstack([at, xy[-1:]])[int(stuck.argmax())] * resolution_m + origin_m if stuck.any() else None
@@ -76,13 +80,15 @@ def _pinched(blocked: np.ndarray, xy: np.ndarray) -> np.ndarray:
     i, j = corner.T
     sw, se = _blocked_at(blocked, i - 1, j - 1), _blocked_at(blocked, i, j - 1)
     nw, ne = _blocked_at(blocked, i - 1, j), _blocked_at(blocked, i, j)
-    return (np.abs(xy - corner) <= TOUCH).all(axis=1) & (sw == ne) & (se == nw) & (sw != se)
+    pinched: np.ndarray = (np.abs(xy - corner) <= TOUCH).all(axis=1) & (sw == ne) & (se == nw) & (sw != se)
+    return pinched
 
 
 def _blocked_at(blocked: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     rows, columns = blocked.shape
     inside = (i >= 0) & (i < columns) & (j >= 0) & (j < rows)
-    return ~inside | blocked[np.clip(j, 0, rows - 1), np.clip(i, 0, columns - 1)]
+    taken: np.ndarray = ~inside | blocked[np.clip(j, 0, rows - 1), np.clip(i, 0, columns - 1)]
+    return taken
 
 
 def _way_out(wrong: np.ndarray, length: np.ndarray, nearest: float) -> np.ndarray:

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import FeatureSettings
 from rhs.api.frozen import freeze
 from rhs.api.geometry import exp_se3, inverse, log_se3, planar, se2
-from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Tracking, View
+from rhs.api.records import Belief, BeliefStatus, FeatureSettings, Motion, Observation, Tracking, View
 from rhs.api.validate import check_belief
 
 from .room import RATE_HZ, blind, context, drive, empty_grid, for_part

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import FeatureSettings
 from rhs.api.frozen import freeze
 from rhs.api.geometry import compose_covariance, inverse, log_se3, se2
-from rhs.api.records import Closure, Motion, Tracking, View
+from rhs.api.records import Closure, FeatureSettings, Motion, Tracking, View
 from rhs.api.validate import check_closure
 
 from .room import CAMERA, context, observe, paintings, scan_of

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import Context, FeatureSettings
+from rhs.api.contracts import Context
 from rhs.api.frozen import freeze
 from rhs.api.geometry import Camera, camera_from_fov, planar, se2
 from rhs.api.grid import OccupancyGrid, frame_of
-from rhs.api.records import Capture, Observation, Scan, Twist, WorldFacts
+from rhs.api.records import Capture, FeatureSettings, Observation, Scan, Twist, WorldFacts
 
 LOW, HIGH = np.array([-4.0, -3.0, 0.0]), np.array([4.0, 3.0, 2.6])
 TEXELS_PER_M = 40.0
@@ -126,7 +126,8 @@ def _to_tube(radius: float, eye: np.ndarray, directions: np.ndarray) -> np.ndarr
     y, z = eye[1], eye[2] - radius
     a = (directions[:, 1:] ** 2).sum(axis=1)
     b = directions[:, 1] * y + directions[:, 2] * z
-    return (-b + np.sqrt(b**2 + a * (radius**2 - y**2 - z**2))) / a
+    lengths: np.ndarray = (-b + np.sqrt(b**2 + a * (radius**2 - y**2 - z**2))) / a
+    return lengths
 
 
 def ranges(room: Room, world_from_body: np.ndarray, bearings: np.ndarray,
