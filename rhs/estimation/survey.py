@@ -11,7 +11,7 @@ import numpy as np
 from rhs.api.contracts import LoopCloser, Mapper, Odometry
 from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Closure, FeatureSettings, Features, Observation, Step, View, Wall
+from rhs.api.records import Closure, Features, FeatureSettings, Observation, Step, View, Wall
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
 from rhs.estimation.scans.wall_rays import lift_on_walls
 

@@ -75,7 +75,7 @@ def mark_scan(marks: np.ndarray, touched: np.ndarray, origin: np.ndarray, angles
 
 @compiled
 def add_marks(log_odds: np.ndarray, observed: np.ndarray, marks: np.ndarray, touched: np.ndarray, count: int,
-              free_step: float, hit_step: float, bound: float) -> None:
+              free_step: np.float32, hit_step: np.float32, bound: np.float32) -> None:
     """Add one step per touched cell to log_odds (H, W), clamp to +-bound, note it observed, and clear the marks."""
     for k in range(count):
         row, column = touched[k, 0], touched[k, 1]
