@@ -145,11 +145,11 @@ class Dijkstra:
         return Path(PlanReason.OK, points, points)
 
 
-def parts(localiser) -> SimpleNamespace:
+def parts(localiser, planner=None, who=None) -> SimpleNamespace:
     """What a sentinel takes of a run's parts."""
     from rhs_replan import NewMission
 
-    return SimpleNamespace(localiser=localiser, planner=Dijkstra(), replan=NewMission(), slam=None, who=None)
+    return SimpleNamespace(localiser=localiser, planner=planner or Dijkstra(), replan=NewMission(), slam=None, who=who)
 
 
 def ring(size_m: float = 8.0, width_m: float = 2.0) -> np.ndarray:

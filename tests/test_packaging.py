@@ -34,7 +34,8 @@ def test_a_wheel_holds_packages_settings_and_worlds(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     top = {name.split("/")[0] for name in names}
     assert all(part == "rhs" or part.startswith(("rhs_", "rhs-")) for part in top), top
-    for path in ("rhs/conf/config.yaml", "rhs/conf/stack/rgbd.yaml", "rhs/worlds/square.yaml", "rhs_planners/prm_config.py"):
+    for path in ("rhs/data/conf/config.yaml", "rhs/data/conf/stack/rgbd.yaml", "rhs/data/worlds/square.yaml", "rhs/py.typed",
+                 "rhs_planners/prm_config.py", "rhs_tasks/planning/task.py", "rhs_replan/__init__.py"):
         assert path in names
     assert not [name for name in names if "/results/" in name or name.endswith(".pyc")]
 
@@ -45,9 +46,10 @@ def run(site: Path, folder: Path, *words: str) -> subprocess.CompletedProcess:
 
 
 def test_an_unpacked_wheel_runs_from_any_folder(site, tmp_path):
-    where = subprocess.run([sys.executable, "-c", "import rhs.paths as p; print(p.data_dir('conf'), p.data_dir('worlds'))"],
+    code = "import rhs.base.data_dirs as p; print(p.data_dir('conf'), p.data_dir('worlds'))"
+    where = subprocess.run([sys.executable, "-c", code],
                            cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(site)})
-    assert where.stdout.split() == [f"{site}/rhs/conf", f"{site}/rhs/worlds"]
+    assert where.stdout.split() == [f"{site}/rhs/data/conf", f"{site}/rhs/data/worlds"]
     done = run(site, tmp_path, "--cfg", "planner=prm", "world=square_small")
     assert done.returncode == 0, done.stderr
     assert "name: prm" in done.stdout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from rhs.api.jit import compiled, typed
+from rhs.api.jit import typed
 from rhs.estimation.paths.line import GRID, POINTS, segment_free
 
 from .heap import pop, push
@@ -14,6 +14,8 @@ _INTS = nb.types.Array(nb.int64, 1, "C", readonly=True)
 _PAIRS = nb.types.Array(nb.int64, 2, "C", readonly=True)
 _FLAGS = nb.types.Array(nb.uint8, 1, "C")
 _OUT = nb.types.Array(nb.int64, 1, "C")
+_POINT = nb.types.Array(nb.float64, 1, "C", readonly=True)
+_PAIR = nb.types.UniTuple
 
 
 class Roadmap:
@@ -86,7 +88,7 @@ def _recheck(grid, points, edges, open_, box):
         open_[e] = segment_free(grid, ax, ay, bx, by)
 
 
-@typed(_OUT(GRID, POINTS, _INTS, nb.types.Array(nb.float64, 1, "C", readonly=True), nb.int64))
+@typed(_OUT(GRID, POINTS, _INTS, _POINT, nb.int64))
 def _in_sight(grid, points, order, at, limit):
     """The first `limit` vertices of `order` that are in sight of `at`."""
     out = np.empty(min(limit, len(order)), np.int64)
@@ -100,7 +102,7 @@ def _in_sight(grid, points, order, at, limit):
     return out[:count].copy()
 
 
-@compiled
+@typed(_OUT(POINTS, _INTS, _INTS, _INTS, _FLAGS, _PAIR(_POINT, 2), _PAIR(_OUT, 2)))
 def _search(points, offsets, others, numbers, open_, ends, links):
     """A* from ends[0] over links[0], open edges and links[1] to ends[1]; the vertices passed, in order."""
     start, goal = ends

@@ -45,6 +45,7 @@ from .records import (
     WorldFacts,
 )
 
+API_VERSION = 1  # of the contracts in this module; a plugin that declares a newer one is refused
 # The parts of the chain, in building order ...
 KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "replan")
 # ... a part that takes the place of several of them ...

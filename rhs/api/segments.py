@@ -13,32 +13,30 @@ LONGEST = 2_000_000  # cells a path may run through; more is no path
 
 
 def first_blocked(points_m: np.ndarray, blocked: np.ndarray, resolution_m: float,
-                  origin_m: np.ndarray | tuple[float, float]) -> np.ndarray | None:
+                  origin_m: tuple[float, float]) -> np.ndarray | None:
     """(2,) metres of the first place where the polyline (N, 2) metres is not free on `blocked` (H, W) bool, or None.
 
     origin_m: corner of cell (0, 0). A start inside blocked cells may be left: the path's beginning, up to the first free
     cell, is not judged if it is at most twice as long as the way to the nearest free cell's middle, and two cells.
     """
-    xy = (points_m - np.asarray(origin_m, float)) / resolution_m
+    corner = np.asarray(origin_m, float)
+    xy = (points_m - corner) / resolution_m
     rows, columns = blocked.shape
     off = ((xy < -TOUCH) | (xy > (columns + TOUCH, rows + TOUCH))).any(axis=1)
     if off.any():
-        where: np.ndarray = points_m[int(off.argmax())]
-        return where
+        return np.array(points_m[off.argmax()])
     steps = np.linalg.norm(np.diff(xy, axis=0), axis=1)
     if steps.sum() > LONGEST:
-        where = points_m[-1]
-        return where
+        return np.array(points_m[-1])
     at, mid, length = _pieces(xy)
     wrong = ~_free(blocked, mid) & (length > TOUCH)
     if not _free(blocked, xy[:1])[0]:
         wrong &= ~_way_out(wrong, length, _nearest_free(blocked, xy[0]))
     if wrong.any():
-        where = mid[int(wrong.argmax())] * resolution_m + origin_m
-        return where
+        return np.array(mid[wrong.argmax()] * resolution_m + corner)
     pinched = _pinched(blocked, at)
     stuck = np.concatenate([pinched, ~_free(blocked, xy[-1:])])
-    return np.vstack([at, xy[-1:]])[int(stuck.argmax())] * resolution_m + origin_m if stuck.any() else None
+    return np.array(np.vstack([at, xy[-1:]])[stuck.argmax()] * resolution_m + corner) if stuck.any() else None
 
 
 def _pieces(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -80,15 +78,14 @@ def _pinched(blocked: np.ndarray, xy: np.ndarray) -> np.ndarray:
     i, j = corner.T
     sw, se = _blocked_at(blocked, i - 1, j - 1), _blocked_at(blocked, i, j - 1)
     nw, ne = _blocked_at(blocked, i - 1, j), _blocked_at(blocked, i, j)
-    pinched: np.ndarray = (np.abs(xy - corner) <= TOUCH).all(axis=1) & (sw == ne) & (se == nw) & (sw != se)
-    return pinched
+    on_corner = (np.abs(xy - corner) <= TOUCH).all(axis=1)
+    return np.asarray(on_corner & (sw == ne) & (se == nw) & (sw != se))
 
 
 def _blocked_at(blocked: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     rows, columns = blocked.shape
     inside = (i >= 0) & (i < columns) & (j >= 0) & (j < rows)
-    taken: np.ndarray = ~inside | blocked[np.clip(j, 0, rows - 1), np.clip(i, 0, columns - 1)]
-    return taken
+    return np.asarray(~inside | blocked[np.clip(j, 0, rows - 1), np.clip(i, 0, columns - 1)])
 
 
 def _way_out(wrong: np.ndarray, length: np.ndarray, nearest: float) -> np.ndarray:

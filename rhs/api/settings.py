@@ -66,6 +66,7 @@ def nearest(word: str, known: list[str], owner: str = "") -> str:
 
 
 def dotted(owner: str, key: str) -> str:
+    """`owner.key`, or the key alone at the top."""
     return f"{owner}.{key}" if owner else str(key)
 
 

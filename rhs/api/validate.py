@@ -354,8 +354,7 @@ def _command(command: Twist | None, who: str) -> None:
 
 def _det(rotation: np.ndarray) -> float:
     (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()  # ten times as fast as numpy's for so small a matrix
-    determinant: float = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    return determinant
+    return float(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
 
 
 def _short(value: Any) -> str:

@@ -17,6 +17,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
 import argparse  # noqa: E402
 import signal  # noqa: E402
 import traceback  # noqa: E402
+import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from rhs.base.errors import ConfigError, RhsError  # noqa: E402
@@ -44,6 +45,7 @@ def main(words: list[str] | None = None) -> int:
     if (ask := command(words)) is not None:
         return run_command(ask)
     debug = "--debug" in words
+    warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
     before = signal.signal(signal.SIGTERM, _terminate)
     try:
         files, rest = plugin_files(list(words))

@@ -35,30 +35,10 @@ def _own_docs(cls: type) -> dict[str, str]:
     except (OSError, TypeError, SyntaxError):
         return {}
     body = node.body if isinstance(node, ast.ClassDef) else []
-    out = _comments(body, source)
+    out: dict[str, str] = {field.target.id: "" for field in body if isinstance(field, ast.AnnAssign)
+                           and isinstance(field.target, ast.Name)}
     for field, after in zip(body, [*body[1:], None], strict=True):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
             if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
                 out[field.target.id] = " ".join(after.value.value.split())
-    return out
-
-
-def _comments(body: list[ast.stmt], source: str) -> dict[str, str]:
-    """TRANSITION, delete when the last settings class is converted: the comments above and behind each field; a field
-    right below another shares its comment."""
-    import io
-    import tokenize
-
-    notes = {token.start[0]: (token.string.lstrip("#").strip(), token.line.lstrip().startswith("#"))
-             for token in tokenize.generate_tokens(io.StringIO(source).readline) if token.type == tokenize.COMMENT}
-    out: dict[str, str] = {}
-    last_name, last_line = "", 0
-    for node in body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            above, end = node.lineno, node.end_lineno or node.lineno
-            while notes.get(above - 1, ("", False))[1]:
-                above -= 1
-            own = " ".join(notes[n][0] for n in range(above, end + 1) if n in notes)
-            out[node.target.id] = own or (out.get(last_name, "") if node.lineno == last_line + 1 else "")
-            last_name, last_line = node.target.id, end
     return out

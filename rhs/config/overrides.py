@@ -1,14 +1,16 @@
 """The words of the command line, read by Hydra's grammar and checked before anything is composed.
 
 `planner=prm` chooses an option of a group, `planner.samples=500` sets a value, `seed=range(10)` or `planner=prm,rrt`
-sweeps, `planner=glob(*)` over every planner there is. Unknown groups, options and malformed words are refused here,
-each in one line.
+sweeps, `planner=glob(*)` over every planner there is, `zip(world=a,b seed=1,2)` gives values in pairs. Unknown groups,
+options and malformed words are refused here, each in one line.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+import shlex
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +25,10 @@ from rhs.base.errors import ConfigError
 
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
-INSTEAD = {"hydra.run.dir": "output=FOLDER", "hydra.sweep.dir": "output=FOLDER", "hydra.launcher": "--jobs N",
+SAME = {"hydra.run.dir": "output", "hydra.sweep.dir": "output"}  # words of Hydra's own that mean one of ours
+# Words of earlier versions: what is typed instead. They are taken, with a warning, for two minor versions.
+DEPRECATED = {"loop_closer=one_eye": "loop_closer=monocular", "unroll.bend=told": "unroll.bend=given"}
+INSTEAD = {"hydra.launcher": "--jobs N",
            "hydra.verbose": "--debug", "hydra.output_subdir": "output=FOLDER", "hydra.job": "output=FOLDER"}
 
 
@@ -40,10 +45,40 @@ class Word:
         return self.key in GROUPS and not isinstance(self.value, dict)
 
 
-def parse(words: Sequence[str]) -> list[Override]:
+@dataclass(frozen=True)
+class Zip:
+    """`zip(world=a,b seed=1,2)`: values of several keys taken in pairs."""
+
+    input_line: str
+    columns: tuple[Override, ...]
+
+
+def parse(words: Sequence[str]) -> list[Override | Zip]:
     """Hydra's overrides, or ConfigError naming the word that cannot be read."""
     parser = OverridesParser.create()
-    return [_parse_one(parser, word) for word in words]
+    return [_zip(parser, word) if word.startswith("zip(") else _parse_one(parser, _current(word)) for word in words]
+
+
+def _zip(parser: OverridesParser, word: str) -> Zip:
+    """The columns of a zip, as long as one another."""
+    inside = shlex.split(word[4:-1], posix=False) if word.endswith(")") else []
+    columns = tuple(_parse_one(parser, _current(text)) for text in inside)
+    lengths = [_length(column) for column in columns]
+    if len(columns) < 2 or len(set(lengths)) > 1:
+        found = f"{' and '.join(f'{n:g}' for n in lengths)} values" if len(columns) > 1 else "not two keys"
+        raise ConfigError(f"{word}: found {found}; expected as many values for each key, zip(world=a,b seed=1,2)")
+    return Zip(word, columns)
+
+
+def _current(word: str) -> str:
+    """The word as it is called now."""
+    key, _, value = word.partition("=")
+    if key in SAME:
+        return f"{SAME[key]}={value}"
+    now = DEPRECATED.get(word, word)
+    if now != word:
+        warnings.warn(f"{word} is now {now}; the old word goes in a later version", FutureWarning, stacklevel=3)
+    return now
 
 
 class _Names:
@@ -96,34 +131,42 @@ def _hydra_key(word: str, key: str) -> ConfigError:
                        + (f"; type {hint}" if hint else ""))
 
 
-def plain_words(overrides: Sequence[Override]) -> list[Word]:
+def plain_words(overrides: Sequence[Override | Zip]) -> list[Word]:
     """The words of a single run. Refuses sweeps."""
+    words = []
     for item in overrides:
-        if item.is_sweep_override():
+        if isinstance(item, Zip) or item.is_sweep_override():
             raise ConfigError(f"{item.input_line}: several values need --multirun (-m); a list is written [1,2]")
-    return [_word(item, item.value()) for item in overrides]
+        words.append(_word(item, item.value()))
+    return words
 
 
-def sweep_words(overrides: Sequence[Override], *, most: int) -> list[list[Word]]:
+def sweep_words(overrides: Sequence[Override | Zip], *, most: int) -> list[list[Word]]:
     """One list of words per job: the product of all sweeps, the first key slowest. Raises ConfigError, before any is
     written out, for none and for more than `most`."""
     count = math.prod(map(_length, overrides))
     if count > most:
         raise ConfigError(f"this sweep has {count:.6g} jobs; at most {most} are run at once")
-    choices: list[list[Word]] = []
-    for item in overrides:
-        if not item.is_sweep_override():
-            choices.append([_word(item, item.value())])
-            continue
-        texts = [f"{item.key_or_group}={text}" for text in item.sweep_string_iterator()]
-        choices.append([_word(o, o.value()) for o in parse(texts)])
+    choices = [list(zip(*map(_values, item.columns), strict=True)) if isinstance(item, Zip) else
+               [(word,) for word in _values(item)] for item in overrides]
     if not all(choices):
         raise ConfigError("this sweep has no jobs: one of its ranges is empty")
-    return [list(job) for job in itertools.product(*choices)]
+    return [list(itertools.chain(*job)) for job in itertools.product(*choices)]
 
 
-def _length(item: Override) -> float:
+def _values(item: Override) -> list[Word]:
+    """A word for each value of an override."""
+    if not item.is_sweep_override():
+        return [_word(item, item.value())]
+    texts = [f"{item.key_or_group}={text}" for text in item.sweep_string_iterator()]
+    parser = OverridesParser.create()
+    return [_word(one, one.value()) for one in (_parse_one(parser, text) for text in texts)]
+
+
+def _length(item: Override | Zip) -> float:
     """How many values a word has."""
+    if isinstance(item, Zip):
+        return _length(item.columns[0])
     value: Any = item.value()
     if isinstance(value, RangeSweep):
         if value.start is None or value.stop is None or not value.step:
@@ -138,9 +181,10 @@ def _length(item: Override) -> float:
     return 1
 
 
-def swept_keys(overrides: Sequence[Override]) -> list[str]:
+def swept_keys(overrides: Sequence[Override | Zip]) -> list[str]:
     """Keys that take several values, in the order typed."""
-    return [o.key_or_group for o in overrides if o.is_sweep_override()]
+    every = itertools.chain(*(o.columns if isinstance(o, Zip) else (o,) for o in overrides))
+    return [o.key_or_group for o in every if o.is_sweep_override()]
 
 
 def _word(item: Override, value: Any) -> Word:

@@ -23,13 +23,12 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from rhs.api.contracts import PLUGIN_KINDS
+from rhs.api.contracts import API_VERSION, PLUGIN_KINDS
 from rhs.api.metric import Metric
 from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
 from rhs.base.errors import ConfigError, PluginError
 
 IMPORT_S = 10.0  # for a plugin that is only listed
-API_VERSION = 1  # a plugin may declare `api: ClassVar[int]`; a newer one than this is refused
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,8 @@ IN_DATA = (HEADER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, M
 
 @dataclass(frozen=True)
 class Schema:
+    """A message definition: its name, its encoding (ros2msg), its text."""
+
     name: str
     encoding: str
     data: bytes
@@ -32,6 +34,8 @@ class Schema:
 
 @dataclass(frozen=True)
 class Channel:
+    """A topic, the encoding of its messages, their schema, and what the writer said of it."""
+
     topic: str
     encoding: str
     schema: Schema
@@ -81,6 +85,7 @@ def chunk_content(body: bytes) -> bytes:
 
 
 def schema_of(body: bytes) -> tuple[int, Schema]:
+    """(number, Schema) from the body of a record. Raises struct.error or ValueError when it is cut."""
     (number,) = struct.unpack_from("<H", body)
     name, at = text_at(body, 2)
     encoding, at = text_at(body, at)

@@ -62,28 +62,34 @@ def seconds(stamp_ns: int) -> float:
 
 
 def header(stamp_ns: int, frame: str) -> Any:
+    """std_msgs/Header."""
     stamp = make("builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
     return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
 
 def vector(xyz: Sequence[float] | np.ndarray) -> Any:
+    """geometry_msgs/Vector3 of (3,) metres or whatever they are."""
     return make("geometry_msgs/msg/Vector3", x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
 
 
 def point(xyz: Sequence[float] | np.ndarray) -> Any:
+    """geometry_msgs/Point of (3,) metres."""
     return make("geometry_msgs/msg/Point", x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
 
 
 def quaternion(rotation: np.ndarray) -> Any:
+    """geometry_msgs/Quaternion of a (3, 3) rotation."""
     x, y, z, w = quaternion_xyzw(rotation)
     return make("geometry_msgs/msg/Quaternion", x=float(x), y=float(y), z=float(z), w=float(w))
 
 
 def pose(matrix: np.ndarray) -> Any:
+    """geometry_msgs/Pose of a 4x4."""
     return make("geometry_msgs/msg/Pose", position=point(matrix[:3, 3]), orientation=quaternion(matrix[:3, :3]))
 
 
 def pose_stamped(matrix: np.ndarray, stamp_ns: int, frame: str) -> Any:
+    """geometry_msgs/PoseStamped of a 4x4 in a frame."""
     return make("geometry_msgs/msg/PoseStamped", header=header(stamp_ns, frame), pose=pose(matrix))
 
 
@@ -95,11 +101,13 @@ def pose_with_covariance(matrix: np.ndarray, covariance: np.ndarray) -> Any:
 
 
 def pose_with_covariance_stamped(matrix: np.ndarray, covariance: np.ndarray, stamp_ns: int, *, frame: str) -> Any:
+    """geometry_msgs/PoseWithCovarianceStamped of a 4x4 and its 6x6 covariance in a frame."""
     return make("geometry_msgs/msg/PoseWithCovarianceStamped", header=header(stamp_ns, frame),
                 pose=pose_with_covariance(matrix, covariance))
 
 
 def odometry(matrix: np.ndarray, covariance: np.ndarray, stamp_ns: int, *, frame: str, child: str) -> Any:
+    """nav_msgs/Odometry of a 4x4 and its covariance, frame to child; no velocity."""
     still = make("geometry_msgs/msg/Twist", linear=vector((0, 0, 0)), angular=vector((0, 0, 0)))
     twist = make("geometry_msgs/msg/TwistWithCovariance", twist=still, covariance=np.zeros(36))
     return make("nav_msgs/msg/Odometry", header=header(stamp_ns, frame), child_frame_id=child,
@@ -144,6 +152,7 @@ def occupancy_grid(grid: OccupancyGrid, stamp_ns: int, frame: str) -> Any:
 
 
 def camera_info(camera: Camera, stamp_ns: int, frame: str) -> Any:
+    """sensor_msgs/CameraInfo of a camera."""
     k = camera.matrix
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     distortion = (*camera.distortion, *[0.0] * 5)[: max(5, len(camera.distortion))]
@@ -251,6 +260,7 @@ def travel(dx_dy_dyaw: np.ndarray, stamp_ns: int, frame: str) -> Any:
 
 
 def text(value: str) -> Any:
+    """std_msgs/String."""
     return make("std_msgs/msg/String", data=value)
 
 

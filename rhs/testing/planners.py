@@ -32,6 +32,7 @@ def problem(blocked: np.ndarray, start: tuple[float, float] = START_M, goal: tup
 
 
 def empty() -> np.ndarray:
+    """(ROWS, COLUMNS) bool: nothing blocked."""
     return np.zeros((ROWS, COLUMNS), bool)
 
 

@@ -126,8 +126,7 @@ def _to_tube(radius: float, eye: np.ndarray, directions: np.ndarray) -> np.ndarr
     y, z = eye[1], eye[2] - radius
     a = (directions[:, 1:] ** 2).sum(axis=1)
     b = directions[:, 1] * y + directions[:, 2] * z
-    lengths: np.ndarray = (-b + np.sqrt(b**2 + a * (radius**2 - y**2 - z**2))) / a
-    return lengths
+    return np.asarray((-b + np.sqrt(b**2 + a * (radius**2 - y**2 - z**2))) / a)
 
 
 def ranges(room: Room, world_from_body: np.ndarray, bearings: np.ndarray,

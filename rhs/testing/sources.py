@@ -11,7 +11,7 @@ import numpy as np
 from rhs.api.contracts import SourceContext, complete
 from rhs.api.errors import ConfigError
 from rhs.api.floorplan import World
-from rhs.api.geometry import inverse, planar, se2, wrap
+from rhs.api.geometry import inverse, planar, se2
 from rhs.api.records import Capture, Twist
 from rhs.api.validate import check_capture, check_pose
 from rhs.worlds.world import load_world
@@ -86,7 +86,7 @@ def travel_is_that_of_the_truth(settings: Any, folder: Path) -> None:
         source.close()
     if _driven(settings) and views[0][1] is not None:
         off = planar(views[0][1]) - start
-        assert np.abs(off[:2]).max() < NEAR_M and abs(wrap(off[2])) < NEAR_RAD, (
+        assert np.abs(off[:2]).max() < NEAR_M and abs(_turned(off[2])) < NEAR_RAD, (
             f"the survey begins at {np.round(planar(views[0][1]), 3)}, the facts say {start}")
     for (_, before), (capture, after) in zip(views[:-1], views[1:], strict=True):
         if capture.travel is not None and before is not None:
@@ -94,9 +94,14 @@ def travel_is_that_of_the_truth(settings: Any, folder: Path) -> None:
 
 
 def _agrees(said: np.ndarray, true: np.ndarray, what: str) -> None:
-    off = np.abs([said[0] - true[0], said[1] - true[1], wrap(said[2] - true[2])])
+    off = np.abs([said[0] - true[0], said[1] - true[1], _turned(said[2] - true[2])])
     assert off[:2].max() < NEAR_M and off[2] < NEAR_RAD, (
         f"{what} is {np.round(said, 3)}, by truth() it moved by {np.round(true, 3)} (metres ahead and left, radians left)")
+
+
+def _turned(angle_rad: float) -> float:
+    """The angle brought to [-pi, pi)."""
+    return float((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def sees_the_walls_of_the_world(settings: Any, folder: Path) -> None:

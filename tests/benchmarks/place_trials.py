@@ -31,6 +31,7 @@ from rhs.config.compose import compose_config
 from rhs.estimation.survey import draw
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
 from rhs.estimation.views.place_memory import memory_of
+from rhs.estimation.views.settings import PlaceRules
 from rhs.reports.calibration_pictures import precision_recall_picture
 from rhs.worlds.world import load_world
 from rhs_tasks.places.task import write_tables
@@ -104,7 +105,7 @@ def kept_rows(table: Path) -> list[str]:
 
 def misses(seed: int, memory, asked: Taken, which: list[int], protocol: str) -> list[str]:
     """A line per query that VLAD with the check did not answer rightly; what a query costs goes to the screen."""
-    settings = PlaceSettings(rules=PlaceRules(faint_checks=SECOND_LOOK))  # noqa: F821
+    settings = PlaceSettings(rules=PlaceRules(faint_checks=SECOND_LOOK))
     database, out, spent_s, count = PlaceDatabase(memory, settings, np.random.default_rng(seed)), [], 0.0, 0
     for k in which:
         begin = time.process_time()

@@ -171,9 +171,9 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path, number, code):
 @pytest.mark.parametrize(("how", "reason"), [
     ("raise", "ValueError at step 2: the odometry of this test fails on purpose"),
     ("exit", "SystemExit at step 2: 3"),
-    ("none_result", "odometry Trouble returned NoneType, expected a Motion"),
-    ("nan_pose", "Trouble.previous_from_body must be a finite 4x4 pose"),
-    ("shape", "Trouble.covariance must be finite 6x6, got shape (3, 3)"),
+    ("none_result", "odometry=faulty (rhs-fakes 0.1): what it returned is of type NoneType; expected a Motion"),
+    ("nan_pose", "odometry=faulty (rhs-fakes 0.1): previous_from_body is not finite"),
+    ("shape", "odometry=faulty (rhs-fakes 0.1): covariance is of shape (3, 3)"),
     ("mutate", "read-only"),
 ])
 def test_a_part_that_fails_makes_a_failed_row_with_what_there_was(rhs, tmp_path, how, reason):

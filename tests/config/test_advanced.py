@@ -10,9 +10,10 @@ from collections.abc import Iterator
 
 import pytest
 
+from rhs.api import settings
 from rhs.api.contracts import KINDS
 from rhs.base.errors import ConfigError
-from rhs.config import registry, settings
+from rhs.config import registry
 from rhs.testing.checks import silent_settings
 
 PARTS = [(kind, name) for kind in KINDS for name in registry.names(kind)

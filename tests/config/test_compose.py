@@ -96,7 +96,6 @@ def test_a_value_arrives_as_it_was_typed(word, value):
     ("+new=1", "unknown key new"),
     ("seed=1,2", "several values need --multirun"),
     ("hydra.ouput_subdir=x", "did you mean hydra.output_subdir?"),
-    ("hydra.run.dir=x", "type output=FOLDER"),
     ("hydra/launcher=joblib", "--jobs N"),
     ("planner=null", "there is no such planner"),
     ("planner=[fake]", "choose one planner by name"),

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rhs.api.contracts import Odometry
+from rhs.api.contracts import Odometry, complete
+from rhs.api.errors import ContractError
 from rhs.api.geometry import Camera, planar, se2
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.patrol.gate import GatedOdometry, contradiction, gated, joined
@@ -125,3 +126,25 @@ def test_only_odometries_with_depth_are_gated() -> None:
     assert gated(part, frozenset({"wheel"}), Gate()) is part
     assert gated(part, frozenset({"image", "depth"}), Gate(act="off")) is part
     assert isinstance(gated(part, frozenset({"depth"}), Gate()), GatedOdometry)
+
+
+def test_what_an_odometry_offers_beside_motions_passes_the_gate():
+    part = Told()
+    part.keeps_moving, part.scale_from = (0.125, 6.5), "a barcode"
+    behind = gated(part, frozenset({"depth"}), Gate())
+    assert (behind.keeps_moving, behind.scale_from) == ((0.125, 6.5), "a barcode")
+    assert GatedOdometry(Told(), Gate()).keeps_moving is None
+
+
+def test_a_part_that_derives_from_nothing_is_given_the_defaults_of_its_contract():
+    class Plain:
+        scale_from = "a barcode"
+
+    class Closed:
+        __slots__ = ()
+
+    assert (complete("odometry", Plain()).keeps_moving, complete("odometry", Plain()).scale_from) == (None, "a barcode")
+    source = complete("source", Plain())
+    assert (source.provides, source.renderer, source.lost) == (None, "", "")
+    with pytest.raises(ContractError, match="derive it from rhs.api.contracts.Odometry"):
+        complete("odometry", Closed())

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flatland import Flatland, Oracle, Through, parts, ring
+from flatland import Dijkstra, Flatland, Oracle, Through, parts, ring
 
 from rhs.api.contracts import KINDS
 from rhs.api.errors import ContractError
@@ -159,7 +159,7 @@ def test_an_odometry_that_wants_a_moving_camera_gets_arcs():
     assert on_the_spot[True] == 0 < on_the_spot[False]
 
 
-class Wrong(Dijkstra):  # noqa: F821
+class Wrong(Dijkstra):
     """A planner with one mistake."""
 
     def __init__(self, how):
@@ -189,8 +189,7 @@ def test_a_bad_path_is_stopped_at_the_boundary_and_the_planner_named(how, messag
     world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
     oracle, grid = Oracle(world), world.grid()
     who = {kind: f"{kind}=mine" for kind in KINDS}
-    sentinel = Sentinel(oracle, Wrong(how), grid, grid.free(), places=PLACES, radius_m=0.3, settings=MissionSettings(),
-                        who=who)
+    sentinel = Sentinel(parts(oracle, Wrong(how), who), grid, (), places=PLACES, radius_m=0.3, settings=MissionSettings())
     with pytest.raises(ContractError, match=message):
         list(steps(world, Through(world.camera), oracle, sentinel, who=who))
 
@@ -218,8 +217,7 @@ def test_a_source_without_a_clock_or_a_view_is_named(how, message):
     world = Faulty(how)
     oracle, grid = Oracle(world), world.grid()
     who = {kind: f"{kind}=mine" for kind in KINDS}
-    sentinel = Sentinel(oracle, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3, settings=MissionSettings(),  # noqa: F821
-                        who=who)
+    sentinel = Sentinel(parts(oracle, who=who), grid, (), places=PLACES, radius_m=0.3, settings=MissionSettings())
     with pytest.raises(ContractError, match=message):
         list(steps(world, Through(world.camera), oracle, sentinel, who=who))
 
@@ -235,7 +233,6 @@ def test_an_odometry_and_a_localiser_that_diverge_are_named_each():
 
     for odometry, localiser, named in ((Broken(far), oracle, "odometry Broken: previous_from_body"),
                                        (oracle, Gone(world), "localiser Gone: map_from_body")):
-        sentinel = Sentinel(localiser, Dijkstra(), grid, grid.free(), places=PLACES, radius_m=0.3,  # noqa: F821
-                            settings=MissionSettings())
+        sentinel = Sentinel(parts(localiser), grid, (), places=PLACES, radius_m=0.3, settings=MissionSettings())
         with pytest.raises(ContractError, match=f"{named} is 1e[+]07 m away: diverged"):
             list(steps(world, Through(world.camera), odometry, sentinel))

@@ -40,7 +40,7 @@ def test_a_place_named_elsewhere_makes_the_count_begin_anew_but_does_not_overthr
     part, known = Confirmation(False), Confirmation(True)
     for k in range(11):
         part.travel(ON, GOES_ON)
-        part.hear(k != 5)
+        part.place_named(agrees=k != 5)
     assert not part.confirmed
     known.place_named(agrees=False)
     assert known.confirmed

@@ -11,7 +11,7 @@ from painted_room import observe, paintings
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, align, camera_from_fov, exp_se3, inverse, log_se3, se2, transform
 from rhs.api.records import FeatureSettings, Observation, Tracking, Twist
-from rhs_odometry.keyframe.config import Keyframe
+from rhs_odometry.keyframe.config import Keyframe, KeyframeAdvanced
 from rhs_sources.replay_config import Replay
 
 ROBOT = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)
@@ -124,11 +124,10 @@ def test_covariances_are_symmetric_positive_and_the_numbers_repeat():
         assert np.linalg.eigvalsh(motion.covariance).min() > 0
 
 
-def test_memory_is_bounded_and_following_goes_on(monkeypatch):
+def test_memory_is_bounded_and_following_goes_on():
     """With pictures of three key frames only, a turn to and fro is still followed; it finds no old ones again."""
-    monkeypatch.setattr("rhs_odometry.keyframe_map.PICTURES", 3)
     poses = [START @ se2(0, 0, yaw) for yaw in 0.5 * (1 - np.cos(np.linspace(0, 2 * np.pi, 31)))]
-    odometry = build(keep_turn_deg=3.0)
+    odometry = build(keep_turn_deg=3.0, advanced=KeyframeAdvanced(pictures=3))
     motions, believed = run(odometry, poses)
     assert all(m.status is Tracking.OK for m in motions)
     assert sum(bool(picture) for picture in odometry._map.pictures) == 3 < motions[-1].details["keyframes"]

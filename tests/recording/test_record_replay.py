@@ -3,7 +3,7 @@
 import pytest
 
 import rhs
-from rhs.metrics.survey import evaluate
+from rhs.metrics.evaluate import evaluate
 from rhs.runfolder.row import machine_dependent
 
 

@@ -29,3 +29,25 @@ def test_an_experiment_brings_its_own_sweep_and_typed_words_win(tmp_path):
     assert all(c.task.name == "planning" for c in jobs)
     typed = [job.config for job in sweep.plan(["experiment=two", "planner=prm", "seed=7,8"], (tmp_path,)).jobs]
     assert [(c.planner.name, c.seed) for c in typed] == [("prm", 7), ("prm", 8)]
+
+
+def test_zip_takes_values_in_pairs_beside_other_sweeps():
+    jobs = [job.config for job in sweep.plan(["task=planning", "zip(world=map1,map2 seed=5,6)", "planner=prm,rrt"]).jobs]
+    assert [(c.world, c.seed, c.planner.name) for c in jobs] == [
+        ("map1", 5, "prm"), ("map1", 5, "rrt"), ("map2", 6, "prm"), ("map2", 6, "rrt")]
+
+
+@pytest.mark.parametrize("word", ["zip(world=map1,map2 seed=1,2,3)", "zip(seed=1,2)", "zip(seed=1,2 world=map1"])
+def test_a_zip_whose_columns_are_not_as_long_is_refused(word):
+    with pytest.raises(ConfigError, match="expected as many values for each key"):
+        sweep.plan([word])
+
+
+def test_hydras_own_word_for_a_folder_is_taken_as_output():
+    assert sweep.plan(["seed=0,1", "hydra.sweep.dir=here"]).output == "here"
+
+
+def test_a_word_of_an_earlier_version_is_taken_with_a_warning():
+    with pytest.warns(FutureWarning, match="loop_closer=one_eye is now loop_closer=monocular"):
+        jobs = sweep.plan(["sensor=mono", "loop_closer=one_eye", "seed=0,1"]).jobs
+    assert jobs[0].config.loop_closer.settings.trust == "both"

@@ -8,7 +8,7 @@ from rhs.api.geometry import Camera
 from rhs.worlds.tubes import RoundSection, Tube
 from rhs_tasks.unroll.bend_finder import PairFit
 from rhs_tasks.unroll.bending import KNOT, Profile, Winding
-from rhs_tasks.unroll.settings import Unroll
+from rhs_tasks.unroll.settings import Unrolling
 from rhs_tasks.unroll.unrolling import seen_from
 
 CAMERA = Camera(320, 240, 160.0, 160.0, 159.5, 119.5)
@@ -80,6 +80,6 @@ def test_pairs_add_up():
 
 def test_a_bend_cannot_be_told_and_found():
     with pytest.raises(ConfigError, match=r"unroll.bend=given"):
-        Unroll(bend="found", pieces=[1.0, 30.0])
+        Unrolling(bend="found", pieces=[1.0, 30.0])
     with pytest.raises(ConfigError, match="bend"):
-        Unroll(bend="guessed")
+        Unrolling(bend="guessed")

@@ -11,7 +11,7 @@ from rhs.estimation.views.features import write_image
 from rhs.patrol.run import run_config
 from rhs_tasks.unroll.folder import Folder, natural
 from rhs_tasks.unroll.mosaic import Mosaic, Strip, correlation, follow, homography, shift_between
-from rhs_tasks.unroll.settings import Unroll
+from rhs_tasks.unroll.settings import Unrolling
 
 SMALL = ["experiment=unroll_tube", "source.length_m=0.75", "source.step_m=0.075", "source.image_width=240"]
 
@@ -83,7 +83,7 @@ def test_folders_that_are_not_pictures_are_refused_in_one_line(tmp_path):
 
     def complaint(path, intrinsics=camera) -> str:
         with pytest.raises(ConfigError) as caught:
-            Folder(Unroll(path=str(path), intrinsics=intrinsics))
+            Folder(Unrolling(path=str(path), intrinsics=intrinsics))
         assert "\n" not in str(caught.value)
         return str(caught.value)
 
@@ -92,16 +92,16 @@ def test_folders_that_are_not_pictures_are_refused_in_one_line(tmp_path):
     assert "found 0 pictures (a.txt)" in complaint(tmp_path)
     for k in (1, 2):
         write_image(tmp_path / f"{k}.png", np.zeros((30, 40, 3), np.uint8))
-    assert len(list(Folder(Unroll(path=str(tmp_path), intrinsics=camera)))) == 2
+    assert len(list(Folder(Unrolling(path=str(tmp_path), intrinsics=camera)))) == 2
     assert "do not fit pictures of 40x30" in complaint(tmp_path, [200.0, 200.0, 320.0, 240.0])
     write_image(tmp_path / "3.png", np.zeros((30, 41, 3), np.uint8))
     assert "3.png is 41x30" in complaint(tmp_path)
     (tmp_path / "3.png").write_bytes(b"no picture")
     assert "3.png cannot be read" in complaint(tmp_path)
     with pytest.raises(ConfigError, match="unroll.intrinsics"):
-        Unroll(path="x")
+        Unrolling(path="x")
     with pytest.raises(ConfigError, match="expected pairs"):
-        Unroll(pieces=[1.0])
+        Unrolling(pieces=[1.0])
 
 
 @pytest.mark.parametrize(("spoil", "complaint"), [

@@ -89,7 +89,7 @@ def lap(context: TaskContext, settings: Recognition, *, seed: int, off_route: bo
         taken = list(collector.watch(context.lead(parts)))
     finally:
         parts.source.close()
-    views = collector.views if off_route else revise(collector.views, parts.odometry)[0]
+    views = collector.views if off_route else revise(collector.views, parts.odometry, who=parts.who["odometry"])[0]
     out = []
     for view, step in zip(views, taken, strict=True):
         assert step.truth is not None, "the simulator knows where it is"
@@ -101,7 +101,7 @@ def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]],
               settings: Recognition) -> list[Answered]:
     """The localiser started from nothing at many views of the queried lap and led for `places.sequence_m`: right, or wrong
     and sure of it, or (abstained) honest about not knowing."""
-    parts.localiser.learn(views, draw(tuple(views), parts.mapper))
+    parts.localiser.learn(views, draw(tuple(views), parts.mapper, who=parts.who["mapper"]))
     out = []
     last = len(queried) - 1
     for begin in np.linspace(0, 0.9 * last, settings.sequences).astype(int):

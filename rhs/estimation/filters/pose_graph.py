@@ -26,9 +26,9 @@ from .settings import Effort
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-Block = tuple[np.ndarray, np.ndarray, np.ndarray]
+_Block = tuple[np.ndarray, np.ndarray, np.ndarray]
 """positions (M,) of its rows and of its columns, blocks (M, 6, 6)"""
-Border = tuple[np.ndarray, float, float]
+_Border = tuple[np.ndarray, float, float]
 """of the normal equations, what a common scale adds: its column (6N,), its own entry, its part of the gradient"""
 
 
@@ -180,7 +180,7 @@ def _weighted(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel:
 
 def _normal_equations(
     poses: np.ndarray, residual: np.ndarray, information: np.ndarray, edges: Edges, scale: CommonScale
-) -> tuple[csc_matrix, np.ndarray, Border]:
+) -> tuple[csc_matrix, np.ndarray, _Border]:
     """Sparse matrix A (6N, 6N) and vector b (6N,) of A delta = -b; and what the common scale adds to them: its column
     (6N,), its own entry and its part of b."""
     by_to = _right_jacobian_inverse(residual)
@@ -205,7 +205,7 @@ def _by_scale(edges: Edges, scale: CommonScale) -> np.ndarray:
     return out
 
 
-def _assembled(blocks: list[Block], size: int) -> csc_matrix:
+def _assembled(blocks: list[_Block], size: int) -> csc_matrix:
     """Sparse (size, size) matrix that sums blocks (M, 6, 6), given with the positions (M,) of their rows and columns."""
     from scipy.sparse import coo_matrix
 
@@ -216,7 +216,7 @@ def _assembled(blocks: list[Block], size: int) -> csc_matrix:
     return coo_matrix((values, (rows, columns)), (size, size)).tocsc()
 
 
-def _solved(matrix: csc_matrix, gradient: np.ndarray, damping: float, border: Border) -> tuple[np.ndarray, float]:
+def _solved(matrix: csc_matrix, gradient: np.ndarray, damping: float, border: _Border) -> tuple[np.ndarray, float]:
     """(N, 6) steps, of which the first is none, and the step of the common share. border: its column (6N,), its own entry
     and its part of the gradient."""
     from scipy.sparse import diags

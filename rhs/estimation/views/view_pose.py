@@ -17,7 +17,7 @@ from .features import match
 from .rigid import PointNoise, ransac_rigid, refine_reprojection
 from .settings import SightingSettings
 
-CameraMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
+_CameraMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """4x4 between two cameras, its covariance 6x6, which pairs agree (M,) bool"""
 
 
@@ -64,7 +64,7 @@ def sight(
 
 
 def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, settings: SightingSettings,
-                   rng: np.random.Generator) -> CameraMotion | None:
+                   rng: np.random.Generator) -> _CameraMotion | None:
     """(stored_from_query 4x4, covariance 6x6, which pairs agree (M,) bool) between the cameras, or None."""
     p, q = query.features.points[pairs[:, 0]], stored.features.points[pairs[:, 1]]
     lifted_p, lifted_q = np.isfinite(p[:, 2]), np.isfinite(q[:, 2])
@@ -84,7 +84,7 @@ def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, setting
 
 
 def _rigid(p: np.ndarray, q: np.ndarray, both: np.ndarray, query: Snapshot, settings: SightingSettings,
-           rng: np.random.Generator) -> CameraMotion | None:
+           rng: np.random.Generator) -> _CameraMotion | None:
     noise = PointNoise(query.camera.fx)
     p, q = p[both].astype(float), q[both].astype(float)
     found = ransac_rigid(p, q, noise=noise, rng=rng, settings=settings.ransac)
@@ -98,7 +98,7 @@ def _rigid(p: np.ndarray, q: np.ndarray, both: np.ndarray, query: Snapshot, sett
 
 def _pnp(
     points: np.ndarray, pixels: np.ndarray, lifted: np.ndarray, camera: Camera, pixel_px: float = 1.0
-) -> CameraMotion | None:
+) -> _CameraMotion | None:
     """viewer_from_points by PnP with RANSAC; points (M, 3) in their own camera frame, pixels (M, 2) in the viewer."""
     import cv2
 

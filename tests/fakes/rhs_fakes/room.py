@@ -74,7 +74,7 @@ class Wheel:
     def sense(self, capture: Capture) -> Observation:
         wheel = capture.travel + 1e-3 * self.rng.standard_normal(3)
         wheel.flags.writeable = False
-        scan = Scan(BEARINGS, np.full(len(BEARINGS), 1.0), 5.0)
+        scan = Scan(BEARINGS, np.full(len(BEARINGS), np.inf), 5.0)  # an empty room, larger than it sees
         return Observation(capture.index, capture.stamp_s, self.camera, scan=scan, wheel=wheel)
 
 
