@@ -138,7 +138,8 @@ def unpacked_bytes(file: BinaryIO, size: int) -> int:
         if not 0 < opcode <= DATA_END or length > size - at - 9:
             break
         if opcode == CHUNK and len(head) == 9 + CHUNK_HEAD.size:
-            total += CHUNK_HEAD.unpack_from(head, 9)[2]
+            claimed = CHUNK_HEAD.unpack_from(head, 9)[2]
+            total += claimed if claimed <= LIMIT_BYTES else 0  # one that claims more is passed over, the others are read
         at += 9 + length
     return total
 

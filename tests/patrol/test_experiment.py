@@ -50,7 +50,7 @@ def test_the_folder_holds_what_the_readme_promises(whole):
 
 
 def test_the_row_can_be_recomputed_from_the_files(whole):
-    from rhs.metrics.survey import evaluate
+    from rhs.metrics.evaluate import evaluate
 
     row, folder = whole
     again = evaluate(folder)

@@ -84,6 +84,7 @@ def test_start_stride_and_count_choose_views(tmp_path):
         ({}, {"camera": "tum_fr1"}, "64x48 but source.camera=tum_fr1 is for 640x480"),
         ({}, {"camera": "kinect"}, "not one of auto, tum_fr1"),
         ({}, {"depth_scale": 1e6}, "typical depth is 0.01 m"),
+        ({}, {"depth_scale": 5.0}, "typical depth is 2e.03 m"),  # a thousandth: all of it would be too far to be known
         ({}, {"start": 9}, "has 3 views"),
     ],
 )

@@ -113,7 +113,7 @@ def bad_company(tmp_path_factory) -> tuple[subprocess.CompletedProcess, Path]:
     ("none", "ok", ""), ("leak", "ok", ""), ("raise", "failed", "ValueError at step 2: the odometry of this test"),
     ("exit", "failed", "SystemExit at step 2: 3"), ("os_exit", "failed", "ended the process by os._exit(3) at step 2"),
     ("kill", "killed", "SIGKILL"), ("segfault", "killed", "SIGSEGV"), ("none_result", "failed", "expected a Motion"),
-    ("nan_pose", "failed", "finite 4x4 numbers"), ("spin", "timeout", "took longer than the 20 s of --timeout"),
+    ("nan_pose", "failed", "expected finite 4x4 numbers"), ("spin", "timeout", "took longer than the 20 s of --timeout"),
 ])
 def test_a_bad_job_costs_itself_and_says_why(bad_company, how, status, reason):
     row = read_row(next(bad_company[1].glob(f"odometry.how={how}_*/row.json")))
