@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -131,6 +132,13 @@ def test_a_plugin_uses_only_what_any_stranger_may_use(path):
     assert not others, f"{own} imports {others}"
     private = {room_of(MODULES[name]) for name in used if name in MODULES and name != "rhs"} - PUBLIC
     assert not private, f"{path} imports from {private}; plugins may import {sorted(PUBLIC)}"
+
+
+def test_types_are_strict_in_the_public_rooms_and_checked_in_every_package():
+    mypy = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["mypy"]
+    strict, = (rules for rules in mypy["overrides"] if rules.get("disallow_untyped_defs"))
+    assert set(strict["module"]) == {"rhs", *(f"rhs.{room}.*" for room in PUBLIC)}
+    assert set(mypy["packages"]) == {"rhs", *(path.parent.name for path in (ROOT / "plugins").glob("rhs_*/__init__.py"))}
 
 
 @pytest.mark.parametrize("path", [*CORE, *PLUGINS], ids=lambda path: f"{path.parent.name}/{path.stem}")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rhs.api.records import Belief, BeliefStatus, Motion, Observation, View
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Localiser
 
 
 @dataclass
@@ -16,7 +19,7 @@ class OdometryOnly:
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Localiser:
         return DeadReckoning()
 
 

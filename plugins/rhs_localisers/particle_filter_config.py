@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
 
 from .advanced import ParticleAdvanced, ScanAdvanced
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Localiser
 
 
 @dataclass
@@ -57,7 +60,7 @@ class ParticleFilter:
         check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
         check_range(owner, "p_true", self.p_true, low=0.5, high=0.9999)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Localiser:
         from .particle_filter import ParticleLocaliser
         from .particle_places import PlaceEvidence
 
@@ -96,7 +99,7 @@ class ParticleFilterScan:
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter_scan", self)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Localiser:
         from .particle_filter import ParticleLocaliser
 
         return ParticleLocaliser(self, context, None)

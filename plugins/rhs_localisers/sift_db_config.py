@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_choice, check_range
 
 from .advanced import SiftDbAdvanced
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Localiser
 
 
 @dataclass
@@ -56,7 +59,7 @@ class SiftDb:
         check_range(owner, "tracking_above", self.tracking_above, low=0.5, high=0.9999)
         check_range(owner, "lost_below", self.lost_below, low=0.0, high=self.tracking_above)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Localiser:
         from .sift_db import PlaceLocaliser
 
         return PlaceLocaliser(self, context)

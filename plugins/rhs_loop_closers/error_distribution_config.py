@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_choice, check_range
 
 from .advanced import ErrorDistributionAdvanced
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, LoopCloser
 
 
 @dataclass
@@ -50,7 +53,7 @@ class ErrorDistribution:
         check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
         check_range(owner, "max_drift_share", self.max_drift_share, low=0.0, high=10.0)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> LoopCloser:
         from .error_distribution import ErrorSpreader
 
         return ErrorSpreader(self, context)

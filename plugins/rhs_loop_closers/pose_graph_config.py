@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range
 
 from .advanced import PoseGraphAdvanced
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, LoopCloser
 
 
 @dataclass
@@ -70,7 +73,7 @@ class PoseGraph:
         check_range(owner, "drift_rad_per_m", self.drift_rad_per_m, low=1e-5, high=1.0)
         check_range(owner, "kernel_sigma", self.kernel_sigma, low=0.1, high=1000.0)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> LoopCloser:
         from .pose_graph import PoseGraphCloser
 
         return PoseGraphCloser(self, context)

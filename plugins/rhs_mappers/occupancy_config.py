@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Mapper
 
 
 @dataclass
@@ -40,7 +43,7 @@ class Occupancy:
                 "a hit has to speak for an obstacle"
             )
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Mapper:
         from .occupancy import OccupancyMapper
 
         return OccupancyMapper(self, context.world.bounds_m)

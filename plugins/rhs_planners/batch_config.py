@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rhs.api.errors import check_range
 
 from .shared_config import PlannerSettings, repeated, scaled_to
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -32,7 +36,7 @@ class BitStar(PlannerSettings):
     def knob(self, rounds: list[int]) -> tuple[str, int]:
         return "iterations", sum(rounds)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .tree import TreePlanner, bit_star
 
         return TreePlanner(self, context.rng, bit_star, logged=True)
@@ -66,7 +70,7 @@ class Fmt(PlannerSettings):
     def knob(self, rounds: list[int]) -> tuple[str, int]:
         return "iterations", sum(rounds)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .tree import TreePlanner, fmt
 
         return TreePlanner(self, context.rng, fmt, anew=True)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from rhs.api.errors import check_range, check_ranges
 
 from .shared_config import PlannerSettings
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -35,7 +39,7 @@ class FastMarching(PlannerSettings):
         self.check("planner.fast_marching")
         check_range("planner.fast_marching", "comfort_m", self.comfort_m, low=0.0, high=100.0, unit="m")
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .fast_marching import FastMarchingPlanner
 
         return FastMarchingPlanner(self)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rhs.api.errors import check_range
 
 from .shared_config import PlannerSettings
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -22,7 +26,7 @@ class AStar(PlannerSettings):
         self.check("planner.astar")
         check_range("planner.astar", "expansions", self.expansions, low=1, high=10**12)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .grid_search import GridSearch, astar
 
         return GridSearch(self, astar)
@@ -41,7 +45,7 @@ class ThetaStar(PlannerSettings):
         self.check("planner.theta_star")
         check_range("planner.theta_star", "expansions", self.expansions, low=1, high=10**12)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .grid_search import GridSearch, theta_star
 
         return GridSearch(self, theta_star)

@@ -28,4 +28,5 @@ def segment_free_at(address, rows, columns, x0, y0, x1, y1):
     Ends beyond the grid are not free."""
     if not (0.0 <= min(x0, x1) and max(x0, x1) < columns and 0.0 <= min(y0, y1) and max(y0, y1) < rows):
         return False
-    return segment_free(nb.carray(_as_pointer(address), (rows, columns), np.uint8), x0, y0, x1, y1)
+    grid = nb.carray(_as_pointer(address), (rows, columns), np.uint8)  # type: ignore[call-arg]  # numba gives the first
+    return segment_free(grid, x0, y0, x1, y1)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from ompl import base as ob
@@ -81,7 +82,7 @@ def space_over(grid: np.ndarray, motion: type[GridMotion] = GridMotion):
         bounds.setHigh(axis, size - 1.0 - 1e-6)
     plane.setBounds(bounds)
     information = ob.SpaceInformation(plane)
-    cells = memoryview(grid.reshape(-1))  # reading one byte of a memoryview is the cheapest check from Python
+    cells = grid.reshape(-1).data  # reading one byte of a memoryview is the cheapest check from Python
     information.setStateValidityChecker(lambda state: cells[int(state[1]) * columns + int(state[0])] == 0)
     validator = motion(information, grid)
     information.setMotionValidator(validator)
@@ -105,7 +106,7 @@ def solution(problem, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
     """(N, 2) cells of an exact solution; None for none, for an approximate one, or one that does not join the ends."""
     if not problem.hasExactSolution():
         return None
-    points = [(state[0], state[1]) for state in problem.getSolutionPath().getStates()]
+    points: list[Any] = [(state[0], state[1]) for state in problem.getSolutionPath().getStates()]
     if len(points) < 2 or max(math.dist(points[0], start), math.dist(points[-1], goal)) > 1e-5:
         return None
     points[0], points[-1] = start, goal
@@ -118,7 +119,7 @@ def edges_of(information, planner) -> tuple[np.ndarray, np.ndarray]:
     planner.getPlannerData(data)
     count = data.numVertices()
     points = np.empty((count, 2))
-    edges = []
+    edges: list[tuple[int, int]] = []
     for k in range(count):
         state = data.getVertex(k).getState()
         points[k] = state[0], state[1]

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rhs.api.errors import check_range
 
 from .shared_config import PlannerSettings
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -40,7 +44,7 @@ class PotentialField(PlannerSettings):
         check_range(owner, "trail_radius_m", self.trail_radius_m, low=0.0, high=100.0, unit="m")
         check_range(owner, "steps", self.steps, low=1, high=10_000_000)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .potential_field import PotentialFieldPlanner
 
         return PotentialFieldPlanner(self)

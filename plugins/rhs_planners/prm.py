@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -19,15 +20,21 @@ from .problem import Ground, Task, already_there, begin, finish
 from .roadmap import Roadmap
 
 
+class Grower(Protocol):
+    """One roadmap in the making."""
+
+    def grow(self, grid: np.ndarray, vertices: int, *, stale: bool) -> Roadmap: ...
+
+
 class RoadmapPlanner:
     """rhs.api.contracts.Planner over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
 
-    def __init__(self, settings, rng: np.random.Generator, begin_growing: Callable):
+    def __init__(self, settings, rng: np.random.Generator, begin_growing: Callable[[Task, np.random.Generator], Grower]):
         self._settings, self._rng, self._begin_growing = settings, rng, begin_growing
         self._ground = Ground()
         self._roadmap: Roadmap | None = None
         self._version = -1  # of the ground, when the roadmap was last made or repaired
-        self._grower = None
+        self._grower: Grower
         self._stale = False  # cells have changed since the first edges were found
 
     def plan(self, problem: PlanningProblem) -> Path:
@@ -39,6 +46,7 @@ class RoadmapPlanner:
         learning = time.process_time()
         self._make_ready(task, counts)
         learn_s = time.process_time() - learning
+        assert self._roadmap is not None
         raw = already_there(task)
         raw = self._query(task) if raw is None else raw
         rounds = self._settings.rounds(self._ground.free_cells)
@@ -53,6 +61,7 @@ class RoadmapPlanner:
                       sketch=self._roadmap.segments)
 
     def _query(self, task: Task) -> np.ndarray | None:
+        assert self._roadmap is not None
         return self._roadmap.query(task.grid, task.start, task.goal, links=self._settings.links)
 
     def _worth_growing(self, task: Task) -> bool:

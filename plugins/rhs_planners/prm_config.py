@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_choice, check_range, check_ranges
 
 from .shared_config import PlannerSettings, scaled_to
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -56,14 +59,16 @@ class _Roadmap(PlannerSettings):
             return self.growth_rounds
         return max(20, scaled_to(free_cells, each=0.05, least=0, most=50_000) // self.growth)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .prm import RoadmapPlanner
 
         if self.backend == "ompl":
-            from .ompl_roadmap import OmplGrower as Grower
-        else:
-            from .native_roadmap import NativeGrower as Grower
-        return RoadmapPlanner(self, context.rng, partial(Grower, star=self._star))
+            from .ompl_roadmap import OmplGrower
+
+            return RoadmapPlanner(self, context.rng, partial(OmplGrower, star=self._star))
+        from .native_roadmap import NativeGrower
+
+        return RoadmapPlanner(self, context.rng, partial(NativeGrower, star=self._star))
 
 
 @dataclass

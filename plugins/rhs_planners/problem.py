@@ -137,10 +137,10 @@ def finish(task: Task, raw: np.ndarray | None, *, learn_ms: float = 0.0, extras:
         reason = PlanReason.BUDGET_SPENT if task.ground.connected(task.start, task.goal) else PlanReason.DISCONNECTED
     else:
         points = _in_metres(task, raw)
-    spent = reason is PlanReason.BUDGET_SPENT and knob is not None
+    further = advice(*knob) if knob is not None and reason is PlanReason.BUDGET_SPENT else ""
     plan_ms = 1e3 * (time.process_time() - task.began_s) - learn_ms
     drawing = None if sketch is None else lambda: task.metres(sketch())
-    return Path(reason, points, points, learn_ms, plan_ms, drawing, extras, keep_shape, advice(*knob) if spent else "")
+    return Path(reason, points, points, learn_ms, plan_ms, drawing, extras, keep_shape, further)
 
 
 def advice(setting: str, number: int) -> str:

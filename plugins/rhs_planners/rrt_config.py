@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rhs.api.errors import check_choice, check_range
 
 from .shared_config import PlannerSettings, in_two, repeated, scaled_to
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -32,7 +36,7 @@ class Rrt(PlannerSettings):
     def knob(self, rounds: list[int]) -> tuple[str, int]:
         return "iterations", sum(rounds)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .tree import TreePlanner, rrt
 
         return TreePlanner(self, context.rng, rrt)
@@ -61,7 +65,7 @@ class RrtConnect(PlannerSettings):
     def knob(self, rounds: list[int]) -> tuple[str, int]:
         return "iterations", sum(rounds)
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         if self.backend == "ompl":
             from .tree import TreePlanner, rrt_connect
 
@@ -97,7 +101,7 @@ class RrtStar(PlannerSettings):
     def knob(self, rounds: list[int]) -> tuple[str, int]:
         return "extensions", len(rounds) - 1
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .tree import TreePlanner, rrt_star
 
         return TreePlanner(self, context.rng, rrt_star)
@@ -129,7 +133,7 @@ class InformedRrtStar(PlannerSettings):
     def knob(self, rounds: list[int]) -> tuple[str, int]:
         return "extensions", len(rounds) - 1
 
-    def build(self, context):
+    def build(self, context: Context) -> Planner:
         from .tree import TreePlanner, informed_rrt_star
 
         return TreePlanner(self, context.rng, informed_rrt_star)

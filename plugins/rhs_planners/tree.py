@@ -35,7 +35,8 @@ class TreePlanner:
     def __init__(self, settings, rng: np.random.Generator, make: Callable, *, logged: bool = False, anew: bool = False):
         self._settings, self._rng, self._make, self._anew = settings, rng, make, anew
         self._motion = LoggedGridMotion if logged else GridMotion
-        self._ground, self._space, self._version = Ground(), None, -1
+        self._ground, self._version = Ground(), -1
+        self._space: tuple[Any, GridMotion]  # over the ground of that version
 
     def plan(self, problem: PlanningProblem) -> Path:
         """Space over the grid, unless it is at hand; seed; make; solve within the counted budgets; check."""

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
@@ -27,7 +30,7 @@ class Laser:
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Sensor:
         from .laser_sensor import LaserSensor
 
         return LaserSensor(self, context)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
 
 if TYPE_CHECKING:
-    from rhs.api.contracts import Context
+    from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
@@ -68,7 +68,7 @@ class Rgbd:
         for name in ("wheel_distance_share", "wheel_turn_share", "wheel_slip_chance", "wheel_slip_share"):
             check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
 
-    def build(self, context: Context) -> Any:
+    def build(self, context: Context) -> Sensor:
         from .rgbd_sensor import RgbdSensor
 
         return RgbdSensor(self, context)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError
 from rhs.api.records import Capture, Twist, WorldFacts
 
@@ -22,7 +23,7 @@ from .replay_tum import Recording, is_tum, open_tum
 log = logging.getLogger("rhs.replay")
 
 
-class ReplaySource:
+class ReplaySource(Source):
     """A recording as a Source. It can be led, not driven: a run with it is a survey without a patrol.
 
     Reading and decoding overlap with whatever the caller does between two views; the views do not depend on that.
@@ -43,7 +44,7 @@ class ReplaySource:
         self._truth: np.ndarray | None = None
 
     @property
-    def lost(self) -> str:
+    def lost(self) -> str:  # type: ignore[override]  # others set it once; here it grows as views are read
         """What the recording has lost, in words; empty until that is met, and for a whole recording."""
         return "; ".join(self._lost)
 

@@ -53,8 +53,8 @@ def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFact
     away = np.array([(inverse(poses[0]) @ pose)[:2, 3] for pose in poses])
     low, high = away.min(axis=0), away.max(axis=0)
     margin = 0.2 * float((high - low).max()) + min(max_range_m, 15.0)
-    bounds = tuple(float(v) for v in (*(low - margin), *(high + margin)))
-    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), bounds, 0.25)
+    west, south, east, north = (float(v) for v in (*(low - margin), *(high + margin)))
+    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), (west, south, east, north), 0.25)
 
 
 def _read(path: Path, settings) -> tuple[list[float], list[np.ndarray], list[Scan]]:

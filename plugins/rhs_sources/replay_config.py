@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Source, SourceContext
 
 FORMATS = ("auto", "tum", "seven_scenes", "run", "bag", "carmen")
 
@@ -84,7 +87,7 @@ class Replay:
         if not isinstance(self.camera, str):
             _check_intrinsics(owner, self.camera)
 
-    def build(self, context):
+    def build(self, context: SourceContext) -> Source:
         from .replay import ReplaySource
 
         return ReplaySource(self)

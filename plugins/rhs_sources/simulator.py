@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rhs.api.contracts import SourceContext
+from rhs.api.contracts import Source, SourceContext
 from rhs.api.errors import ConfigError, RhsError
 from rhs.api.floorplan import World
 from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
@@ -27,7 +27,7 @@ SUBSTEP_S = 0.05  # a robot at 0.5 m/s moves a twelfth of its radius between two
 BISECTIONS = 8  # contact is found to 1/256 of a substep
 
 
-class SimulatorSource:
+class SimulatorSource(Source):
     """See rhs.api.contracts.Source."""
 
     def __init__(self, settings: Simulator, context: SourceContext) -> None:

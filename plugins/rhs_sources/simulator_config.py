@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Source, SourceContext
 
 
 @dataclass
@@ -90,7 +93,7 @@ class Simulator:
         if self.texture_seed is not None:
             check_range("source", "texture_seed", self.texture_seed, low=0, high=2**31 - 1)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: SourceContext) -> Source:
         """context: rhs.api.contracts.SourceContext with a world."""
         from .simulator import SimulatorSource
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rhs.api.contracts import SourceContext
+from rhs.api.contracts import Source, SourceContext
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, exp_so3, inverse, planar, se3
 from rhs.api.records import Capture, Twist, WorldFacts
@@ -21,7 +21,7 @@ from .tube_paint import Paint
 DARK_BEYOND = 40.0  # the wall is drawn up to this many sizes away; further it is dark
 
 
-class TubeSource:
+class TubeSource(Source):
     """See rhs.api.contracts.Source. The map begins under the camera's first place, on the bottom of the tube."""
 
     renderer = "numpy"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Source, SourceContext
 
 
 @dataclass
@@ -75,7 +78,7 @@ class Tube:
             tightest = 57.29578 * length_m / (1.5 * self.size_m)
             check_range("source.tube", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: SourceContext) -> Source:
         """context: rhs.api.contracts.SourceContext; the world is not looked at."""
         from .tube import TubeSource
 

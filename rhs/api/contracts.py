@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path as FilePath
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -78,14 +78,18 @@ class SourceContext:
     folder: FilePath
 
 
-class Plugin(Protocol):
-    """The dataclass an entry point names."""
+_Given = TypeVar("_Given", contravariant=True)
+_Part = TypeVar("_Part", covariant=True)
+
+
+class Plugin(Protocol[_Given, _Part]):
+    """The dataclass an entry point names: `Plugin[Context, Odometry]`, of a source `Plugin[SourceContext, Source]`."""
 
     needs: ClassVar[frozenset[str]]
     provides: ClassVar[frozenset[str]]
     preload: ClassVar[tuple[str, ...]] = ()  # may be left out: heavy modules of build(), loaded once for all jobs of a sweep
 
-    def build(self, context: Context) -> Any: ...
+    def build(self, context: _Given) -> _Part: ...
 
 
 class Source(Protocol):

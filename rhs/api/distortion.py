@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 
-def distorted(x, y, coefficients):
+def distorted(x: np.ndarray, y: np.ndarray, coefficients: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     """Where a lens with OpenCV's (k1, k2, p1, p2, k3), or with k4, k5, k6 of the rational model after them, puts ideal
     points (x, y) of the plane z = 1 (Brown 1971)."""
     p1, p2 = (*coefficients, *[0.0] * 8)[2:4]
@@ -14,7 +16,7 @@ def distorted(x, y, coefficients):
     return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
 
 
-def lens_slopes(x, y, coefficients):
+def lens_slopes(x: np.ndarray, y: np.ndarray, coefficients: Sequence[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """xx, xy, yy of the Jacobian of `distorted`, which is symmetric."""
     p1, p2 = (*coefficients, *[0.0] * 8)[2:4]
     radial, slope = _radial(x * x + y * y, coefficients)
@@ -23,7 +25,7 @@ def lens_slopes(x, y, coefficients):
             radial + slope * y * y + 6 * p1 * y + 2 * p2 * x)
 
 
-def _radial(r2, coefficients):
+def _radial(r2: np.ndarray, coefficients: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     """By how much a lens stretches at a squared radius, and its derivative by that."""
     k1, k2, _, _, k3, k4, k5, k6 = (*coefficients, *[0.0] * 8)[:8]
     over, slope = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), k1 + r2 * (2 * k2 + r2 * 3 * k3)
@@ -33,7 +35,9 @@ def _radial(r2, coefficients):
     return over / under, (slope - over / under * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / under
 
 
-def undistorted(x, y, coefficients, iterations: int = 10):
+def undistorted(
+    x: np.ndarray, y: np.ndarray, coefficients: Sequence[float], iterations: int = 10
+) -> tuple[np.ndarray, np.ndarray]:
     """The ideal points that such a lens puts at (x, y): `distorted` the other way round, by Newton's steps. Steps from point
     to point (u = x - its own distortion) would not settle in the corners of a wide pincushion."""
     u, v = x, y

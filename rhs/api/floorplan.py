@@ -73,7 +73,8 @@ class Box:
         """(4, 2) corners of its footprint, counter-clockwise."""
         half = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size_m[:2])
         c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        return half @ np.array([[c, s], [-s, c]]) + np.array(self.centre_m)
+        corners: np.ndarray = half @ np.array([[c, s], [-s, c]]) + np.array(self.centre_m)
+        return corners
 
 
 @dataclass(frozen=True)

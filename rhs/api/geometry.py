@@ -9,6 +9,7 @@ Body frame: x forward, y left, z up, on the floor under the robot. Camera frame:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .distortion import distorted, undistorted
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
-def wrap(angle_rad):
+def wrap(angle_rad: float | np.ndarray) -> Any:
     """Angle, or array of angles, brought to [-pi, pi)."""
     return (np.asarray(angle_rad) + np.pi) % (2.0 * np.pi) - np.pi
 
@@ -64,7 +65,8 @@ def inverse(pose: np.ndarray) -> np.ndarray:
 
 def transform(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(N, 3) points moved by a 4x4 pose."""
-    return points @ pose[:3, :3].T + pose[:3, 3]
+    moved: np.ndarray = points @ pose[:3, :3].T + pose[:3, 3]
+    return moved
 
 
 def exp_so3(omega: np.ndarray) -> np.ndarray:
@@ -72,15 +74,18 @@ def exp_so3(omega: np.ndarray) -> np.ndarray:
     theta = float(np.linalg.norm(omega))
     k = hat(omega)
     if theta < 1e-8:
-        return np.eye(3) + k + 0.5 * k @ k
-    return np.eye(3) + np.sin(theta) / theta * k + (1.0 - np.cos(theta)) / theta**2 * k @ k
+        rotation: np.ndarray = np.eye(3) + k + 0.5 * k @ k
+    else:
+        rotation = np.eye(3) + np.sin(theta) / theta * k + (1.0 - np.cos(theta)) / theta**2 * k @ k
+    return rotation
 
 
 def log_so3(rotation: np.ndarray) -> np.ndarray:
     """(3,) rotation vector of a 3x3 rotation, angle in [0, pi]."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_matrix(rotation).as_rotvec()
+    omega: np.ndarray = Rotation.from_matrix(rotation).as_rotvec()
+    return omega
 
 
 def exp_se3(xi: np.ndarray) -> np.ndarray:
@@ -121,7 +126,8 @@ def adjoint(pose: np.ndarray) -> np.ndarray:
 def compose_covariance(covariance_a: np.ndarray, b_from_c: np.ndarray, covariance_b: np.ndarray) -> np.ndarray:
     """Covariance (6x6) of `a_from_b @ b_from_c` from those of its factors, to first order (right perturbations)."""
     move = adjoint(inverse(b_from_c))
-    return move @ covariance_a @ move.T + covariance_b
+    covariance: np.ndarray = move @ covariance_a @ move.T + covariance_b
+    return covariance
 
 
 def orthonormal(pose: np.ndarray) -> np.ndarray:
@@ -135,7 +141,8 @@ def quaternion_xyzw(rotation: np.ndarray) -> np.ndarray:
     """(4,) unit quaternion x, y, z, w (w last, >= 0) of a 3x3 rotation."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_matrix(rotation).as_quat(canonical=True)
+    xyzw: np.ndarray = Rotation.from_matrix(rotation).as_quat(canonical=True)
+    return xyzw
 
 
 def rotation_of_quaternion(xyzw: np.ndarray) -> np.ndarray:
@@ -145,10 +152,13 @@ def rotation_of_quaternion(xyzw: np.ndarray) -> np.ndarray:
     q = np.asarray(xyzw, float)
     if not np.all(np.isfinite(q)) or np.linalg.norm(q) < 1e-9:
         raise ValueError(f"quaternion {q.tolist()} has no direction; expected a finite, non-zero x, y, z, w")
-    return Rotation.from_quat(q).as_matrix()
+    rotation: np.ndarray = Rotation.from_quat(q).as_matrix()
+    return rotation
 
 
-def align(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None, *, with_scale: bool = False):
+def align(
+    source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None, *, with_scale: bool = False
+) -> tuple[np.ndarray, float]:
     """Rigid motion, or similarity, that best carries (N, 3) `source` onto (N, 3) `target`.
 
     Weighted Procrustes (Kabsch; Umeyama 1991 for the scale; thesis eqs 3.1-3.7), safe against reflections.
@@ -221,7 +231,8 @@ class Camera:
 
     def points(self, pixels: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
         """(N, 3) points in the camera frame of (N, 2) pixels at (N,) depths along z (eq. 2.16)."""
-        return self.rays(pixels) * np.asarray(depth_m)[:, None]
+        points: np.ndarray = self.rays(pixels) * np.asarray(depth_m)[:, None]
+        return points
 
 
 def camera_from_fov(width: int, height: int, hfov_deg: float, *, height_m: float, forward_m: float = 0.0) -> Camera:

@@ -38,22 +38,24 @@ class OccupancyGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        return self.probability.shape  # type: ignore[return-value]
+        return self.probability.shape
 
     def cells(self, points_m: np.ndarray) -> np.ndarray:
         """(N, 2) integer (row, column) of (N, 2) points x, y in metres; may lie outside the grid."""
         points = np.atleast_2d(np.asarray(points_m, float))
-        column_row = np.floor((points - np.asarray(self.origin_m)) / self.resolution_m + 1e-9).astype(int)
+        column_row: np.ndarray = np.floor((points - np.asarray(self.origin_m)) / self.resolution_m + 1e-9).astype(int)
         return column_row[:, ::-1]
 
     def centres(self, cells: np.ndarray) -> np.ndarray:
         """(N, 2) metres x, y of the centres of (N, 2) (row, column) cells."""
-        return (np.atleast_2d(cells)[:, ::-1] + 0.5) * self.resolution_m + np.asarray(self.origin_m)
+        centres: np.ndarray = (np.atleast_2d(cells)[:, ::-1] + 0.5) * self.resolution_m + np.asarray(self.origin_m)
+        return centres
 
     def inside(self, points_m: np.ndarray) -> np.ndarray:
         """(N,) bool: the point lies on the grid."""
         rc = self.cells(points_m)
-        return np.all((rc >= 0) & (rc < np.array(self.shape)), axis=1)
+        inside: np.ndarray = np.all((rc >= 0) & (rc < np.array(self.shape)), axis=1)
+        return inside
 
     def occupied(self, threshold: float = 0.65) -> np.ndarray:
         """(H, W) bool: observed and at least `threshold` likely to be occupied."""
@@ -77,7 +79,8 @@ def inflate(obstacle: np.ndarray, radius_cells: float) -> np.ndarray:
         return obstacle.copy()
     from scipy.ndimage import distance_transform_edt
 
-    return distance_transform_edt(~obstacle) <= radius_cells + 1e-9
+    near: np.ndarray = distance_transform_edt(~obstacle) <= radius_cells + 1e-9
+    return near
 
 
 def configuration_space(obstacle: np.ndarray, radius_cells: float) -> np.ndarray:

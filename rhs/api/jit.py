@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar, cast
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled(function: _Function) -> _Function:
     """`function` compiled by numba without fast-math (same numbers everywhere) and cached beside its file.
 
     Where neither the package nor the user's cache folder can be written (a read-only installation), it is compiled
@@ -16,9 +18,9 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     import numba
 
     try:
-        return numba.njit(cache=True)(function)
+        return cast(_Function, numba.njit(cache=True)(function))
     except RuntimeError:  # numba: "no locator available"
-        return numba.njit(function)
+        return cast(_Function, numba.njit(function))
 
 
 def on_compile(tell: Callable[[], None]) -> None:
@@ -28,31 +30,31 @@ def on_compile(tell: Callable[[], None]) -> None:
     class Teller(event.Listener):
         told = False
 
-        def on_start(self, event):
+        def on_start(self, event: Any) -> None:
             if not self.told:
                 self.told = True
                 tell()
 
-        def on_end(self, event):
+        def on_end(self, event: Any) -> None:
             pass
 
     event.register("numba:compile", Teller())
 
 
-def typed(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def typed(signature: Any) -> Callable[[_Function], _Function]:
     """Decorator: compiled for one numba signature when the module is imported, so that no call has to wait for it.
 
     Cached and careful like `compiled`.
     """
 
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+    def decorate(function: _Function) -> _Function:
         import numba
 
         try:
-            return numba.njit(signature, cache=True)(function)
+            return cast(_Function, numba.njit(signature, cache=True)(function))
         except RuntimeError as error:
             if "locator" not in str(error):
                 raise
-            return numba.njit(signature)(function)
+            return cast(_Function, numba.njit(signature)(function))
 
     return decorate

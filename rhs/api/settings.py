@@ -155,7 +155,7 @@ def _convert_scalar(hint: Any, value: Any, key: str) -> Any:
     raise _wrong(key, value, hint)
 
 
-def _convert_union(inner: tuple, value: Any, key: str, hint: Any) -> Any:
+def _convert_union(inner: tuple[Any, ...], value: Any, key: str, hint: Any) -> Any:
     for option in inner:
         try:
             return _convert(option, value, key)
@@ -164,7 +164,7 @@ def _convert_union(inner: tuple, value: Any, key: str, hint: Any) -> Any:
     raise _wrong(key, value, hint)
 
 
-def _convert_sequence(origin: type, inner: tuple, value: Any, key: str, hint: Any) -> Any:
+def _convert_sequence(origin: type, inner: tuple[Any, ...], value: Any, key: str, hint: Any) -> Any:
     if not isinstance(value, (list, tuple)):
         raise _wrong(key, value, hint)
     if origin is tuple and inner and inner[-1] is not Ellipsis:

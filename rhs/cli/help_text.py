@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from rhs.api import settings
-from rhs.api.contracts import CHOICES, FeatureSettings
+from rhs.api.contracts import CHOICES
+from rhs.api.records import FeatureSettings
 from rhs.base.data_dirs import data_dir
 from rhs.base.strict_yaml import load_yaml
 from rhs.config import registry

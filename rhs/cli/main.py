@@ -1,7 +1,7 @@
 """The command line: `python -m rhs [options] key=value ...`. The only place that prints or exits.
 
 Exit codes: 0 everything asked for was done; 1 it failed; 2 refused before anything ran; 3 finished, but something in it
-failed or was lost; 130 and 143 interrupted.
+failed or was lost, or the mission was not achieved; 130 and 143 interrupted.
 """
 
 from __future__ import annotations
@@ -153,6 +153,9 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     status = row.get("status")
     if status == "ok" and row.get("lost"):
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
+        return 3
+    if status == "ok" and row.get("success") == 0:
+        print(f"rhs: not achieved: {row.get('failure', '')}", file=sys.stderr)
         return 3
     if status == "ok":
         return 0

@@ -5,21 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-TOLD = ("status", "reason", "world", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed",
-        "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m", "path_length_m",
-        "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share",
-        "map_agreement", "belief_wrong_sure_share", "kidnaps", "kidnap_recovered_share", "kidnap_recovery_m",
-        "kidnap_wrong_sure_share", "belief_ece", "strips", "strips_registered_share",
-        "mosaic_correlation", "along_error_pct",
-        "plan_success", "plan_reason", "plan_valid", "plan_length_m", "plan_length_raw_m", "plan_optimal_m",
-        "plan_above_optimum_pct", "plan_steps", "plan_learn_ms", "plan_ms", "plan_again_ms", "homotopy", "wall_ms",
-        "real_time_factor", "peak_memory_mb")
+SHOWN = (
+    "status", "reason", "success", "failure", "world", "sensor", "odometry", "loop_closer", "mapper", "planner",
+    "localiser", "seed", "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m",
+    "path_length_m", "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m",
+    "tracked_share", "map_agreement", "belief_wrong_sure_share", "kidnaps", "kidnap_recovered_share",
+    "kidnap_recovery_m", "kidnap_wrong_sure_share", "belief_ece", "strips", "strips_registered_share",
+    "mosaic_correlation", "along_error_pct", "plan_success", "plan_reason", "plan_valid", "plan_length_m",
+    "plan_length_raw_m", "plan_optimal_m", "plan_above_optimum_pct", "plan_steps", "plan_learn_ms", "plan_ms",
+    "plan_again_ms", "homotopy", "wall_ms", "real_time_factor", "peak_memory_mb",
+)
 
 
 def of_run(row: dict[str, Any], folder: Path) -> str:
     """The figures of one run that say most, one a line; a run that recognised places has their table below."""
     lines = []
-    for name in TOLD:
+    for name in SHOWN:
         value = row.get(name, "")
         if value == "" or value is None or value != value:
             continue

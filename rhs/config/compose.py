@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from rhs.api import settings
-from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM, FeatureSettings
+from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM
 from rhs.api.files import replacing
 from rhs.api.floorplan import World
+from rhs.api.records import FeatureSettings
 from rhs.api.task import Parts
 from rhs.base.errors import ConfigError, PluginError, check_choice, check_range
 from rhs.base.strict_yaml import load_yaml

@@ -12,9 +12,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM, Context, FeatureSettings, Source, SourceContext, complete
+from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM, Context, Source, SourceContext, complete
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
+from rhs.api.records import FeatureSettings
 from rhs.api.task import Parts
 from rhs.base.errors import ConfigError
 

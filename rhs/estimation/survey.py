@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import FeatureSettings, LoopCloser, Mapper, Odometry
+from rhs.api.contracts import LoopCloser, Mapper, Odometry
 from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Closure, Features, Observation, Step, View, Wall
+from rhs.api.records import Closure, Features, FeatureSettings, Observation, Step, View, Wall
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
 from rhs.estimation.scans.wall_rays import lift_on_walls
 
@@ -83,7 +83,8 @@ def carried(walls: tuple[Wall, ...], views: tuple[View, ...], closure: Closure) 
 
     def by(at: np.ndarray) -> np.ndarray:
         nearest = int(np.argmin(np.linalg.norm(stood - at, axis=1)))
-        return closure.poses[nearest] @ np.linalg.inv(views[nearest].map_from_body)
+        moved: np.ndarray = closure.poses[nearest] @ np.linalg.inv(views[nearest].map_from_body)
+        return moved
 
     return tuple(shifted(wall, by(wall.start_xy_m), by(wall.end_xy_m)) for wall in walls)
 

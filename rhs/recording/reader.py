@@ -174,7 +174,8 @@ def read_depth(data: bytes) -> np.ndarray:
     message = ros.deserialize(data, "sensor_msgs/msg/Image")
     if message.encoding != "32FC1":
         raise RecordingError(f"a recorded depth image has the encoding {message.encoding}; expected 32FC1")
-    return message.data.view("<f4").reshape(message.height, message.width).astype(np.float32)
+    depth_m: np.ndarray = message.data.view("<f4").reshape(message.height, message.width).astype(np.float32)
+    return depth_m
 
 
 def _scan(data: bytes, plain: dict[str, Any]) -> Scan:

@@ -6,8 +6,9 @@ frame. Heavy imports happen on first use.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,9 +16,12 @@ from rhs.api.geometry import Camera, quaternion_xyzw
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan, Twist
 
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
 
 @cache
-def typestore():
+def typestore() -> Typestore:
     """The message definitions of ROS 2 Humble."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -57,52 +61,52 @@ def seconds(stamp_ns: int) -> float:
     return stamp_ns / 10**9  # Python divides integers with one rounding
 
 
-def header(stamp_ns: int, frame: str):
+def header(stamp_ns: int, frame: str) -> Any:
     """std_msgs/Header."""
     stamp = make("builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
     return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
 
-def vector(xyz):
+def vector(xyz: Sequence[float] | np.ndarray) -> Any:
     """geometry_msgs/Vector3 of (3,) metres or whatever they are."""
     return make("geometry_msgs/msg/Vector3", x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
 
 
-def point(xyz):
+def point(xyz: Sequence[float] | np.ndarray) -> Any:
     """geometry_msgs/Point of (3,) metres."""
     return make("geometry_msgs/msg/Point", x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
 
 
-def quaternion(rotation: np.ndarray):
+def quaternion(rotation: np.ndarray) -> Any:
     """geometry_msgs/Quaternion of a (3, 3) rotation."""
     x, y, z, w = quaternion_xyzw(rotation)
     return make("geometry_msgs/msg/Quaternion", x=float(x), y=float(y), z=float(z), w=float(w))
 
 
-def pose(matrix: np.ndarray):
+def pose(matrix: np.ndarray) -> Any:
     """geometry_msgs/Pose of a 4x4."""
     return make("geometry_msgs/msg/Pose", position=point(matrix[:3, 3]), orientation=quaternion(matrix[:3, :3]))
 
 
-def pose_stamped(matrix: np.ndarray, stamp_ns: int, frame: str):
+def pose_stamped(matrix: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """geometry_msgs/PoseStamped of a 4x4 in a frame."""
     return make("geometry_msgs/msg/PoseStamped", header=header(stamp_ns, frame), pose=pose(matrix))
 
 
-def pose_with_covariance(matrix: np.ndarray, covariance: np.ndarray):
+def pose_with_covariance(matrix: np.ndarray, covariance: np.ndarray) -> Any:
     """Pose whose 6x6 covariance, of a right perturbation in the body frame, is turned into the parent frame."""
     turn = np.kron(np.eye(2), matrix[:3, :3])
     return make("geometry_msgs/msg/PoseWithCovariance", pose=pose(matrix),
                 covariance=np.ascontiguousarray((turn @ covariance @ turn.T).reshape(36)))
 
 
-def pose_with_covariance_stamped(matrix: np.ndarray, covariance: np.ndarray, stamp_ns: int, *, frame: str):
+def pose_with_covariance_stamped(matrix: np.ndarray, covariance: np.ndarray, stamp_ns: int, *, frame: str) -> Any:
     """geometry_msgs/PoseWithCovarianceStamped of a 4x4 and its 6x6 covariance in a frame."""
     return make("geometry_msgs/msg/PoseWithCovarianceStamped", header=header(stamp_ns, frame),
                 pose=pose_with_covariance(matrix, covariance))
 
 
-def odometry(matrix: np.ndarray, covariance: np.ndarray, stamp_ns: int, *, frame: str, child: str):
+def odometry(matrix: np.ndarray, covariance: np.ndarray, stamp_ns: int, *, frame: str, child: str) -> Any:
     """nav_msgs/Odometry of a 4x4 and its covariance, frame to child; no velocity."""
     still = make("geometry_msgs/msg/Twist", linear=vector((0, 0, 0)), angular=vector((0, 0, 0)))
     twist = make("geometry_msgs/msg/TwistWithCovariance", twist=still, covariance=np.zeros(36))
@@ -110,7 +114,7 @@ def odometry(matrix: np.ndarray, covariance: np.ndarray, stamp_ns: int, *, frame
                 pose=pose_with_covariance(matrix, covariance), twist=twist)
 
 
-def transforms(stamp_ns: int, edges: list[tuple[str, str, np.ndarray]]):
+def transforms(stamp_ns: int, edges: list[tuple[str, str, np.ndarray]]) -> Any:
     """tf message of (parent, child, parent_from_child) edges."""
     items = [make("geometry_msgs/msg/TransformStamped", header=header(stamp_ns, parent), child_frame_id=child,
                   transform=make("geometry_msgs/msg/Transform", translation=vector(matrix[:3, 3]),
@@ -119,7 +123,7 @@ def transforms(stamp_ns: int, edges: list[tuple[str, str, np.ndarray]]):
     return make("tf2_msgs/msg/TFMessage", transforms=items)
 
 
-def path(points_m: np.ndarray, stamp_ns: int, frame: str):
+def path(points_m: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """nav_msgs/Path through (N, 2) points, each heading for the next."""
     poses = [make("geometry_msgs/msg/PoseStamped", header=header(stamp_ns, frame), pose=p)
              for p in _path_poses(points_m)]
@@ -136,7 +140,7 @@ def _path_poses(points_m: np.ndarray) -> list[Any]:
     return [pose(se2(x, y, yaw)) for (x, y), yaw in zip(points, yaws[: len(points)], strict=True)]
 
 
-def occupancy_grid(grid: OccupancyGrid, stamp_ns: int, frame: str):
+def occupancy_grid(grid: OccupancyGrid, stamp_ns: int, frame: str) -> Any:
     """nav_msgs/OccupancyGrid: 0..100 per cent, -1 unknown, row 0 at the smallest y."""
     unknown = np.isnan(grid.probability)
     percent = np.where(unknown, -1, np.round(np.where(unknown, 0.0, grid.probability) * 100.0)).astype(np.int8)
@@ -147,7 +151,7 @@ def occupancy_grid(grid: OccupancyGrid, stamp_ns: int, frame: str):
     return make("nav_msgs/msg/OccupancyGrid", header=header(stamp_ns, frame), info=info, data=percent.ravel())
 
 
-def camera_info(camera: Camera, stamp_ns: int, frame: str):
+def camera_info(camera: Camera, stamp_ns: int, frame: str) -> Any:
     """sensor_msgs/CameraInfo of a camera."""
     k = camera.matrix
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
@@ -158,7 +162,7 @@ def camera_info(camera: Camera, stamp_ns: int, frame: str):
                 p=np.hstack([k, np.zeros((3, 1))]).reshape(12), binning_x=0, binning_y=0, roi=region)
 
 
-def compressed_image(image: np.ndarray, stamp_ns: int, frame: str):
+def compressed_image(image: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """PNG of an (H, W, 3) uint8 RGB image: what is recorded comes back bit for bit."""
     import cv2
 
@@ -169,14 +173,14 @@ def compressed_image(image: np.ndarray, stamp_ns: int, frame: str):
     return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format="png", data=png.ravel())
 
 
-def depth_image(depth_m: np.ndarray, stamp_ns: int, frame: str):
+def depth_image(depth_m: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """32FC1 image of (H, W) metres, NaN unknown."""
     data = np.ascontiguousarray(depth_m, "<f4")
     return make("sensor_msgs/msg/Image", header=header(stamp_ns, frame), height=data.shape[0], width=data.shape[1],
                 encoding="32FC1", is_bigendian=0, step=4 * data.shape[1], data=data.view(np.uint8).ravel())
 
 
-def laser_scan(scan: Scan, stamp_ns: int, frame: str):
+def laser_scan(scan: Scan, stamp_ns: int, frame: str) -> Any:
     """LaserScan: as it is where bearings are evenly spaced, else the nearest beam on an even grid (for viewers)."""
     order = np.argsort(scan.bearings_rad, kind="stable")
     bearings, ranges = scan.bearings_rad[order], scan.ranges_m[order]
@@ -192,7 +196,7 @@ def laser_scan(scan: Scan, stamp_ns: int, frame: str):
                 intensities=np.zeros(0, np.float32))
 
 
-def point_cloud(columns: dict[str, np.ndarray], stamp_ns: int, frame: str):
+def point_cloud(columns: dict[str, np.ndarray], stamp_ns: int, frame: str) -> Any:
     """PointCloud2 with one field per column ((N,) float32, float64 or uint32)."""
     codes = {"f4": 7, "f8": 8, "u4": 6}
     kinds = [(name, np.asarray(values).dtype.newbyteorder("<")) for name, values in columns.items()]
@@ -207,7 +211,7 @@ def point_cloud(columns: dict[str, np.ndarray], stamp_ns: int, frame: str):
                 data=table.view(np.uint8).ravel(), is_dense=False)
 
 
-def scan_cloud(scan: Scan, stamp_ns: int, frame: str):
+def scan_cloud(scan: Scan, stamp_ns: int, frame: str) -> Any:
     """The scan beam by beam, exact: points x, y, z (float32, NaN without a hit) with bearing and range (float64)."""
     reach = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, np.nan)
     return point_cloud({
@@ -218,7 +222,7 @@ def scan_cloud(scan: Scan, stamp_ns: int, frame: str):
     }, stamp_ns, frame)
 
 
-def depth_cloud(camera: Camera, depth_m: np.ndarray, image: np.ndarray | None, stamp_ns: int, *, frame: str):
+def depth_cloud(camera: Camera, depth_m: np.ndarray, image: np.ndarray | None, stamp_ns: int, *, frame: str) -> Any:
     """A thinned coloured cloud (about 2,000 points, camera frame) for viewers."""
     stride = max(1, int(np.ceil(np.sqrt(depth_m.size / 2000.0))))
     v, u = np.mgrid[stride // 2 : depth_m.shape[0] : stride, stride // 2 : depth_m.shape[1] : stride]
@@ -233,7 +237,7 @@ def depth_cloud(camera: Camera, depth_m: np.ndarray, image: np.ndarray | None, s
     return point_cloud(columns, stamp_ns, frame)
 
 
-def path_cloud(points_m: np.ndarray, stamp_ns: int, frame: str):
+def path_cloud(points_m: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """The path as points 5 cm apart: Rerun shows no nav_msgs/Path, but every viewer shows clouds."""
     points = np.asarray(points_m, float).reshape(-1, 2)
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])[: len(points)]
@@ -243,19 +247,19 @@ def path_cloud(points_m: np.ndarray, stamp_ns: int, frame: str):
     return point_cloud({"x": x, "y": y, "z": np.zeros_like(x)}, stamp_ns, frame)
 
 
-def twist(command: Twist, stamp_ns: int, frame: str):
+def twist(command: Twist, stamp_ns: int, frame: str) -> Any:
     """TwistStamped of a command; its duration is kept in /rhs/step."""
     body = make("geometry_msgs/msg/Twist", linear=vector((command.forward_mps, 0, 0)),
                 angular=vector((0, 0, command.turn_radps)))
     return make("geometry_msgs/msg/TwistStamped", header=header(stamp_ns, frame), twist=body)
 
 
-def travel(dx_dy_dyaw: np.ndarray, stamp_ns: int, frame: str):
+def travel(dx_dy_dyaw: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """Vector3Stamped of a wheel reading: x, y metres and yaw radians since the previous view."""
     return make("geometry_msgs/msg/Vector3Stamped", header=header(stamp_ns, frame), vector=vector(dx_dy_dyaw))
 
 
-def text(value: str):
+def text(value: str) -> Any:
     """std_msgs/String."""
     return make("std_msgs/msg/String", data=value)
 

@@ -37,7 +37,8 @@ class Recorder:
     refuses.
     """
 
-    def __init__(self, path: Path, level: str, camera: Camera, world_facts: Any = None, *, config: dict | None = None):
+    def __init__(self, path: Path, level: str, camera: Camera, world_facts: Any = None, *,
+                 config: dict[str, Any] | None = None) -> None:
         if level not in LEVELS:
             raise ConfigError(f"recording={level} is not one of {', '.join(LEVELS)}")
         self._level, self._camera = level, camera
@@ -100,7 +101,7 @@ class Recorder:
             self._put("/path_points", ros.path_cloud(step.path.points_m, t, "map"))
 
 
-def head_note(camera: Camera, world_facts: Any, *, config: dict | None, level: str) -> dict[str, str]:
+def head_note(camera: Camera, world_facts: Any, *, config: dict[str, Any] | None, level: str) -> dict[str, str]:
     """The metadata record `rhs` at the beginning of a recording."""
     facts = dataclasses.asdict(world_facts) if dataclasses.is_dataclass(world_facts) else world_facts or {}  # type: ignore
     return {"camera": json.dumps(camera_to_plain(camera)), "world": json.dumps(facts),

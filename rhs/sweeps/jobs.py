@@ -18,7 +18,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -99,8 +99,8 @@ class Outcome:
         self.status[name] = status
         if status != "ok":
             self.reasons[f"{status}: {reason}"] += 1
-        elif reason:  # it did what it could with what was left of a recording
-            self.reasons[f"ok, but lost: {reason}"] += 1
+        elif reason:  # it ended, without what was asked of it
+            self.reasons[f"ok, but {reason}"] += 1
 
 
 @dataclass
@@ -300,7 +300,7 @@ def _row_of(one: _Running) -> tuple[str, str]:
     elif one.verdict and one.verdict[0] != "interrupted" and status != "ok":
         status, reason = one.verdict
     else:
-        return status, str(row.get("lost" if status == "ok" else "reason") or "")
+        return status, _shortfall(row) if status == "ok" else str(row.get("reason") or "")
     one.folder.mkdir(parents=True, exist_ok=True)
     columns = {name: value for name, value in row.items() if name not in ("pid", "started")}
     row = with_success({**identity(one.job.config), **columns, "status": status, "reason": reason})
@@ -324,3 +324,10 @@ def _alike(outcome: Outcome, limits: Limits) -> str:
         if count >= limits.same_failures:
             return f"stopped after {count} jobs ended alike: {reason}"
     return ""
+
+
+def _shortfall(row: Mapping[str, object]) -> str:
+    """What a run that ended well was asked for and did not do; empty where nothing is missing."""
+    if row.get("lost"):
+        return f"lost: {row['lost']}"
+    return f"not achieved: {row.get('failure', '')}" if row.get("success") == 0 else ""

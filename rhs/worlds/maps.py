@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
@@ -111,7 +112,7 @@ def read_header(yaml_path: str | FilePath) -> MapHeader:
     )
 
 
-def read_yaml(path: FilePath) -> dict:
+def read_yaml(path: FilePath) -> dict[Any, Any]:
     """A YAML file as a dictionary, or a ConfigError with file and line; duplicate keys are refused."""
     keys = load_yaml(path)
     if not isinstance(keys, dict):
@@ -119,12 +120,12 @@ def read_yaml(path: FilePath) -> dict:
     return keys
 
 
-def _is_number(value) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
-def _number(path: FilePath, keys: dict, name: str, default: float, *, low: float, high: float) -> float:
-    value = keys.get(name, default)
+def _number(path: FilePath, keys: dict[Any, Any], name: str, default: float, *, low: float, high: float) -> float:
+    value: Any = keys.get(name, default)
     value = _FLAGS.get(str(value).lower(), value) if name == "negate" else value
     if not _is_number(value) or not low <= value <= high:
         raise ConfigError(f"{path}: {name} is {value!r}; expected a number in [{low:g}, {high:g}]")
@@ -194,7 +195,9 @@ def _turned(probability: np.ndarray, header: MapHeader) -> OccupancyGrid:
     return OccupancyGrid(out, step, (float(x + low[0]), float(y + low[1])))
 
 
-def _worst(padded: np.ndarray, column: np.ndarray, row: np.ndarray, turn: tuple[float, float], occupied: float):
+def _worst(
+    padded: np.ndarray, column: np.ndarray, row: np.ndarray, turn: tuple[float, float], occupied: float
+) -> np.ndarray:
     """(H, W): of the pixels that a turned cell with its middle at (column, row) meets, the greatest occupancy; NaN if one
     is unknown and none above `occupied`. Separating axes of two squares; turn: cosine and sine; padded by two pixels."""
     c, s = turn

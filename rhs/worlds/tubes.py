@@ -57,10 +57,12 @@ class RoundSection:
         return 2.0 * np.pi * self.size_m
 
     def slack(self, left: np.ndarray, up: np.ndarray) -> np.ndarray:
-        return self.size_m - np.hypot(left, up)
+        slack: np.ndarray = self.size_m - np.hypot(left, up)
+        return slack
 
     def around(self, left: np.ndarray, up: np.ndarray) -> np.ndarray:
-        return np.mod(np.arctan2(-left, -up), 2.0 * np.pi) * self.size_m
+        around: np.ndarray = np.mod(np.arctan2(-left, -up), 2.0 * np.pi) * self.size_m
+        return around
 
     def wall(self, around_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         angle = np.asarray(around_m) / self.size_m
@@ -83,16 +85,18 @@ class RectangularSection:
         return 4.0 * (self.size_m + self.half_height_m)
 
     def slack(self, left: np.ndarray, up: np.ndarray) -> np.ndarray:
-        return np.minimum(self.size_m - np.abs(left), self.half_height_m - np.abs(up))
+        slack: np.ndarray = np.minimum(self.size_m - np.abs(left), self.half_height_m - np.abs(up))
+        return slack
 
     def around(self, left: np.ndarray, up: np.ndarray) -> np.ndarray:
         a, b = self.size_m, self.half_height_m
         grow = np.maximum(np.maximum(np.abs(left) / a, np.abs(up) / b), 1e-12)
         y, z = left / grow, up / grow  # on the edge
         side = np.abs(left) / a >= np.abs(up) / b
-        around = np.where(side, np.where(y < 0, a + (z + b), 3 * a + 2 * b + (b - z)),
-                          np.where(z < 0, -y, a + 2 * b + (y + a)))
-        return np.mod(around, self.perimeter_m)
+        around: np.ndarray = np.where(side, np.where(y < 0, a + (z + b), 3 * a + 2 * b + (b - z)),
+                                      np.where(z < 0, -y, a + 2 * b + (y + a)))
+        around = np.mod(around, self.perimeter_m)
+        return around
 
     def wall(self, around_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         a, b = self.size_m, self.half_height_m
@@ -208,4 +212,5 @@ def along(pose: np.ndarray, length_m: float, bend: float) -> np.ndarray:
     """4x4 pose after going `length_m` with that curvature."""
     turn = length_m * bend
     chord = length_m * float(np.sinc(turn / (2 * np.pi)))
-    return pose @ se3(rotation_z(turn), np.array([chord * np.cos(turn / 2), chord * np.sin(turn / 2), 0.0]))
+    further: np.ndarray = pose @ se3(rotation_z(turn), np.array([chord * np.cos(turn / 2), chord * np.sin(turn / 2), 0.0]))
+    return further

@@ -69,7 +69,8 @@ def _reached(world: World, points_m: np.ndarray) -> np.ndarray:
     """(N,) bool: the point lies in the building, in no wall and no box."""
     grid = truth_grid(world)
     cells = grid.cells(points_m)
-    return grid.probability[cells[:, 0], cells[:, 1]] == 0.0
+    free: np.ndarray = grid.probability[cells[:, 0], cells[:, 1]] == 0.0
+    return free
 
 
 def _check_point(world: World, file: Section, what: str, point: np.ndarray, code: str) -> None:

@@ -10,6 +10,7 @@ import difflib
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -34,10 +35,10 @@ def read_yaml(path: Path) -> Section:
     return Section(node, "the file")
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
     """The standard loader's parser; aliases are refused because they make files hard to read and easy to explode."""
 
-    def compose_node(self, parent, index):
+    def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
             mark = self.peek_event().start_mark
             raise yaml.MarkedYAMLError(problem="aliases (*name) are not used here; write the value", problem_mark=mark)
@@ -155,7 +156,8 @@ class Section:
         if not isinstance(node, yaml.SequenceNode):
             raise ConfigError(f"{self.where(key)}: {key} is {_kind(node)}; expected a list")
         _refuse_tag(node)
-        return node.value
+        items: list[yaml.Node] = node.value
+        return items
 
 
 def _where(node: yaml.Node) -> str:
@@ -179,7 +181,7 @@ def _text(node: yaml.Node) -> str:
     _refuse_tag(node)
     if not isinstance(node, yaml.ScalarNode) or not node.value:
         raise ConfigError(f"{_where(node)}: expected a word, found {_kind(node)}")
-    return node.value
+    return str(node.value)
 
 
 _PLAIN_TAGS = {f"tag:yaml.org,2002:{t}" for t in ("str", "int", "float", "bool", "null", "map", "seq", "timestamp")}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import small_gicp
 
@@ -18,7 +20,7 @@ class GicpRegistration:
 
     def __init__(self, settings: Gicp) -> None:
         self._settings = settings
-        self._key = None  # (points, tree) of the key cloud
+        self._key: tuple[Any, Any] | None = None  # (points, tree) of the key cloud
         self._key_from_body = self._before = np.eye(4)
 
     def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range, check_ranges
 
 from .settings import CloudAdvanced, CloudSettings
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -51,7 +54,7 @@ class Gicp(CloudSettings):
         check_range(owner, "reach_m", self.reach_m, low=0.01, high=10.0, unit="m")
         check_range(owner, "iterations", self.iterations, low=1, high=100)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Odometry:
         from .gicp import build
 
         return build(self, context)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range
 
 from .settings import CloudSettings
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -33,7 +36,7 @@ class KissIcp(CloudSettings):
         check_range(owner, "initial_threshold_m", self.initial_threshold_m, low=0.01, high=10.0, unit="m")
         check_range(owner, "min_motion_m", self.min_motion_m, low=0.0, high=10.0, unit="m")
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Odometry:
         from .kiss_icp import build
 
         return build(self, context)

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rhs.api.contracts import Context
+from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import inverse, log_se3, orthonormal
 from rhs.api.records import Motion, Observation, Tracking
 
@@ -34,7 +34,7 @@ class Registration(Protocol):
         """The body is believed to have moved by this since the cloud before, whatever the last alignment said."""
 
 
-class CloudOdometry:
+class CloudOdometry(Odometry):
     """Follows a depth camera with a Registration. Settings: guess, stride_px, ranges, min_points, min_support."""
 
     def __init__(self, settings, context: Context, registration: Registration) -> None:
@@ -50,6 +50,7 @@ class CloudOdometry:
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation."""
+        assert observation.depth is not None
         cloud = self._maker.cloud(observation.depth)
         name, guess, wide = self._guess(observation)
         if not self._begun:

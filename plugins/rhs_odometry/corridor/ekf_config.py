@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
 
 from .advanced import CorridorAdvanced
 
 if TYPE_CHECKING:
-    from rhs.api.contracts import Context
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -80,7 +80,7 @@ class CorridorEkf:
             raise ConfigError(f"{owner}: nothing fixes the scale with motion=none, height_known=false and width_m=0; "
                               "give one of them")
 
-    def build(self, context: Context) -> Any:
+    def build(self, context: Context) -> Odometry:
         from .ekf import build_corridor_ekf
 
         return build_corridor_ekf(self, context)

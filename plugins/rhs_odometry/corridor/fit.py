@@ -166,9 +166,12 @@ def fit_on_planes(
     return TrackFit(x[:, :2], x[:, 2], anchor, np.zeros(len(rays)), cost / sigma**2, good)
 
 
-def _plain(cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray):
+def _plain(
+    cameras: WindowCameras, rays: np.ndarray, seen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The arrays of the compiled loops, each in one piece."""
-    return tuple(np.ascontiguousarray(a) for a in (cameras.rotation, cameras.centre, rays, seen))
+    rotation, centre, rays, seen = (np.ascontiguousarray(a) for a in (cameras.rotation, cameras.centre, rays, seen))
+    return rotation, centre, rays, seen
 
 
 def _in_front(cameras, x, anchor, seen):

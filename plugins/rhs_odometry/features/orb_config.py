@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_choice, check_range
 
 from ..advanced import PatchSearch, SurfaceSettings
 from .procrustes_config import Procrustes, ProcrustesAdvanced
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -45,7 +48,7 @@ class Orb(Procrustes):
         check_choice("odometry.orb", "placing", self.placing, ("patches", "features"))
         check_range("odometry.orb", "ratio", self.ratio, low=0.1, high=1.0)
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Odometry:
         from .orb import OrbOdometry
 
         return OrbOdometry(self, context)

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rhs.api.contracts import Context
+from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import adjoint, compose_covariance, exp_se3, inverse, log_se3, planar, se2
 from rhs.api.records import Features, Motion, Observation, Revision, Tracking
 from rhs.estimation.views import features as vision
-from rhs.estimation.views.rigid import PointNoise, RansacSettings, Rigid, ransac_rigid, refine_reprojection
+from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_reprojection
+from rhs.estimation.views.settings import RansacSettings
 
 from ..fused.fallback import guess_motion
 from .procrustes_config import Procrustes
@@ -35,7 +36,7 @@ class Reference:
     age: int = 0
 
 
-class ProcrustesOdometry:
+class ProcrustesOdometry(Odometry):
     """See the module; one instance follows one camera."""
 
     def __init__(self, settings: Procrustes, context: Context) -> None:

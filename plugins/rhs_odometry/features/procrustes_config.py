@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_choice, check_range, check_ranges
 
 from ..advanced import GuessNoise
 
 if TYPE_CHECKING:
-    from rhs.api.contracts import Context
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -67,7 +67,7 @@ class Procrustes:
         check_range(owner, "max_sigma_m", self.max_sigma_m, low=1e-6, high=100.0, unit="m")
         check_range(owner, "max_sigma_rad", self.max_sigma_rad, low=1e-6, high=10.0, unit="rad")
 
-    def build(self, context: Context) -> Any:
+    def build(self, context: Context) -> Odometry:
         from .procrustes import ProcrustesOdometry
 
         return ProcrustesOdometry(self, context)

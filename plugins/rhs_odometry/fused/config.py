@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range, check_ranges
 
@@ -11,7 +11,7 @@ from ..clouds.gicp_config import Gicp
 from ..features.procrustes_config import Procrustes
 
 if TYPE_CHECKING:
-    from rhs.api.contracts import Context
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -77,7 +77,7 @@ class Fused:
             check_range(owner, name, getattr(self, name), low=1e-3, high=30.0, unit="degrees")
         check_range(owner, "walls_share", self.walls_share, low=0.1, high=1.01)
 
-    def build(self, context: Context) -> Any:
+    def build(self, context: Context) -> Odometry:
         from .fused import FusedOdometry
 
         return FusedOdometry(self, context)

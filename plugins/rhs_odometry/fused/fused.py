@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.contracts import Context
+from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import planar, rotation_z, se2
 from rhs.api.records import Motion, Observation, Tracking
 from rhs.estimation.filters.kalman import correct, propagate
@@ -109,7 +109,7 @@ class Heading:
             self.mean, self.covariance = self.mean + change.delta, change.covariance
 
 
-class FusedOdometry:
+class FusedOdometry(Odometry):
     """See the module; one instance follows one camera."""
 
     def __init__(self, settings: Fused, context: Context) -> None:

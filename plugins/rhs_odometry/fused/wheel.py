@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range
 
 from ..advanced import GuessNoise
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -41,12 +44,15 @@ class Wheel:
         check_range(owner, "least_m", self.least_m, low=1e-6, high=1.0, unit="m")
         check_range(owner, "least_rad", self.least_rad, low=1e-6, high=1.0, unit="rad")
 
-    def build(self, context: Any) -> Any:
+    def build(self, context: Context) -> Odometry:
         return WheelOdometry(self)
 
 
 class WheelOdometry:
     """Hands on the encoders' travel; says `lost` when a view came without it."""
+
+    keeps_moving: tuple[float, float] | None = None
+    scale_from = ""
 
     def __init__(self, settings: Wheel) -> None:
         self._settings = settings

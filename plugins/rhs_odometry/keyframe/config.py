@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range, check_ranges
 
 from ..advanced import GuessNoise, PatchSearch, SurfaceSettings
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -121,7 +124,7 @@ class Keyframe:
         check_range(owner, "max_sigma_rad", self.max_sigma_rad, low=1e-6, high=10.0, unit="rad")
         check_range(owner, "revisit", self.revisit, low=0, high=10)
 
-    def build(self, context):
+    def build(self, context: Context) -> Odometry:
         from .keyframe import KeyframeOdometry
 
         return KeyframeOdometry(self, context)

@@ -14,11 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.api.contracts import Context
+from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import adjoint, inverse, log_so3, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs.estimation.views import features as vision
-from rhs.estimation.views.rigid import PointNoise, RansacSettings, ransac_rigid
+from rhs.estimation.views.rigid import PointNoise, ransac_rigid
+from rhs.estimation.views.settings import RansacSettings
 
 from ..features.procrustes import on_floor
 from ..fused.fallback import guess_motion
@@ -29,7 +30,7 @@ from .tracker import PreparedView, Tracker
 FIRST = 1e-12 * np.eye(6)
 
 
-class KeyframeOdometry:
+class KeyframeOdometry(Odometry):
     """See the module. Poses inside are map_from_camera, the map being the first camera."""
 
     def __init__(self, settings, context: Context) -> None:
@@ -103,6 +104,7 @@ class KeyframeOdometry:
 
     def _rescue(self, previous: Observation) -> np.ndarray | None:
         """previous_from_camera by matching ORB features with depth, however far the camera moved."""
+        assert self._previous is not None
         a = self._advanced
         now, then = (vision.orb_features(view, a.rescue_features) for view in (self._previous, previous))
         rows = vision.match(now, then, a.rescue_ratio)
@@ -174,6 +176,7 @@ class KeyframeOdometry:
 
     def _lost(self, look: PreparedView, pose: np.ndarray, covariance: np.ndarray, reason: str) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
+        assert self._previous is not None
         self._tracker.restart(look, pose)
         move = adjoint(inverse(self._camera.body_from_camera))
         self._spread = move @ covariance @ move.T

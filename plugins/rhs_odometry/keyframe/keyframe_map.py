@@ -12,6 +12,7 @@ import numpy as np
 
 from rhs.api.geometry import inverse
 from rhs.estimation.filters import pose_graph as posegraph
+from rhs.estimation.filters.settings import Effort
 
 from .config import KeyframeAdvanced
 from .reprojection import Sightings, at_middle
@@ -113,7 +114,7 @@ class KeyframeMap:
             np.array([x.a for x in e]), np.array([x.b for x in e]), np.array([x.a_from_b for x in e]),
             np.array([x.covariance for x in e]), np.array([x.loop for x in e]),
         )
-        self.poses = posegraph.optimise(self.poses, edges, effort=posegraph.Effort(self._advanced.settle_rounds)).poses
+        self.poses = posegraph.optimise(self.poses, edges, effort=Effort(self._advanced.settle_rounds)).poses
 
     def overlap(self, map_from_camera: np.ndarray, look, camera, *, exclude: set[int]) -> list[tuple[int, np.ndarray]]:
         """Key frames whose points should be in view, most first: (key frame, ids of those points).

@@ -55,6 +55,7 @@ class Tracker:
         self._moving_unknown, self._interval_s = False, 1.0  # see restart, _expect
 
     def ready(self, observation: Observation) -> PreparedView:
+        assert observation.image is not None
         interval_s = observation.stamp_s - self._stamp
         self._stamp = observation.stamp_s
         picture = tracks.pyramid(tracks.gray(observation.image))
@@ -63,6 +64,7 @@ class Tracker:
 
     def follow(self, look: PreparedView, guess: np.ndarray) -> PoseFit:
         """Follow the points into the view from a guess of its map_from_camera, and fit its pose."""
+        assert self.look is not None
         shift = self._project(self.ids, guess) - self._project(self.ids, self.pose)
         pixels, found = tracks.follow(
             self.look.picture[0], look.picture[0], self.pixels, self.pixels + np.nan_to_num(shift),

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range, check_ranges
 
 from ..tracks.settings import AlarmSettings, FollowOnly
 
 if TYPE_CHECKING:
-    from rhs.api.contracts import Context
+    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -120,7 +120,7 @@ class SectionEkf:
             for value in values:
                 check_range(self.owner, name, value, low=-limit, high=limit)
 
-    def build(self, context: Context) -> Any:
+    def build(self, context: Context) -> Odometry:
         from .ekf import build_section_ekf
 
         return build_section_ekf(self, context)

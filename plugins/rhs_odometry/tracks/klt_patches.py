@@ -44,7 +44,8 @@ class Patches:
         """(pixels (N, 2), found (N,)) of all points in a new image, from where they are guessed to be (N, 2)."""
         r, warps = self._rules, self._warps.copy()
         warps[:, :, 2] = guess
-        misfit = find_again(image, *self._looks, warps, r.iterations, r.least_px, self._half)
+        patches, rows, gains = self._looks
+        misfit = find_again(image, patches, rows, gains, warps, r.iterations, r.least_px, self._half)
         size = np.sqrt(np.abs(np.linalg.det(warps[:, :, :2])))
         found = misfit < r.misfit * self._looks[0].std(axis=1) + r.noise
         found &= np.abs(np.log(size)) < np.log(r.largest_stretch)

@@ -6,6 +6,8 @@ predicted from the expected motion and a check backwards.
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -36,7 +38,8 @@ def follow(before: np.ndarray, now: np.ndarray, pixels: np.ndarray, guess: np.nd
     goal = np.where(np.isfinite(guess), guess, start).astype(np.float32)
     size = (window_px, window_px)
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.02)
-    options = {"winSize": size, "criteria": criteria, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW, "minEigThreshold": 5e-4}
+    options: dict[str, Any] = {"winSize": size, "criteria": criteria, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
+                               "minEigThreshold": 5e-4}
     there, ok, _ = cv2.calcOpticalFlowPyrLK(before, now, start, goal.copy(), maxLevel=LEVELS, **options)
     height, width = now.shape
     inside = (there[:, 0] > 1) & (there[:, 1] > 1) & (there[:, 0] < width - 2) & (there[:, 1] < height - 2)

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import Context, FeatureSettings, WorldFacts
+from rhs.api.contracts import Context
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.randomness import generator
-from rhs.api.records import PlanningProblem
+from rhs.api.records import FeatureSettings, PlanningProblem, WorldFacts
 from rhs.api.task import TaskContext, Value
 from rhs.estimation.paths.shorten import shortened
 from rhs.worlds.plan_files import question_of, write_plan

@@ -37,13 +37,12 @@ class UnrollJob:
 
     def __init__(self, settings: Unrolling, context: TaskContext) -> None:
         self.settings, self.folder = settings, context.folder
-        self.pictures = Folder(settings) if settings.path else None
-        self.parts = None if self.pictures else context.parts()
-        self.knows_texture = not self.pictures and "texture" in context.settings("source").provides
+        self.views: Folder | Parts = Folder(settings) if settings.path else context.parts()
+        self.knows_texture = not settings.path and "texture" in context.settings("source").provides
 
     def run(self) -> Mapping[str, Value]:
         """The columns of the row; mosaic.png, strips.csv and overview.png lie in the folder."""
-        row = self.from_folder(self.pictures) if self.pictures else self.from_source(self.parts)
+        row = self.from_folder(self.views) if isinstance(self.views, Folder) else self.from_source(self.views)
         overview(self.folder, self.settings, row)
         return row
 

@@ -108,7 +108,7 @@ def believed(cloud: ParticleSet, s: ClusterSettings = USUAL, *, most: int = 3) -
 
 
 @compiled
-def _bins(states, cell_m, turns):
+def _bins(states: np.ndarray, cell_m: float, turns: int) -> tuple[np.ndarray, tuple[int, int]]:
     """(N, 3) bins of states (N, 3) from the lowest x and y, and how many there are along x and y."""
     at = np.empty(states.shape, np.int64)
     low_x, low_y = np.floor(states[:, 0].min() / cell_m), np.floor(states[:, 1].min() / cell_m)
@@ -120,7 +120,7 @@ def _bins(states, cell_m, turns):
 
 
 @compiled
-def _touching(at, size):
+def _touching(at: np.ndarray, size: tuple[int, int, int]) -> np.ndarray:
     """(N,) numbers, from 0 in the order of first sight, of the groups of touching bins (N, 3) of a box of `size` bins; the
     last heading touches the first."""
     name = np.zeros(size, np.int32)  # 0: empty, -1: taken, else the group's number from 1
@@ -144,7 +144,7 @@ def _touching(at, size):
 
 
 @compiled
-def _take(name, x, y, turn, group, waiting, count):
+def _take(name: np.ndarray, x: int, y: int, turn: int, group: int, waiting: np.ndarray, count: int) -> int:
     """Give a taken bin without a group this group, and let it wait for its neighbours to be looked at."""
     if name[x, y, turn] != -1:
         return count

@@ -39,7 +39,8 @@ class Correction:
 
 def symmetric(matrix: np.ndarray) -> np.ndarray:
     """The symmetric part of a square matrix."""
-    return 0.5 * (matrix + matrix.T)
+    even: np.ndarray = 0.5 * (matrix + matrix.T)
+    return even
 
 
 def correct(covariance: np.ndarray, jacobian: np.ndarray, residual: np.ndarray, noise: np.ndarray) -> Correction:

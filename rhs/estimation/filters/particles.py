@@ -26,7 +26,8 @@ class ParticleSet:
 
     @property
     def weights(self) -> np.ndarray:
-        return np.exp(self.log_weights)
+        weights: np.ndarray = np.exp(self.log_weights)
+        return weights
 
 
 @dataclass(frozen=True)
@@ -136,11 +137,12 @@ def _densest(cloud: ParticleSet, cell_m: float = 0.5, cell_rad: float = np.radia
 def _root(covariance: np.ndarray) -> np.ndarray:
     """A matrix whose product with its transpose is the covariance, which may be singular."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+    root: np.ndarray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
 
 
 @compiled
-def _heaviest(keys, log_weights, weights):
+def _heaviest(keys: np.ndarray, log_weights: np.ndarray, weights: np.ndarray) -> int:
     """Index of the heaviest row of the key (N,) whose rows weigh most together; the first among equals."""
     order = np.argsort(keys, kind="mergesort")
     best, best_mass, mass, row = order[0], -1.0, 0.0, order[0]
@@ -153,11 +155,11 @@ def _heaviest(keys, log_weights, weights):
             row = k
         if mass > best_mass and (n + 1 == len(order) or keys[order[n + 1]] != keys[k]):
             best, best_mass = row, mass
-    return best
+    return int(best)
 
 
 @compiled
-def _displace(states, travel, noise):
+def _displace(states: np.ndarray, travel: np.ndarray, noise: np.ndarray) -> np.ndarray:
     out = np.empty_like(states)
     for k in range(len(states)):
         c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
@@ -169,7 +171,8 @@ def _displace(states, travel, noise):
 
 
 @compiled
-def _shifted(states, weights, mean, cluster_m, cluster_rad, near_m, near_rad, rounds=3):
+def _shifted(states: np.ndarray, weights: np.ndarray, mean: np.ndarray, cluster_m: float, cluster_rad: float,
+             near_m: float, near_rad: float, rounds: int = 3) -> tuple[np.ndarray, float, np.ndarray, float]:
     """Mean (3,), mass and covariance (3, 3) of the cluster that mean-shift ends in, and the mass near its mean."""
     mass, near, spread, moved = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3)
     for turn in range(rounds + 1):
@@ -196,7 +199,7 @@ def _shifted(states, weights, mean, cluster_m, cluster_rad, near_m, near_rad, ro
 
 
 @compiled
-def low_variance(weights, count, start):
+def low_variance(weights: np.ndarray, count: int, start: float) -> np.ndarray:
     """(count,) indices: one comb with `count` teeth laid over the cumulated weights, shifted by start (0..1)."""
     out = np.empty(count, np.int64)
     total = weights.sum()

@@ -14,6 +14,7 @@ those of wheels whose radius is not quite known. It borders the normal equations
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,6 +22,14 @@ from scipy.spatial.transform import Rotation
 from rhs.api.geometry import inverse
 
 from .settings import Effort
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
+
+_Block = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""positions (M,) of its rows and of its columns, blocks (M, 6, 6)"""
+_Border = tuple[np.ndarray, float, float]
+"""of the normal equations, what a common scale adds: its column (6N,), its own entry, its part of the gradient"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +153,8 @@ def _residual(poses: np.ndarray, edges: Edges) -> np.ndarray:
 
 
 def _squared(residual: np.ndarray, whitening: np.ndarray) -> np.ndarray:
-    return (np.einsum("nij,nj->ni", whitening, residual) ** 2).sum(axis=1)
+    squared: np.ndarray = (np.einsum("nij,nj->ni", whitening, residual) ** 2).sum(axis=1)
+    return squared
 
 
 def _cost(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel: float) -> float:
@@ -164,10 +174,13 @@ def _stretched(edges: Edges, scale: CommonScale) -> Edges:
 def _weighted(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel: float) -> np.ndarray:
     """(M, 6, 6) information of the edges, less where the kernel doubts them."""
     weight = np.where(edges.robust, 1.0 / (1.0 + _squared(residual, whitening) / kernel**2), 1.0)
-    return np.einsum("nki,nkj,n->nij", whitening, whitening, weight)
+    information: np.ndarray = np.einsum("nki,nkj,n->nij", whitening, whitening, weight)
+    return information
 
 
-def _normal_equations(poses, residual, information, edges: Edges, scale: CommonScale):
+def _normal_equations(
+    poses: np.ndarray, residual: np.ndarray, information: np.ndarray, edges: Edges, scale: CommonScale
+) -> tuple[csc_matrix, np.ndarray, _Border]:
     """Sparse matrix A (6N, 6N) and vector b (6N,) of A delta = -b; and what the common scale adds to them: its column
     (6N,), its own entry and its part of b."""
     by_to = _right_jacobian_inverse(residual)
@@ -192,7 +205,7 @@ def _by_scale(edges: Edges, scale: CommonScale) -> np.ndarray:
     return out
 
 
-def _assembled(blocks, size: int):
+def _assembled(blocks: list[_Block], size: int) -> csc_matrix:
     """Sparse (size, size) matrix that sums blocks (M, 6, 6), given with the positions (M,) of their rows and columns."""
     from scipy.sparse import coo_matrix
 
@@ -203,7 +216,7 @@ def _assembled(blocks, size: int):
     return coo_matrix((values, (rows, columns)), (size, size)).tocsc()
 
 
-def _solved(matrix, gradient: np.ndarray, damping: float, border) -> tuple[np.ndarray, float]:
+def _solved(matrix: csc_matrix, gradient: np.ndarray, damping: float, border: _Border) -> tuple[np.ndarray, float]:
     """(N, 6) steps, of which the first is none, and the step of the common share. border: its column (6N,), its own entry
     and its part of the gradient."""
     from scipy.sparse import diags
@@ -222,7 +235,7 @@ def _solved(matrix, gradient: np.ndarray, damping: float, border) -> tuple[np.nd
 
 
 def _moved(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    out = poses @ exp_poses(steps)
+    out: np.ndarray = poses @ exp_poses(steps)
     out[:, :3, :3] = Rotation.from_matrix(out[:, :3, :3]).as_matrix()  # orthonormal again
     out[0] = poses[0]
     return out

@@ -19,7 +19,7 @@ NEW_POINTS = types.Array(types.float64, 2, "C")
 
 
 @typed(nb.boolean(GRID, nb.float64, nb.float64, nb.float64, nb.float64))
-def segment_free(grid, x0, y0, x1, y1):
+def segment_free(grid: np.ndarray, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Every cell entered on the way from (x0, y0) to (x1, y1) is free; the same answer for the way back."""
     if x0 > x1 or (x0 == x1 and y0 > y1):
         x0, y0, x1, y1 = x1, y1, x0, y0
@@ -50,7 +50,7 @@ def segment_free(grid, x0, y0, x1, y1):
 
 
 @typed(nb.boolean(GRID, POINTS))
-def polyline_free(grid, points):
+def polyline_free(grid: np.ndarray, points: np.ndarray) -> bool:
     """Every segment of the polyline (N, 2) is free."""
     for k in range(len(points) - 1):
         if not segment_free(grid, points[k, 0], points[k, 1], points[k + 1, 0], points[k + 1, 1]):
@@ -59,7 +59,7 @@ def polyline_free(grid, points):
 
 
 @typed(NEW_POINTS(POINTS, nb.float64, nb.float64, nb.float64))
-def scaled(points, step, x, y):
+def scaled(points: np.ndarray, step: float, x: float, y: float) -> np.ndarray:
     """(N, 2) times step plus (x, y)."""
     out = np.empty(points.shape)
     for k in range(len(points)):

@@ -58,7 +58,7 @@ def shorten_m(points_m: np.ndarray, problem: PlanningProblem) -> np.ndarray:
 
 
 @typed(NEW_POINTS(GRID, POINTS, nb.int64))
-def skip_points(grid, points, ahead):
+def skip_points(grid: np.ndarray, points: np.ndarray, ahead: int) -> np.ndarray:
     """From each point go on to the farthest in sight of the `ahead` next ones (greedy)."""
     keep = np.empty(len(points), np.int64)
     keep[0], count, at = 0, 1, 0
@@ -72,7 +72,7 @@ def skip_points(grid, points, ahead):
 
 
 @typed(nb.float64(GRID, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64))
-def _reach(grid, fx, fy, ax, ay, bx, by):
+def _reach(grid: np.ndarray, fx: float, fy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Largest found share t of the way a -> b from where (fx, fy) is still in sight, by bisection."""
     if segment_free(grid, fx, fy, bx, by):
         return 1.0
@@ -87,7 +87,7 @@ def _reach(grid, fx, fy, ax, ay, bx, by):
 
 
 @typed(NEW_POINTS(GRID, POINTS))
-def _pull_once(grid, points):
+def _pull_once(grid: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Each bend split in two where a line across is free, else slid on towards the goal while in sight of the last."""
     out = np.empty((2 * len(points), 2))
     out[0], count = points[0], 1
@@ -121,7 +121,7 @@ def _pull_once(grid, points):
 
 
 @typed(nb.float64(POINTS))
-def length(points):
+def length(points: np.ndarray) -> float:
     """Length of a polyline (N, 2)."""
     total = 0.0
     for k in range(len(points) - 1):
@@ -130,7 +130,7 @@ def length(points):
 
 
 @typed(NEW_POINTS(GRID, POINTS, nb.int64))
-def shorten(grid, points, rounds):
+def shorten(grid: np.ndarray, points: np.ndarray, rounds: int) -> np.ndarray:
     """At most `rounds` rounds of pulling, towards the goal and towards the start by turns; never longer than given."""
     if len(points) < 3 or rounds <= 0:
         return points.copy()

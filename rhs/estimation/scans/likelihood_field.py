@@ -71,7 +71,7 @@ class LikelihoodField:
 
 
 @compiled
-def _ends_of(reach, bearing, most_m, beams):
+def _ends_of(reach: np.ndarray, bearing: np.ndarray, most_m: float, beams: int) -> np.ndarray:
     """(B, 2) ends of up to `beams` beams no longer than most_m, evenly spaced among these, from the scanner."""
     known, count = np.empty(len(reach), np.int64), 0
     for k in range(len(reach)):
@@ -88,7 +88,8 @@ def _ends_of(reach, bearing, most_m, beams):
 
 
 @compiled
-def _score(states, start, ends, tables, log_stray, least_open):
+def _score(states: np.ndarray, start: np.ndarray, ends: np.ndarray, tables: tuple[np.ndarray, np.ndarray, np.ndarray],
+           log_stray: np.float32, least_open: float) -> np.ndarray:
     """Log-likelihood at each state (N, 3), all lengths in cells from the corner of the map. A beam between two points of
     the map does not leave it, so only its ends are looked at for that."""
     log_end, solid, open_room = tables

@@ -17,7 +17,7 @@ FREE, HIT = 1, 2  # marks of one scan; a larger mark wins
 
 
 @compiled
-def _walk_start(x0, y0, dx, dy):
+def _walk_start(x0: float, y0: float, dx: float, dy: float) -> tuple[int, int, int, int, float, float, float, float]:
     """Cell, steps, and the lengths along (dx, dy) to the next border and between borders, per axis."""
     big = 1e30
     column, row = int(np.floor(x0)), int(np.floor(y0))
@@ -31,7 +31,8 @@ def _walk_start(x0, y0, dx, dy):
 
 
 @compiled
-def _mark_beam(marks, touched, count, x0, y0, dx, dy, length, hit):
+def _mark_beam(marks: np.ndarray, touched: np.ndarray, count: int, x0: float, y0: float, dx: float, dy: float,
+               length: float, hit: bool) -> int:
     """Mark the cells of one beam; returns the new number of touched cells (listed once each)."""
     rows, columns = marks.shape
     column, row, step_x, step_y, next_x, next_y, delta_x, delta_y = _walk_start(x0, y0, dx, dy)
@@ -55,7 +56,8 @@ def _mark_beam(marks, touched, count, x0, y0, dx, dy, length, hit):
 
 
 @compiled
-def mark_scan(marks, touched, origin, angles, lengths, hits):
+def mark_scan(marks: np.ndarray, touched: np.ndarray, origin: np.ndarray, angles: np.ndarray, lengths: np.ndarray,
+              hits: np.ndarray) -> int:
     """Mark every cell a scan speaks of, each once: HIT if any beam ends in it on something, else FREE if any passes.
 
     marks (H, W) uint8, zero on entry (see clear_marks). touched (H * W, 2) int32, filled with (row, column).
@@ -72,7 +74,8 @@ def mark_scan(marks, touched, origin, angles, lengths, hits):
 
 
 @compiled
-def add_marks(log_odds, observed, marks, touched, count, free_step, hit_step, bound):
+def add_marks(log_odds: np.ndarray, observed: np.ndarray, marks: np.ndarray, touched: np.ndarray, count: int,
+              free_step: np.float32, hit_step: np.float32, bound: np.float32) -> None:
     """Add one step per touched cell to log_odds (H, W), clamp to +-bound, note it observed, and clear the marks."""
     for k in range(count):
         row, column = touched[k, 0], touched[k, 1]
@@ -83,7 +86,7 @@ def add_marks(log_odds, observed, marks, touched, count, free_step, hit_step, bo
 
 
 @compiled
-def _cast(blocked, x0, y0, dx, dy, length):
+def _cast(blocked: np.ndarray, x0: float, y0: float, dx: float, dy: float, length: float) -> float:
     """Distance in cells along the unit vector (dx, dy) to the first blocked cell; inf if none within length."""
     rows, columns = blocked.shape
     column, row, step_x, step_y, next_x, next_y, delta_x, delta_y = _walk_start(x0, y0, dx, dy)
@@ -103,14 +106,16 @@ def _cast(blocked, x0, y0, dx, dy, length):
 
 
 @compiled
-def _cast_all(blocked, x0, y0, angles, length):
+def _cast_all(blocked: np.ndarray, x0: float, y0: float, angles: np.ndarray, length: float) -> np.ndarray:
     out = np.empty(len(angles))
     for k in range(len(angles)):
         out[k] = _cast(blocked, x0, y0, np.cos(angles[k]), np.sin(angles[k]), length)
     return out
 
 
-def cast(blocked: np.ndarray, grid: OccupancyGrid, start_m: np.ndarray, angles_rad: np.ndarray, max_range_m: float):
+def cast(
+    blocked: np.ndarray, grid: OccupancyGrid, start_m: np.ndarray, angles_rad: np.ndarray, max_range_m: float
+) -> np.ndarray:
     """(N,) metres from `start_m` (2,) along each map bearing to the border of the first True cell of `blocked` (H, W);
     inf where there is none within max_range_m. Cells outside the grid are never blocked."""
     x0, y0 = (np.asarray(start_m, float) - np.asarray(grid.origin_m)) / grid.resolution_m

@@ -65,7 +65,7 @@ class _Walls:
         return self._points[view]
 
 
-def _edge(walls: _Walls, way_m, pair: tuple[int, int], settings: ScanLoopSettings) -> LoopEdge | None:
+def _edge(walls: _Walls, way_m: np.ndarray, pair: tuple[int, int], settings: ScanLoopSettings) -> LoopEdge | None:
     """The edge between one pair of views, or None when their walls do not fit."""
     earlier, later = pair
     chart = walls.cloud(np.abs(way_m - way_m[earlier]) <= settings.there_m, earlier)

@@ -134,7 +134,8 @@ def _wall_lines(mass: np.ndarray, sigma_cells: float = 2.5) -> tuple[np.ndarray,
 
     def moment(in_x: int, in_y: int) -> np.ndarray:
         along = correlate1d(mass, bell * reach**in_x, axis=1, mode="constant")
-        return correlate1d(along, bell * reach**in_y, axis=0, mode="constant")
+        smooth: np.ndarray = correlate1d(along, bell * reach**in_y, axis=0, mode="constant")
+        return smooth
 
     whole = np.maximum(moment(0, 0), 1e-9)
     middle = np.stack([moment(1, 0), moment(0, 1)], axis=-1) / whole[..., None]
@@ -153,7 +154,8 @@ def ends(scan: Scan, settings: MatchSettings) -> np.ndarray:
     if len(known) > settings.beams:
         known = known[np.linspace(0, len(known) - 1, settings.beams).astype(int)]
     reach, bearing = np.asarray(scan.ranges_m, float)[known], np.asarray(scan.bearings_rad, float)[known]
-    return np.stack([np.cos(bearing), np.sin(bearing)], axis=1) * reach[:, None] + scan.origin_xy_m
+    points: np.ndarray = np.stack([np.cos(bearing), np.sin(bearing)], axis=1) * reach[:, None] + scan.origin_xy_m
+    return points
 
 
 def _composed(state: np.ndarray, step: np.ndarray) -> np.ndarray:

@@ -169,7 +169,7 @@ class _Stretches:
         return WallLine(frame, sigma_m, sigma_rad, np.sort(ends) - at, bend, sigma_bend)
 
 
-def _best_known(spread: np.ndarray, normal, along, steep: float) -> tuple[float, float, float]:
+def _best_known(spread: np.ndarray, normal: np.ndarray, along: np.ndarray, steep: float) -> tuple[float, float, float]:
     """Where along the wall (m from the foot of the perpendicular) its place is known best, and the sigmas across it there
     and of its direction; spread (2, 2): covariance of n / d."""
     turn = along / steep  # derivative of the direction by n / d

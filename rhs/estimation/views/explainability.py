@@ -86,7 +86,7 @@ def in_view(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]
     return pixels, inside
 
 
-def _drawn(memory: Memory, near: np.ndarray, camera: Camera, map_from_body: np.ndarray):
+def _drawn(memory: Memory, near: np.ndarray, camera: Camera, map_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Key-points of the stored views that fall into the picture from this pose: (M, 3) in its camera frame, rows (M,)."""
     camera_from_map = inverse(map_from_body @ camera.body_from_camera)
     points, rows = [np.empty((0, 3))], [np.empty(0, int)]

@@ -121,16 +121,18 @@ def occlusion_distance(depth: np.ndarray, s: FeatureAdvanced = USUAL) -> np.ndar
             inner &= ~(np.abs(bend, out=bend) > s.occlusion_per_m)
     if smooth.all():
         return np.full(depth.shape, np.inf, np.float32)
-    return _cv2().distanceTransform(smooth, _cv2().DIST_L2, _cv2().DIST_MASK_5)
+    distance: np.ndarray = _cv2().distanceTransform(smooth, _cv2().DIST_L2, _cv2().DIST_MASK_5)
+    return distance
 
 
 def _over_edges(depth: np.ndarray, pixels: np.ndarray, sizes: np.ndarray, s: FeatureAdvanced) -> np.ndarray:
     """(N,) bool: the patch of the key-point holds an occlusion edge. The centre of a key-point may lie past the rim."""
     column, row = np.clip(np.rint(pixels).astype(int), 0, np.array(depth.shape[::-1]) - 1).T
-    return occlusion_distance(depth, s)[row, column] < s.patch_diameters * sizes
+    over: np.ndarray = occlusion_distance(depth, s)[row, column] < s.patch_diameters * sizes
+    return over
 
 
-def _windows(depth: np.ndarray, pixels: np.ndarray, half: int):
+def _windows(depth: np.ndarray, pixels: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Inverse depths (N, K), which are known (N, K), and pixel offsets (N, K, 2) from the key-point, of the windows."""
     reach = np.arange(-half, half + 1)
     dv, du = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
@@ -148,8 +150,10 @@ def _distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(N, M) float32 distances: Euclidean between unit float rows, Hamming between uint8 rows."""
     if a.dtype == np.uint8:
         bits_a, bits_b = (np.unpackbits(rows, axis=1).astype(np.float32) for rows in (a, b))
-        return bits_a.sum(axis=1)[:, None] + bits_b.sum(axis=1)[None, :] - 2.0 * bits_a @ bits_b.T
-    return np.sqrt(np.maximum(2.0 - 2.0 * a @ b.T, 0.0))
+        distances: np.ndarray = bits_a.sum(axis=1)[:, None] + bits_b.sum(axis=1)[None, :] - 2.0 * bits_a @ bits_b.T
+    else:
+        distances = np.sqrt(np.maximum(2.0 - 2.0 * a @ b.T, 0.0))
+    return distances
 
 
 def _remember(observation: Observation, key: Any, compute: Callable[[], Features]) -> Features:

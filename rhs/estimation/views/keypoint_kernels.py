@@ -9,7 +9,7 @@ from rhs.api.jit import compiled
 
 
 @compiled
-def count_matches(likeness, bounds, ratio_squared):
+def count_matches(likeness: np.ndarray, bounds: np.ndarray, ratio_squared: float) -> np.ndarray:
     """(P,) rows of `likeness` (N, M), cosines of unit vectors, whose best column in bounds[p]:bounds[p + 1] passes
     Lowe's ratio test against the second best there; |a - b|^2 = 2 - 2 cos, so the test is on 1 - cos."""
     views = len(bounds) - 1
@@ -29,7 +29,8 @@ def count_matches(likeness, bounds, ratio_squared):
 
 
 @compiled
-def found_again(drawn, theirs, pixels, depths, descriptors, limits):
+def found_again(drawn: np.ndarray, theirs: np.ndarray, pixels: np.ndarray, depths: np.ndarray, descriptors: np.ndarray,
+                limits: tuple[float, float, float, float]) -> int:
     """How many of the key-points drawn into a view (N, 3: pixel x, y and depth) with descriptors `theirs` (N, 128) are among
     those seen there: pixels (M, 2), depths (M,) NaN where unknown, descriptors (M, 128). limits: greatest distance in
     pixels, share and constant (metres) of the depth, least cosine."""
@@ -50,7 +51,7 @@ def found_again(drawn, theirs, pixels, depths, descriptors, limits):
 
 
 @compiled
-def residuals(descriptors, likeness, words):
+def residuals(descriptors: np.ndarray, likeness: np.ndarray, words: np.ndarray) -> np.ndarray:
     """(W * 128,) float32: for each word the sum of what the descriptors (N, 128) whose likeness (N, W) is greatest for it
     differ from it, brought to unit length word by word and then as a whole; zero without descriptors."""
     out = np.zeros(words.shape, np.float32)

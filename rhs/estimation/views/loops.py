@@ -45,7 +45,8 @@ def edge_between(
 
 def closing_gap(poses: np.ndarray, edge: LoopEdge) -> np.ndarray:
     """4x4 `believed_from_closed`: where the edge puts the later view, seen from where the poses (N, 4, 4) put it."""
-    return inverse(poses[edge.later]) @ poses[edge.earlier] @ edge.earlier_from_later
+    gap: np.ndarray = inverse(poses[edge.later]) @ poses[edge.earlier] @ edge.earlier_from_later
+    return gap
 
 
 def ends_meet(

@@ -174,7 +174,8 @@ def shares(distinct: Sequence[Recognised], rules: PlaceRules = USUAL) -> np.ndar
     if len(scores) == 0:
         return scores
     likely = np.exp(-rules.slope * np.maximum(1.0 - scores / scores.max() - rules.tie, 0.0))
-    return likely / likely.sum()
+    shares: np.ndarray = likely / likely.sum()
+    return shares
 
 
 def apart(pose_a: np.ndarray, pose_b: np.ndarray, rules: PlaceRules = USUAL) -> bool:

@@ -113,7 +113,8 @@ class Vlad:
     def likeness(self, descriptors: np.ndarray) -> np.ndarray:
         """(P,) cosine between the view and each stored one."""
         vector = self.vector(descriptors)
-        return self.vectors @ (vector if self._basis is None else _unit(vector @ self._basis))
+        cosines: np.ndarray = self.vectors @ (vector if self._basis is None else _unit(vector @ self._basis))
+        return cosines
 
     def vector(self, descriptors: np.ndarray) -> np.ndarray:
         """(words * 128,) float32 of unit length, zero for a view without key-points."""
@@ -153,4 +154,5 @@ def _principal(vectors: np.ndarray) -> np.ndarray:
     rows = vectors[np.linspace(0, len(vectors) - 1, COMPRESS_ABOVE).astype(int)]
     values, weights = np.linalg.eigh(rows @ rows.T)
     values, weights = values[-COMPRESSED:], weights[:, -COMPRESSED:]
-    return (rows.T @ (weights / np.sqrt(np.maximum(values, 1e-9)))).astype(np.float32)
+    basis: np.ndarray = (rows.T @ (weights / np.sqrt(np.maximum(values, 1e-9)))).astype(np.float32)
+    return basis

@@ -40,13 +40,14 @@ class PointNoise:
 
     def isotropic(self, points: np.ndarray) -> np.ndarray:
         """(N,) one number per (N, 3) point, in metres: depth and pixel noise together."""
-        return np.hypot(self.depth(points[:, 2]), self.pixel_px / self.focal_px * points[:, 2])
+        sigma: np.ndarray = np.hypot(self.depth(points[:, 2]), self.pixel_px / self.focal_px * points[:, 2])
+        return sigma
 
     def covariances(self, points: np.ndarray) -> np.ndarray:
         """(N, 3, 3) covariance of (N, 3) points: long along the ray, short across it."""
         z = points[:, 2]
         ray = points / z[:, None]
-        out = ray[:, :, None] * ray[:, None, :] * (self.depth(z) ** 2)[:, None, None]
+        out: np.ndarray = ray[:, :, None] * ray[:, None, :] * (self.depth(z) ** 2)[:, None, None]
         across = (self.pixel_px / self.focal_px * z) ** 2
         out[:, 0, 0] += across
         out[:, 1, 1] += across
@@ -147,7 +148,7 @@ def _procrustes_of_triples(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np
     return rotations, mean_q - (rotations @ mean_p[:, :, None])[:, :, 0]
 
 
-def _procrustes_covariance(pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise: PointNoise):
+def _procrustes_covariance(pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise: PointNoise) -> tuple[np.ndarray, float]:
     """6x6 sandwich covariance of the weighted estimate, and the mean squared residual in sigmas."""
     sigma = np.hypot(noise.isotropic(p), noise.isotropic(q))
     rotation = pose[:3, :3]
@@ -174,5 +175,6 @@ def _motion_of_points(p: np.ndarray) -> np.ndarray:
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:
-    return 0.5 * (matrix + matrix.T)
+    even: np.ndarray = 0.5 * (matrix + matrix.T)
+    return even
 

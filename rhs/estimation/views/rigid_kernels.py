@@ -10,7 +10,9 @@ NEAREST_M, BEHIND_M = 1e-3, 0.05  # depths are cut off below the first; a point 
 
 
 @compiled
-def normal_equations(pose, p, q, noise, limits):
+def normal_equations(
+    pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise: np.ndarray, limits: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Gauss-Newton's matrix (6, 6) and vector (6,) of where points p (N, 3) land beside q (N, 3) in view a, by the right
     perturbation of the pose (4, 4) a_from_b; squared residuals in sigmas (N,), and which pairs agree (N,) bool.
 
@@ -44,7 +46,7 @@ def normal_equations(pose, p, q, noise, limits):
 
 
 @compiled
-def _projected(pose, moved, by_p):
+def _projected(pose: np.ndarray, moved: np.ndarray, by_p: np.ndarray) -> None:
     """by_p (3, 3): derivative of (x/z, y/z, 1/z) of the moved point by the point before the motion."""
     x, y, z = moved
     for j in range(3):
@@ -54,7 +56,7 @@ def _projected(pose, moved, by_p):
 
 
 @compiled
-def _weight(by_p, p, q, noise, weight):
+def _weight(by_p: np.ndarray, p: np.ndarray, q: np.ndarray, noise: np.ndarray, weight: np.ndarray) -> None:
     """weight (3, 3): inverse of the covariance of the residual. Either end is uncertain along its ray and across it
     (rhs.estimation.views.rigid.PointNoise); of q only the inverse depth feels the former."""
     u, v, z = p[0] / p[2], p[1] / p[2], q[2]
@@ -80,14 +82,14 @@ def _weight(by_p, p, q, noise, weight):
 
 
 @compiled
-def _variances(point, noise):
+def _variances(point: np.ndarray, noise: np.ndarray) -> tuple[float, float]:
     """Along the ray, per unit of depth, and across it, square metres."""
     deviation = noise[1] + noise[2] * max(point[2] - noise[3], 0.0) ** 2
     return deviation**2, (noise[0] * point[2]) ** 2
 
 
 @compiled
-def _by_motion(by_p, p, jacobian):
+def _by_motion(by_p: np.ndarray, p: np.ndarray, jacobian: np.ndarray) -> None:
     """jacobian (3, 6): by_p times the derivative of exp(delta) p at zero, [I | -hat(p)]."""
     x, y, z = p
     for i in range(3):
@@ -98,7 +100,8 @@ def _by_motion(by_p, p, jacobian):
 
 
 @compiled
-def _add(matrix, vector, jacobian, weight, residual, robust, pulled):
+def _add(matrix: np.ndarray, vector: np.ndarray, jacobian: np.ndarray, weight: np.ndarray, residual: np.ndarray,
+         robust: float, pulled: np.ndarray) -> None:
     """Add one pair: robust J' W J and robust J' W r. pulled (3, 6) is room for W J."""
     for i in range(3):
         for j in range(6):

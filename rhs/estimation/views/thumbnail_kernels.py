@@ -8,7 +8,7 @@ from rhs.api.jit import compiled
 
 
 @compiled
-def sampled(grey, at):
+def sampled(grey: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(N,) grey level of a picture (h, w) at positions (N, 2) in its pixels, x before y, by bilinear interpolation, and
     (N,) its slope there, in grey levels per pixel. NaN outside the middles of its outermost pixels and at NaN."""
     height, width = grey.shape

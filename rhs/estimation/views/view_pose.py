@@ -17,6 +17,9 @@ from .features import match
 from .rigid import PointNoise, ransac_rigid, refine_reprojection
 from .settings import SightingSettings
 
+_CameraMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""4x4 between two cameras, its covariance 6x6, which pairs agree (M,) bool"""
+
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
@@ -40,7 +43,8 @@ class Sighting:
 
 
 def sight(
-    stored: Snapshot, query: Snapshot, *, settings: SightingSettings, rng: np.random.Generator, pairs=None
+    stored: Snapshot, query: Snapshot, *, settings: SightingSettings, rng: np.random.Generator,
+    pairs: np.ndarray | None = None
 ) -> Sighting | None:
     """The query seen from the stored view, or None when too few key-points agree. pairs: matches (M, 2) if known."""
     if pairs is None:
@@ -59,7 +63,8 @@ def sight(
     return Sighting(bodies, move @ covariance @ move.T, int(agreed.sum()), len(pairs), coverage)
 
 
-def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, settings: SightingSettings, rng):
+def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, settings: SightingSettings,
+                   rng: np.random.Generator) -> _CameraMotion | None:
     """(stored_from_query 4x4, covariance 6x6, which pairs agree (M,) bool) between the cameras, or None."""
     p, q = query.features.points[pairs[:, 0]], stored.features.points[pairs[:, 1]]
     lifted_p, lifted_q = np.isfinite(p[:, 2]), np.isfinite(q[:, 2])
@@ -78,7 +83,8 @@ def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, setting
     return None
 
 
-def _rigid(p, q, both, query: Snapshot, settings: SightingSettings, rng):
+def _rigid(p: np.ndarray, q: np.ndarray, both: np.ndarray, query: Snapshot, settings: SightingSettings,
+           rng: np.random.Generator) -> _CameraMotion | None:
     noise = PointNoise(query.camera.fx)
     p, q = p[both].astype(float), q[both].astype(float)
     found = ransac_rigid(p, q, noise=noise, rng=rng, settings=settings.ransac)
@@ -90,7 +96,9 @@ def _rigid(p, q, both, query: Snapshot, settings: SightingSettings, rng):
     return found.a_from_b, found.covariance, agreed
 
 
-def _pnp(points: np.ndarray, pixels: np.ndarray, lifted: np.ndarray, camera: Camera, pixel_px: float = 1.0):
+def _pnp(
+    points: np.ndarray, pixels: np.ndarray, lifted: np.ndarray, camera: Camera, pixel_px: float = 1.0
+) -> _CameraMotion | None:
     """viewer_from_points by PnP with RANSAC; points (M, 3) in their own camera frame, pixels (M, 2) in the viewer."""
     import cv2
 
