@@ -143,19 +143,6 @@ def test_obstacles_appear_when_the_patrol_begins(tmp_path):
     source.close()
 
 
-def test_obstacles_can_be_given_as_a_setting_but_not_on_the_robot(tmp_path):
-    source = build(tmp_path, obstacles=[5.0, 1.0, 0.2, 2.0])
-    source.begin_patrol()
-    assert look_from(source, 3.0, 1.0, 0.0).depth[60, 80] == pytest.approx(1.9, abs=1e-3)
-    source.close()
-    with pytest.raises(ConfigError, match="0.10 m from the robot waiting at \\(3, 1\\)"):
-        build(tmp_path, obstacles=[3.2, 1.0, 0.2, 2.0])
-    with pytest.raises(ConfigError, match="has 3 numbers; expected four"):
-        Simulator(obstacles=[1.0, 1.0, 1.0])
-    with pytest.raises(ConfigError, match=r"obstacles\[3\]=-1.0 is outside"):
-        Simulator(obstacles=[1.0, 1.0, 1.0, -1.0])
-
-
 def test_the_survey_without_wobble_follows_the_route_and_comes_back(tmp_path):
     source = build(tmp_path, step_m=0.5, turn_step_deg=45.0, image_width=32, direction="cw")
     np.testing.assert_allclose(source.facts.start, (3.0, 1.0, np.pi))
@@ -278,6 +265,6 @@ def test_settings_out_of_range_are_refused(setting):
 
 
 def test_a_config_alone_loads_no_heavy_library():
-    code = ("import sys, rhs_sources.simulator_config, rhs.world; "
+    code = ("import sys, rhs_sources.simulator_config, rhs.worlds.world; "
             "print([m for m in ('cv2', 'pybullet', 'scipy', 'numba') if m in sys.modules])")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"

@@ -34,18 +34,18 @@ class CorridorEkf:
     """motion=none: how wrong the expected speed may be (1 sigma)"""
     height_known: bool = True
     """the camera's height above the floor sets the scale through points of the floor"""
-    height_sigma_m: float = 0.003
-    """how well the height is known (1 sigma)"""
-    width_m: float = 2.0
+    height_sigma_m: float = 0.01
+    """how well the height is known (1 sigma): a tape held beside the robot"""
+    width_m: float = 0.0
     """width of the corridors; 0: unknown and constant"""
-    width_sigma_m: float = 0.005
-    """how well the width is known (1 sigma)"""
-    right_angle_sigma_deg: float = 0.17
-    """how far walls may be from right angles (1 sigma); 1 for old buildings"""
-    wobble_sigma_deg: float = 0.006
-    """pitch and roll of a view (1 sigma); 1.2 for a camera that sways"""
-    start_heading_sigma_deg: float = 0.5
-    """how well the start heading is known relative to the walls (1 sigma)"""
+    width_sigma_m: float = 0.05
+    """how well a width that is given is known (1 sigma)"""
+    right_angle_sigma_deg: float = 0.5
+    """how far walls may be from right angles (1 sigma); 1 for old buildings, 0.17 where a plan promises them"""
+    wobble_sigma_deg: float = 0.1
+    """pitch and roll of a view (1 sigma): wheels on an ordinary floor; 1.2 for a camera that sways"""
+    start_heading_sigma_deg: float = 2.0
+    """how well the start heading is known relative to the walls (1 sigma): a robot put down by eye"""
     window: int = 12
     """views a track may span; 10-14 did equally well, 6 loses heading after corners"""
     pixel_sigma_px: float = 1.0
