@@ -230,7 +230,6 @@ def _check_metrics(found: Any, who: str) -> None:
         raise PluginError(f"{who} is not a tuple of rhs.api.metric.Metric")
 
 
-@cache
 def _distribution(point: EntryPoint) -> str:
     return f"{point.dist.name} {point.dist.version}" if point.dist is not None else "an unknown distribution"
 

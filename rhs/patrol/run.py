@@ -65,7 +65,8 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched) -> Gene
             cause = error
         except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
             cause = error
-        row = {**sound(columns), **row}  # no part can say who it was
+        known = sound(columns)
+        row = {**known, **row, "world": known.get("world", row["world"])}  # a task names its recording, nobody what it was
         refused = run.close(**run.outcome_of(cause))
         cause = cause or refused
         row = finished(run, row, run.outcome_of(cause))

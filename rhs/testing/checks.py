@@ -21,6 +21,7 @@ from .loop_closers import LOOP_CLOSER
 from .mappers import MAPPER
 from .odometry import ODOMETRY
 from .planners import PLANNER
+from .replans import REPLAN
 from .sensors import SENSOR
 from .sources import SOURCE
 
@@ -42,7 +43,7 @@ def check_plugin(kind: str, settings: Any) -> None:
 def checks(kind: str) -> dict[str, Check]:
     """Name -> check(settings, folder) for a kind of part. Each raises AssertionError, whatever the part itself raised."""
     own = {"source": SOURCE, "sensor": SENSOR, "odometry": ODOMETRY, "loop_closer": LOOP_CLOSER, "localiser": LOCALISER,
-           "mapper": MAPPER, "planner": PLANNER, "replan": ()}
+           "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN}
     if kind not in own:
         raise ConfigError(f"kind={kind}: expected one of {', '.join(KINDS)}")
     return {check.__name__: _asserting(check) for check in (*SETTINGS, *own[kind])}

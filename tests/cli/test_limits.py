@@ -16,25 +16,35 @@ from installing import CHOICE, FAKES, environment
 MOST_MB, MOST_S = 500.0, 1.0  # of memory; of CPU time beyond what any refusal takes, which is a second on an idle core
 
 
+# Between this process and the command stands a small one: what a child holds is counted from what its parent held.
+MEASURE = """
+import os, subprocess, sys
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
+_, status, usage = os.wait4(process.pid, 0)
+print(os.waitstatus_to_exitcode(status), usage.ru_maxrss / 1024, usage.ru_utime + usage.ru_stime)
+"""
+
+
+def measured(folder: Path, words: list[str], **more: str) -> tuple[int, float, float, str]:
+    """(exit code, most memory in MB, CPU seconds, what it wrote to stderr) of a command."""
+    done = subprocess.run([sys.executable, "-S", "-c", MEASURE, sys.executable, "-m", *words], cwd=folder, text=True,
+                          env=environment(FAKES, **more), capture_output=True)
+    code, peak_mb, cpu_s = done.stdout.split()
+    return int(code), float(peak_mb), float(cpu_s), done.stderr
+
+
 @cache
 def usual_s() -> float:
     """CPU time of a refusal of nothing special on this machine, now."""
-    words = [sys.executable, "-m", "rhs", "task=planning", "world=nowhere"]
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    usage = os.wait4(process.pid, 0)[2]
-    return usage.ru_utime + usage.ru_stime
+    return measured(Path(), ["rhs", "task=planning", "world=nowhere"])[2]
 
 
 def refused(folder: Path, *words: str, module: str = "rhs", code: int | tuple[int, ...] = 2, **more: str) -> str:
     """The one line of a command that must refuse, within the limits."""
-    process = subprocess.Popen([sys.executable, "-m", module, *words], cwd=folder, env=environment(FAKES, **more),
-                               stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    error = process.stderr.read()  # type: ignore[union-attr]
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    assert process.returncode in ((code,) if isinstance(code, int) else code), error
+    returned, peak_mb, cpu_s, error = measured(folder, [module, *words], **more)
+    assert returned in ((code,) if isinstance(code, int) else code), error
     assert len(error.splitlines()) == 1 and len(error) < 260, error
-    assert usage.ru_maxrss / 1024 < MOST_MB and usage.ru_utime + usage.ru_stime < MOST_S + usual_s()
+    assert peak_mb < MOST_MB and cpu_s < MOST_S + usual_s()
     return error
 
 

@@ -160,6 +160,7 @@ def test_what_fixes_the_scale_is_said():
     from rhs_odometry.corridor.ekf import scale_from
     from rhs_odometry.corridor.ekf_config import CorridorEkf
 
-    assert scale_from(CorridorEkf()) == "camera height + width 2 m + command"
+    assert scale_from(CorridorEkf()) == "camera height + command"
+    assert scale_from(CorridorEkf(width_m=2.0)) == "camera height + width 2 m + command"
     assert scale_from(CorridorEkf(motion="none", width_m=0.0)) == "camera height"
     assert scale_from(CorridorEkf(height_known=False, width_m=0.0, motion="wheel")) == "wheel"

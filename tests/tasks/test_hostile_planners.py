@@ -98,7 +98,7 @@ class Hostile:
 def row_of(act, folder, *words):
     folder.mkdir(exist_ok=True)
     config = compose_config(["task=planning", "world=map1", "planner=astar", *words])
-    config.planner = Chosen("hostile", Plain(act))
+    config.parts["planner"] = Chosen("hostile", Plain(act))
     return run_config(config, folder)
 
 
@@ -111,7 +111,7 @@ class Plain(Hostile):
 
 @pytest.fixture(autouse=True)
 def plain_settings(monkeypatch):
-    from rhs.config import settings
+    from rhs.api import settings
 
     before = settings.plain
     monkeypatch.setattr(settings, "plain", lambda value: {} if isinstance(value, Hostile) else before(value))

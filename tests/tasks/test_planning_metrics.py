@@ -107,9 +107,9 @@ def test_claiming_a_moved_start_frees_nothing():
 def test_details_cannot_take_the_place_of_a_judged_column():
     line = np.array([[0.25, 0.25], [0.25, 1.75]])
     task = problem(np.zeros((4, 4)), (0.25, 0.25), (1.75, 1.75))
-    lies = {"valid": 1.0, "success": 1.0, "length_m": 0.1, "above_optimum_pct": 0.0, "optimal_m": 9.0, "walk_steps": 7.0}
+    lies = {"valid": 1.0, "success": 1.0, "length_m": 0.1, "above_optimum_pct": 0.0, "optimal_m": 9.0}
     values = values_of(Path(PlanReason.OK, line, line, details=lies), task)
-    assert (values["plan_valid"], values["plan_success"], values["plan_walk_steps"]) == (0.0, 0, 7.0)
+    assert (values["plan_valid"], values["plan_success"]) == (0.0, 0)
     assert np.isnan(values["plan_length_m"]) and values["plan_optimal_m"] == pytest.approx(1.5 * np.sqrt(2))
 
 
