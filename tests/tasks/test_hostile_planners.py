@@ -226,7 +226,7 @@ def test_the_second_question_gets_the_same_random_numbers(tmp_path):
             return Planner()
 
     config = compose_config(["task=planning", "world=map1", "planner=astar", "seed=7"])
-    config.planner = Chosen("hostile", Drawing())
+    config.parts["planner"] = Chosen("hostile", Drawing())
     (tmp_path / "a").mkdir()
     run_config(config, tmp_path / "a")
     assert len(drawn) == 2 and drawn[0] == drawn[1]
