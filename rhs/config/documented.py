@@ -9,6 +9,8 @@ import ast
 import dataclasses
 import inspect
 import textwrap
+from functools import cache
+from pathlib import Path
 
 
 def summary(cls: type) -> str:
@@ -29,16 +31,33 @@ def field_docs(cls: type) -> dict[str, str]:
 
 
 def _own_docs(cls: type) -> dict[str, str]:
-    try:
-        source = textwrap.dedent(inspect.getsource(cls))
-        node = ast.parse(source).body[0]
-    except (OSError, TypeError, SyntaxError):
-        return {}
-    body = node.body if isinstance(node, ast.ClassDef) else []
-    out: dict[str, str] = {field.target.id: "" for field in body if isinstance(field, ast.AnnAssign)
-                           and isinstance(field.target, ast.Name)}
+    body = _body(cls)
+    out: dict[str, str] = {}
     for field, after in zip(body, [*body[1:], None], strict=True):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
-                out[field.target.id] = " ".join(after.value.value.split())
+            literal = after.value if isinstance(after, ast.Expr) else None
+            text = literal.value if isinstance(literal, ast.Constant) and isinstance(literal.value, str) else ""
+            out[field.target.id] = " ".join(text.split())
     return out
+
+
+def _body(cls: type) -> list[ast.stmt]:
+    """The statements of a class; none where nobody has its source (typed into a shell)."""
+    try:
+        classes = _classes(inspect.getsourcefile(cls) or "")
+        if cls.__qualname__ not in classes:
+            return list(_first(ast.parse(textwrap.dedent(inspect.getsource(cls)))))
+    except (OSError, TypeError, SyntaxError):
+        return []
+    return classes[cls.__qualname__]
+
+
+def _first(tree: ast.Module) -> list[ast.stmt]:
+    return tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
+
+
+@cache
+def _classes(path: str) -> dict[str, list[ast.stmt]]:
+    """Qualified name -> statements of the classes at the top of a file, which is read once."""
+    tree = ast.parse(Path(path).read_text(encoding="utf-8"))
+    return {node.name: node.body for node in tree.body if isinstance(node, ast.ClassDef)}

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -231,7 +231,13 @@ def _check_metrics(found: Any, who: str) -> None:
 
 
 def _distribution(point: EntryPoint) -> str:
-    return f"{point.dist.name} {point.dist.version}" if point.dist is not None else "an unknown distribution"
+    return _name_of(point.dist) if point.dist is not None else "an unknown distribution"
+
+
+@cache
+def _name_of(distribution: Distribution) -> str:
+    """Name and version; read once for all entry points of a distribution, which share one object."""
+    return f"{distribution.name} {distribution.version}"
 
 
 def _first_line(error: BaseException) -> str:
