@@ -30,6 +30,7 @@ from shared import write
 from rhs.api.floorplan import World
 from rhs.api.geometry import planar, se2
 from rhs.api.records import Wall
+from rhs.base.strict_yaml import load_yaml
 from rhs.config.compose import build_parts, compose_config
 from rhs.estimation.scans.wall_rays import cast_on_walls
 from rhs.worlds.world import load_world
@@ -40,15 +41,17 @@ from rhs_odometry.tracks.replay import FilterRun, figures, run_filter
 from rhs_odometry.tracks.settings import KltSettings
 from rhs_odometry.tracks.track_frames import Tracks, load_tracks, save_tracks
 
-COMMAND: dict[str, Any] = {}
+PLAN = Path(__file__).parents[2] / "conf" / "odometry" / "corridor_ekf_2m.yaml"
+COMMAND: dict[str, Any] = {key: value for key, value in load_yaml(PLAN).items() if key != "defaults"}
 INPUTS = {
     "command + height + width": ("corridor_ekf", COMMAND),
-    "wheels + height + width": ("corridor_ekf", {"motion": "wheel"}),
-    "command + height": ("corridor_ekf", {"width_m": 0.0}),
-    "command + width": ("corridor_ekf", {"height_known": False}),
-    "nothing + height + width": ("corridor_ekf", {"motion": "none"}),
-    "no right angles (5.7 deg)": ("corridor_ekf", {"right_angle_sigma_deg": 5.7}),
-    "width 30 % wrong and soft": ("corridor_ekf", {"width_m": 2.6, "width_sigma_m": 0.6}),
+    "wheels + height + width": ("corridor_ekf", {**COMMAND, "motion": "wheel"}),
+    "command + height": ("corridor_ekf", {**COMMAND, "width_m": 0.0}),
+    "command + width": ("corridor_ekf", {**COMMAND, "height_known": False}),
+    "nothing + height + width": ("corridor_ekf", {**COMMAND, "motion": "none"}),
+    "no right angles (5.7 deg)": ("corridor_ekf", {**COMMAND, "right_angle_sigma_deg": 5.7}),
+    "width 30 % wrong and soft": ("corridor_ekf", {**COMMAND, "width_m": 2.6, "width_sigma_m": 0.6}),
+    "defaults: an unknown building": ("corridor_ekf", {}),
 }
 THESIS = {
     "section_ekf (thesis)": ("section_ekf", {"aspect": 1.3}),
@@ -57,7 +60,7 @@ THESIS = {
 }
 MAIN = {k: INPUTS[k] for k in ("command + height + width", "nothing + height + width")}
 SWAYING = {
-    "command, tilt as states": ("corridor_ekf", {"wobble_sigma_deg": 1.2}),
+    "command, tilt as states": ("corridor_ekf", {**COMMAND, "wobble_sigma_deg": 1.2}),
     "command, tilt ignored": ("corridor_ekf", COMMAND),
 }
 
