@@ -14,6 +14,7 @@ names and their settings, nothing else.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,12 +89,12 @@ class Job(Protocol):
         """Do the work; the columns of the row that the task itself knows. Metrics add theirs from the run folder."""
 
 
-class StepJob:
+class StepJob(ABC):
     """A task that goes through the loop: it is its steps."""
 
+    @abstractmethod
     def steps(self) -> Iterator[Step]:
         """Every view, as it is taken."""
-        raise NotImplementedError
 
     def run(self) -> Mapping[str, Value]:
         """All of them; the columns follow from the files they leave."""

@@ -14,17 +14,12 @@ from pathlib import Path
 from rhs.api import settings
 from rhs.base.errors import ConfigError
 from rhs.config import registry
-from rhs.config.loose import load_files
 from rhs.config.overrides import parse, plain_words
 from rhs.testing.checks import checks
-
-from .commands import plugin_files
 
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    files, words = plugin_files(list(words))
-    load_files(files, words)
     found = plain_words(parse(words))
     if not found or "." in found[0].key:
         raise ConfigError("check: say which plugin, for example: python -m rhs check planner=prm")

@@ -7,7 +7,8 @@ import textwrap
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
-from rhs.base.errors import ConfigError, RhsError
+from rhs.api.settings import nearest
+from rhs.base.errors import ConfigError
 
 # command -> (module, what it does). Each module's main(arguments) returns the exit code.
 COMMANDS = {
@@ -20,15 +21,19 @@ COMMANDS = {
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
     "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),
     "new": ("rhs.cli.new", "a package with a plugin to begin with: new planner my_planner"),
+    "completion": ("rhs.cli.completion", "tab completion of the command rhs: completion bash | zsh | fish"),
     "help": ("rhs.cli.commands", "help columns | events | kinds | commands"),
 }
 
 
 def command(words: Sequence[str]) -> Callable[[], int] | None:
-    """What these words ask for, or None when they describe a run."""
-    if not words or words[0] not in COMMANDS:
+    """What these words ask for, or None when they describe a run. Raises ConfigError for a word that is neither."""
+    if not words or words[0].startswith("-") or "=" in words[0] or words[0].startswith(("~", "+")):
         return None
-    name, rest = words[0], list(words[1:])
+    name, rest = words[0], [word for word in words[1:] if word != "--debug"]
+    if name not in COMMANDS:
+        raise ConfigError(f"{name}: neither a command nor key=value{nearest(name, list(COMMANDS))}; "
+                          f"commands: {', '.join(COMMANDS)}")
     if name == "help":
         return lambda: show_help(rest)
     if name == "compare":
@@ -94,14 +99,3 @@ def _kinds() -> int:
     for kind in PLUGIN_KINDS:
         sys.stdout.write(f"  {kind:<12}{', '.join(registry.names(kind)) or 'none registered'}\n")
     return 0
-
-
-def run_command(ask: Callable[[], int]) -> int:
-    """Its exit code; what rhs foresaw is one line."""
-    try:
-        return ask()
-    except RhsError as error:
-        sys.stderr.write(f"rhs: {' '.join(str(error).split())}\n")
-        return error.exit_code
-    except BrokenPipeError:
-        return 1

@@ -26,7 +26,7 @@ TOP = """\
 python -m rhs [options] key=value ...     one run: map a world, then patrol it
 python -m rhs -m key=value1,value2 ...    a sweep: one run for every combination
 python -m rhs planner=prm --help          one part in full, with its advanced thresholds
-python -m rhs COMMAND ...                 table, compare, report, evaluate, convert, verify, recover, check, new, help
+python -m rhs COMMAND ...                 what is not a run: python -m rhs help commands
 
 Options
   -m, --multirun      run every combination of the values given, each in a process of its own

@@ -24,8 +24,9 @@ from pathlib import Path  # noqa: E402
 from rhs.base.commands import plain  # noqa: E402
 from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
-from .commands import command, plugin_files, run_command  # noqa: E402
+from .commands import command, plugin_files  # noqa: E402
 
+COMPILES = "compiling inner loops, once for this installation: 10 to 60 s"
 LONGEST = 190  # characters of a complaint
 USAGE = "python -m rhs [options] key=value ..."
 
@@ -44,8 +45,6 @@ class Arguments(argparse.ArgumentParser):
 def main(words: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = sys.argv[1:] if words is None else words
-    if (ask := command(words)) is not None:
-        return run_command(ask)
     debug = "--debug" in words
     warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
     ends = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
@@ -56,6 +55,8 @@ def main(words: list[str] | None = None) -> int:
             from rhs.config.loose import load_files
 
             load_files(files, rest)
+        if (ask := command(rest)) is not None:
+            return ask()
         return _run(_arguments().parse_intermixed_args(rest))
     except RhsError as error:
         return _complain(error, error.exit_code, debug)
@@ -144,7 +145,7 @@ def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
 
     from . import say
 
-    on_compile(lambda: print("compiling inner loops, once for this installation: 10 to 60 s", file=sys.stderr, flush=True))
+    on_compile(lambda: print(COMPILES, file=sys.stderr, flush=True))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)
         claim.publish()
@@ -168,6 +169,7 @@ def _signal_code(error: BaseException) -> int:
 
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
+    from rhs.config.loose import take_over
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import sweep
 
@@ -176,6 +178,7 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         raise ConfigError("--resume: which sweep? type python -m rhs --resume FOLDER")
     if arguments.resume:
         before = sweep.recall(Path(arguments.resume))
+        take_over(before.get("plugins", []))
         typed = {word.partition("=")[0] for word in words}
         words = [word for word in before["words"] if word.partition("=")[0] not in {*typed, "output"}] + words
         folders = folders or tuple(map(Path, before["conf"]))
@@ -197,12 +200,16 @@ def _run_sweep(plan, folder: Path, limits) -> int:
     from tqdm import tqdm
 
     from rhs.sweeps import sweep
+    from rhs.sweeps.worker import COMPILING
 
     from . import say
 
     counts: dict[str, int] = {}
     with tqdm(total=len(plan.jobs), unit="job", disable=None, dynamic_ncols=True) as shown:
         def tell(job, status: str) -> None:
+            if status == COMPILING:
+                tqdm.write(COMPILES, file=sys.stderr)
+                return
             counts[status] = counts.get(status, 0) + 1
             shown.set_postfix(counts, refresh=False)
             shown.update()

@@ -5,36 +5,112 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rhs.base.errors import ConfigError
 
-# kind -> (imports, methods of the part)
-PARTS = {
-    "planner": ("from rhs.api.records import Path, PlanningProblem, PlanReason", '''
+
+@dataclass(frozen=True)
+class Skeleton:
+    """What differs between the kinds: a part that works and keeps its contract, with one setting."""
+
+    imports: str
+    does: str
+    setting: str
+    methods: str
+    needs: str = ""
+
+
+SKELETONS = {
+    "planner": Skeleton("from rhs.api.records import Path, PlanningProblem, PlanReason",
+                        "Breadth-first search over the cells.", '''
+    most_cells: int = 1_000_000
+    """cells that are looked at before it gives up"""
+
+    def __post_init__(self) -> None:
+        check_range("planner", "most_cells", self.most_cells, low=1, high=1_000_000_000)
+''', '''
     def plan(self, problem: PlanningProblem) -> Path:
-        """Straight to the goal, whatever stands between."""
-        points = np.stack([problem.start_m, problem.goal_m])
-        return Path(PlanReason.OK, points, points)
+        """Cell by cell from the start, to the four neighbours, until the goal is reached."""
+        origin, side = np.array(problem.origin_m), problem.resolution_m
+        first, last = (tuple(np.floor((point - origin) / side).astype(int)[::-1])
+                       for point in (problem.start_m, problem.goal_m))
+        for cell, blocked in ((first, PlanReason.START_BLOCKED), (last, PlanReason.GOAL_BLOCKED)):
+            if not all(0 <= n < most for n, most in zip(cell, problem.blocked.shape, strict=True)):
+                return Path(PlanReason.OUTSIDE, np.empty((0, 2)))
+            if problem.blocked[cell]:
+                return Path(blocked, np.empty((0, 2)))
+        before, reason = self._search(problem.blocked, first, last)
+        if reason is not PlanReason.OK:
+            return Path(reason, np.empty((0, 2)))
+        cells = [last]
+        while cells[-1] != first:
+            cells.append(before[cells[-1]])
+        centres = origin + (np.array(cells[::-1])[:, ::-1] + 0.5) * side
+        return Path(PlanReason.OK, np.vstack([problem.start_m, centres, problem.goal_m]))
+
+    def _search(self, blocked: np.ndarray, first: tuple, last: tuple) -> tuple[dict, PlanReason]:
+        """The cell before each cell that was reached, and how it ended."""
+        before, waiting = {first: first}, deque([first])
+        while waiting and last not in before:
+            if len(before) > self.settings.most_cells:
+                return before, PlanReason.BUDGET_SPENT
+            row, column = waiting.popleft()
+            for cell in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
+                inside = 0 <= cell[0] < blocked.shape[0] and 0 <= cell[1] < blocked.shape[1]
+                if inside and not blocked[cell] and cell not in before:
+                    before[cell] = (row, column)
+                    waiting.append(cell)
+        return before, PlanReason.OK if last in before else PlanReason.DISCONNECTED
 '''),
-    "odometry": ("from rhs.api.geometry import se2\nfrom rhs.api.records import Motion, Observation, Revision, Tracking", '''
+    "odometry": Skeleton("from rhs.api.geometry import se2\n"
+                         "from rhs.api.records import Motion, Observation, Revision, Tracking",
+                         "The wheels are believed.", '''
+    share: float = 0.1
+    """standard deviation of a step, as a share of it"""
+
+    def __post_init__(self) -> None:
+        check_range("odometry", "share", self.share, low=0.0, high=1.0)
+''', '''
+    first: bool = True
+
     def update(self, observation: Observation) -> Motion:
-        """The wheels' motion; without wheels the robot stands still."""
-        step = np.eye(4) if observation.wheel is None else se2(*observation.wheel)
-        return Motion(step, 1e-4 * np.eye(6), Tracking.OK)
+        """The pose of this view as seen from the view before. The first has none before it."""
+        first, self.first = self.first, False
+        if first:
+            return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK)
+        if observation.wheel is None:
+            return Motion(np.eye(4), np.eye(6), Tracking.LOST, reason="no wheels")
+        x, y, yaw = observation.wheel
+        sigma_m = 1e-3 + self.settings.share * np.hypot(x, y)
+        sigma_rad = 1e-3 + self.settings.share * abs(yaw)
+        sigmas = np.array([sigma_m, sigma_m, 1e-3, 1e-3, 1e-3, sigma_rad])  # x, y, z in metres, turns about them
+        return Motion(se2(x, y, yaw), np.diag(sigmas**2), Tracking.OK)
 
     def revise(self) -> Revision | None:
+        """Nothing that was said is taken back."""
         return None
-'''),
-    "localiser": ("from rhs.api.belief import moved\nfrom rhs.api.records import Belief, Motion, Observation", '''
+''', '"wheel"'),
+    "localiser": Skeleton("from rhs.api.belief import moved\n"
+                          "from rhs.api.records import Belief, BeliefStatus, Motion, Observation",
+                          "The odometry is believed.", '''
+    lost_m: float = 10.0
+    """standard deviation of a position that is not known"""
+
+    def __post_init__(self) -> None:
+        check_range("localiser", "lost_m", self.lost_m, low=0.1, high=1e4)
+''', '''
     def learn(self, views, grid) -> None:
-        """Nothing is learnt."""
+        """The survey's views and map: a better localiser remembers places here."""
 
     def start(self, belief: Belief | None) -> None:
-        self.belief = belief or Belief(np.eye(4), np.eye(6))
+        """None: nobody knows where the robot is."""
+        anywhere = np.diag([self.settings.lost_m**2] * 3 + [10.0] * 3)
+        self.belief = belief or Belief(np.eye(4), anywhere, BeliefStatus.LOST, 0.0)
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
-        """The odometry is believed."""
+        """The belief, moved on by the odometry."""
         self.belief = moved(self.belief, motion)
         return self.belief
 '''),
@@ -43,8 +119,8 @@ PARTS = {
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    if len(words) not in (2, 3) or words[0] not in PARTS:
-        raise ConfigError(f"new: say a kind ({', '.join(PARTS)}) and a name, for example: "
+    if len(words) not in (2, 3) or words[0] not in SKELETONS:
+        raise ConfigError(f"new: say a kind ({', '.join(SKELETONS)}) and a name, for example: "
                           f"python -m rhs new planner my_planner")
     kind, name = words[0], words[1]
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -86,33 +162,29 @@ packages = ["{name}"]
 
 
 def _module(kind: str, name: str) -> str:
-    imports, methods = PARTS[kind]
+    told = SKELETONS[kind]
+    queue = "from collections import deque\n" if "deque" in told.methods else ""
+    needs = f"{{{told.needs}}}" if told.needs else ""
     return f'''"""A {kind} for rhs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+{queue}from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
+from rhs.api import check_range
 from rhs.api.contracts import Context
-from rhs.api.errors import check_range
-{imports}
+{told.imports}
 
 
 @dataclass
 class {_class(name)}:
-    """What it does, in one line: --help shows it."""
-
-    gain: float = 1.0
-    """what this setting means, with its unit"""
-
-    needs: ClassVar[frozenset[str]] = frozenset()
+    """{told.does}"""
+{told.setting}
+    needs: ClassVar[frozenset[str]] = frozenset({needs})
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("{kind}", "gain", self.gain, low=0.0, high=10.0)
 
     def build(self, context: Context) -> Part:
         return Part(self, context.rng)
@@ -123,7 +195,7 @@ class Part:
 
     def __init__(self, settings: {_class(name)}, rng: np.random.Generator) -> None:
         self.settings, self.rng = settings, rng
-{methods}'''
+{told.methods}'''
 
 
 def _test(kind: str, name: str) -> str:

@@ -23,9 +23,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rhs.base.commands import Arguments, answered, plain
-from rhs.base.errors import ConfigError, check_range
+from rhs.base.errors import ConfigError, PluginError, check_range
 from rhs.base.strict_yaml import load_yaml
 from rhs.config.compose import RunConfig, compose_config, config_hash, read_config
+from rhs.config.loose import match
 from rhs.reports.table import find_rows
 from rhs.runfolder.row import machine_dependent, read_row, write_row
 from rhs.sweeps.jobs import Job, Limits, processes, run_jobs
@@ -103,8 +104,17 @@ def _verify(chosen: argparse.Namespace) -> int:
     rows = {folder: row for folder, row in rows.items() if row.get("status") not in UNFINISHED}
     if not rows:
         raise ConfigError("no finished run in these folders")
-    configs = {str(folder): read_config(folder) for folder in _drawn(sorted(rows), chosen)}
+    configs = {str(folder): _config(folder, rows[folder]) for folder in _drawn(sorted(rows), chosen)}
     return _compare({name: rows[Path(name)] for name in configs}, again(configs, chosen.jobs), chosen.tolerance)
+
+
+def _config(folder: Path, row: Mapping[str, object]) -> RunConfig:
+    loose = str(row.get("plugins") or "")
+    match(loose.split())
+    try:
+        return read_config(folder)
+    except PluginError as error:
+        raise PluginError(f"{folder} has {loose}: add --plugin FILE" if loose else str(error)) from error
 
 
 def _drawn(folders: list[Path], chosen: argparse.Namespace) -> list[Path]:

@@ -10,6 +10,7 @@ import dataclasses
 import inspect
 import textwrap
 from functools import cache
+from itertools import zip_longest
 from pathlib import Path
 
 
@@ -33,7 +34,7 @@ def field_docs(cls: type) -> dict[str, str]:
 def _own_docs(cls: type) -> dict[str, str]:
     body = _body(cls)
     out: dict[str, str] = {}
-    for field, after in zip(body, [*body[1:], None], strict=True):
+    for field, after in zip_longest(body, body[1:]):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
             literal = after.value if isinstance(after, ast.Expr) else None
             text = literal.value if isinstance(literal, ast.Constant) and isinstance(literal.value, str) else ""

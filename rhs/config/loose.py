@@ -7,10 +7,11 @@ matched with the plugin dataclass of the file: the one whose name it is, or the 
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,13 +22,74 @@ from rhs.base.errors import PluginError
 from . import registry
 
 
+def carried() -> list[dict[str, str]]:
+    """What another process needs to register the plugins that were registered by hand in this one."""
+    return [{"kind": one.kind, "name": one.name, "class": one.value, "file": one.file} for one in registry.by_hand()]
+
+
+def take_over(carried: Sequence[Mapping[str, str]]) -> None:
+    """Register what `carried` of another process names; what is registered here already stays.
+
+    Raises PluginError for a class that stands in no file, or in one that cannot be run."""
+    known = {(one.kind, one.name) for one in registry.by_hand()}
+    for one in carried:
+        if (one["kind"], one["name"]) not in known:
+            registry.register(one["kind"], one["name"], _found(one))
+
+
+def _found(one: Mapping[str, str]) -> type:
+    """The class, from its module where one can import it, else from its file."""
+    who, (module_name, _, qualname) = f"{one['kind']}={one['name']}", one["class"].partition(":")
+    if "<locals>" in qualname or not Path(one["file"]).is_file():
+        raise PluginError(f"{who}: {qualname} stands in no file, so another process cannot have it; "
+                          f"write it at the top of a .py file")
+    here = sys.modules.get(module_name) if module_name != "__main__" else None
+    found: Any = here or (_load(Path(one["file"])) if module_name == "__main__" else _imported(module_name, one["file"]))
+    for part in qualname.split("."):
+        found = getattr(found, part, None)
+    if found is None:
+        raise PluginError(f"{who}: {one['file']} holds no {qualname} any more")
+    return found
+
+
+def _imported(name: str, file: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError:
+        return _load(Path(file))
+
+
 def load_files(files: Sequence[str], words: Sequence[str]) -> None:
     """Run these files and register the plugins that the words ask for. Raises PluginError in one line."""
+    _silent.clear()
     for file in files:
         before = len(registry.by_hand())
         module = _load(Path(file).expanduser())
         if len(registry.by_hand()) == before:
-            _match(module, words)
+            _silent.append(module)
+    match(words)
+
+
+def match(words: Sequence[str]) -> None:
+    """Register plugins of the files that registered none themselves, under those `kind=name` that nobody answers to: the
+    class whose name it is, or the only one there is."""
+    found = {name: cls for module in _silent for name, cls in vars(module).items() if _is_plugin(cls, module)}
+    for kind, name in _unanswered(words) if _silent else ():
+        cls = found.get(_class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
+        if cls is None:
+            files = ", ".join(str(module.__file__) for module in _silent)
+            raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no plugin dataclass'}; "
+                              f"write rhs.register({kind!r}, {name!r}, CLASS) in it")
+        registry.register(kind, name, cls)
+
+
+def _unanswered(words: Sequence[str]) -> list[tuple[str, str]]:
+    asked = [(kind, name) for kind, _, value in (word.partition("=") for word in words) for name in value.split(",")]
+    return [(kind, name) for kind, name in asked
+            if kind in PLUGIN_KINDS and name.isidentifier() and name not in registry.names(kind)]
+
+
+_silent: list[ModuleType] = []
 
 
 def _load(path: Path) -> ModuleType:
@@ -46,22 +108,6 @@ def _load(path: Path) -> ModuleType:
     except BaseException as error:
         raise PluginError(f"--plugin {path} cannot be run: {type(error).__name__}: {error}") from error
     return module
-
-
-def _match(module: ModuleType, words: Sequence[str]) -> None:
-    """Register the file's plugin under the words that nobody answers to."""
-    found = {name: cls for name, cls in vars(module).items() if _is_plugin(cls, module)}
-    asked = []
-    for word in words:
-        kind, _, value = word.partition("=")
-        asked += [(kind, name) for name in value.split(",")
-                  if kind in PLUGIN_KINDS and name.isidentifier() and name not in registry.names(kind)]
-    for kind, name in asked:
-        cls = found.get(_class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
-        if cls is None:
-            raise PluginError(f"{kind}={name}: {module.__file__} holds {', '.join(found) or 'no plugin dataclass'}; "
-                              f"write rhs.register({kind!r}, {name!r}, CLASS) in it")
-        registry.register(kind, name, cls)
 
 
 def _class_name(name: str) -> str:

@@ -40,7 +40,7 @@ def with_success(row: Mapping[str, object]) -> dict[str, object]:
 def _planned(row: Mapping[str, object]) -> tuple[float, str]:
     if _number(row, "plan_success") != 1.0:
         return 0.0, _text(row.get("plan_reason")) or "no path"
-    return (1.0, "") if _number(row, "plan_valid") == 1.0 else (0.0, "invalid path")
+    return (1.0, "") if _number(row, "plan_valid") == 1.0 else (0.0, _text(row.get("plan_failure")) or "invalid path")
 
 
 def _visited(row: Mapping[str, object]) -> tuple[float, str]:

@@ -36,11 +36,12 @@ from rhs.base.processes import (
     total_memory_mb,
 )
 from rhs.config.compose import RunConfig, identity, to_plain
+from rhs.config.loose import carried
 from rhs.metrics.success import with_success
 from rhs.runfolder.folders import job_folder
 from rhs.runfolder.row import KILLED, RUNNING, read_row, sound, write_row
 
-from .worker import work
+from .worker import COMPILING, Task, work
 
 GRACE_S = 10.0  # a job told to stop has so long to write down what it has
 LINGER_S = 2.0  # a job that has written its row has so long to end
@@ -114,6 +115,7 @@ class _Running:
     told: float = 0.0
     server: int = 0
     written: float = 0.0  # when it said so
+    compiling: bool = False
 
 
 def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable[[Job, str], None]) -> Outcome:
@@ -151,6 +153,7 @@ class _Pool:
         self.waiting, self.sweep, self.limits, self.tell = waiting, sweep, limits, tell
         self.running: list[_Running] = []
         self.outcome = Outcome()
+        self.compiling = False
         self.tries: Counter = Counter()
         self.suspects: set[str] = set()  # ran when the server was killed: they are tried again, last and alone
         self.context = multiprocessing.get_context("forkserver")
@@ -175,7 +178,8 @@ class _Pool:
             shutil.rmtree(earlier, ignore_errors=True)
         folder.mkdir(parents=True)
         ours, theirs = self.context.Pipe(duplex=False)
-        arguments = (to_plain(job.config), str(folder), self.lifeline, theirs)
+        task = Task(to_plain(job.config), identity(job.config), carried())
+        arguments = (task, str(folder), self.lifeline, theirs)
         process = self.context.Process(target=work, args=arguments, daemon=False)
         with _as_on_the_command_line():
             process.start()
@@ -187,6 +191,9 @@ class _Pool:
         for one in [one for one in self.running if _over(one, self.limits)]:
             self.running.remove(one)
             self._settle(one)
+        for one in [one for one in self.running if one.compiling][: not self.compiling]:
+            self.compiling = True
+            self.tell(one.job, COMPILING)
 
     def stop(self) -> None:
         """Ask all to stop and wait for their files; a second Ctrl-C kills them."""
@@ -257,6 +264,9 @@ def _over(one: _Running, limits: Limits) -> bool:
     with contextlib.suppress(EOFError, OSError):
         while one.done.poll():
             said = one.done.recv()
+            if said == COMPILING:
+                one.compiling = True
+                continue
             one.server, one.written = (one.server, now) if said is True else (int(said), one.written)
     if not one.process.is_alive():
         return True

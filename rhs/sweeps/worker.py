@@ -8,27 +8,43 @@ import signal
 import sys
 import threading
 import traceback
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from rhs.api.jit import on_compile
 from rhs.base.commands import plain
 from rhs.base.errors import ConfigError, RhsError
 from rhs.base.processes import adopt_orphans, descendants, die_with_parent, kill
-from rhs.config.compose import from_plain, identity
+from rhs.config.compose import from_plain
+from rhs.config.loose import take_over
 from rhs.metrics.success import with_success
 from rhs.runfolder.folders import lock
 from rhs.runfolder.row import sound, write_row
 
+COMPILING = "compiling"  # said by a job that has to wait for the compiler
 
-def work(values: dict[str, Any], folder: str, lifeline: Connection, done: Connection) -> None:
+
+@dataclass(frozen=True)
+class Task:
+    """What a job's process is sent: its plain configuration, the columns that say what it is, and the plugins registered
+    by hand where the sweep was started."""
+
+    values: dict[str, Any]
+    identity: dict[str, Any]
+    plugins: list[dict[str, str]]
+
+
+def work(task: Task, folder: str, lifeline: Connection, done: Connection) -> None:
     """Run the job; `done` hears the number of the process that forked this one, and True when all is written."""
     done.send(os.getppid())
     _settle_in(lifeline)
     _redirect(os.path.join(folder, "job.log"))
     held = lock(Path(folder))
+    on_compile(lambda: done.send(COMPILING))
     try:
-        cause = _run(values, Path(folder))
+        cause = _run(task, Path(folder))
         if cause is not None:
             traceback.print_exception(cause)
     except KeyboardInterrupt:
@@ -40,20 +56,20 @@ def work(values: dict[str, Any], folder: str, lifeline: Connection, done: Connec
         done.send(True)
 
 
-def _run(values: dict[str, Any], folder: Path) -> BaseException | None:
+def _run(task: Task, folder: Path) -> BaseException | None:
     """Whatever happens there is a row."""
-    config = from_plain(values)
     try:
+        take_over(task.plugins)
         from rhs.patrol.run import run_config
 
-        cause: BaseException | None = run_config(config, folder).pop("_cause", None)
+        cause: BaseException | None = run_config(from_plain(task.values), folder).pop("_cause", None)
         return cause
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         reason = str(error) if isinstance(error, RhsError) else f"{type(error).__name__}: {error}"
         status = "refused" if isinstance(error, ConfigError) else "failed"
-        write_row(folder, sound(with_success({**identity(config), "status": status, "reason": plain(reason)})))
+        write_row(folder, sound(with_success({**task.identity, "status": status, "reason": plain(reason)})))
         return error
 
 

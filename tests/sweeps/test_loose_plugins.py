@@ -1,0 +1,98 @@
+"""Plugins registered by hand go with the jobs of a sweep, with its folder, and with what runs it again."""
+
+import importlib.util
+import json
+import sys
+
+import pytest
+
+import rhs
+from rhs.base.errors import PluginError
+from rhs.cli.main import main
+from rhs.config import loose, registry
+from rhs.config.loose import carried, take_over
+from rhs.runfolder.row import read_row
+
+SOURCE = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rhs.api.records import Path, PlanReason
+
+
+@dataclass
+class Direct:
+    """Straight to the goal."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        return self
+
+    def plan(self, problem):
+        return Path(PlanReason.OK, np.stack([problem.start_m, problem.goal_m]))
+'''
+SWEEP = ["task=planning", "world=square_small", "planner=direct,astar"]
+
+
+@pytest.fixture(autouse=True)
+def afresh():
+    yield
+    _forget()
+
+
+def _forget():
+    loose._silent.clear()
+    registry._by_hand.clear()
+    registry.forget()
+
+
+@pytest.fixture
+def file(tmp_path):
+    (tmp_path / "direct.py").write_text(SOURCE)
+    return tmp_path / "direct.py"
+
+
+def test_a_sweep_its_resume_and_its_verification_know_the_file(file, tmp_path, capsys):
+    folder = tmp_path / "sweep"
+    assert main(["-m", "--plugin", str(file), *SWEEP, f"output={folder}", "--jobs", "2"]) == 0
+    assert [one["file"] for one in json.loads((folder / "sweep.json").read_text())["plugins"]] == [str(file)]
+    _forget()
+    assert main(["--resume", str(folder), "seed=0,1"]) == 0
+    rows = [read_row(path) for path in folder.glob("*/row.json")]
+    assert sorted((row["planner"], row["seed"], row["success"]) for row in rows) == [
+        (name, seed, 1.0) for name in ("astar", "direct") for seed in (0, 1)]
+    _forget()
+    capsys.readouterr()
+    assert main(["verify", str(folder)]) == 2
+    assert "add --plugin FILE" in capsys.readouterr().err
+    assert main(["verify", str(folder), "--plugin", str(file)]) == 0
+
+
+def test_a_registered_class_goes_with_a_sweep_from_python(file, tmp_path):
+    spec = importlib.util.spec_from_file_location("direct", file)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["direct"] = module
+    spec.loader.exec_module(module)
+    rhs.register("planner", "direct", module.Direct)
+    table = rhs.sweep([*SWEEP, f"output={tmp_path / 'sweep'}"])
+    assert set(table["success"]) == {1.0}
+    sys.modules.pop("direct")
+
+
+def test_a_class_that_stands_in_no_file_is_refused_in_the_job_with_what_to_do(file):
+    rhs.register("planner", "local", _local())
+    sent = carried()
+    registry._by_hand.clear()
+    with pytest.raises(PluginError, match="write it at the top of a .py file"):
+        take_over(sent)
+
+
+def _local():
+    scope: dict = {"__name__": "nowhere"}
+    exec(SOURCE, scope)
+    scope["Direct"].__qualname__ = "_local.<locals>.Direct"
+    return scope["Direct"]
