@@ -27,7 +27,7 @@ FLOORS = [
     {"metrics", "testing"},
     {"reports"},
     {"patrol"},
-    {"sweeps"},
+    {"blame", "sweeps"},
     {"face"},
     {"cli"},
 ]

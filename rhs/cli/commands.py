@@ -17,6 +17,7 @@ COMMANDS = {
     "report": ("rhs.reports.report", "pictures and pages of run and sweep folders"),
     "evaluate": ("rhs.cli.evaluate", "the figures of a run again, or ATE and RPE of two trajectories"),
     "convert": ("rhs.cli.convert", "recordings: recover a cut one, to and from TUM folders"),
+    "blame": ("rhs.cli.blame", "which link of the chain cost what: blame RUN"),
     "verify": ("rhs.cli.verify", "run it again and compare the rows"),
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
     "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),

@@ -17,22 +17,15 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
 import argparse  # noqa: E402
 import signal  # noqa: E402
 import threading  # noqa: E402
-import traceback  # noqa: E402
 import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
-from rhs.base.commands import plain  # noqa: E402
 from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
 from .commands import command, plugin_files  # noqa: E402
+from .one_run import COMPILES, Terminated, complain, one_run, signal_code  # noqa: E402
 
-COMPILES = "compiling inner loops, once for this installation: 10 to 60 s"
-LONGEST = 190  # characters of a complaint
 USAGE = "python -m rhs [options] key=value ..."
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM arrived: like Ctrl-C, with another exit code."""
 
 
 class Arguments(argparse.ArgumentParser):
@@ -59,14 +52,14 @@ def main(words: list[str] | None = None) -> int:
             return ask()
         return _run(_arguments().parse_intermixed_args(rest))
     except RhsError as error:
-        return _complain(error, error.exit_code, debug)
+        return complain(error, error.exit_code, debug)
     except KeyboardInterrupt as error:
-        return _complain(error, _signal_code(error), debug, "interrupted; what was finished is kept")
+        return complain(error, signal_code(error), debug, "interrupted; what was finished is kept")
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        return _complain(error, 1, debug)
+        return complain(error, 1, debug)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -126,46 +119,17 @@ def _run(arguments: argparse.Namespace) -> int:
     folders = tuple(_config_dir(text) for text in arguments.config_dir)
     if arguments.multirun or arguments.resume is not None:
         return _sweep(arguments, folders)
-    return _single(arguments, folders)
-
-
-def _single(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
-    from rhs.config.compose import compose_config, to_plain
+    from rhs.config.compose import compose_config
 
     config = compose_config(arguments.overrides, folders=folders)
     if arguments.cfg:
         import yaml
 
+        from rhs.config.compose import to_plain
+
         print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
         return 0
-    from rhs.api.jit import on_compile
-    from rhs.patrol.observers import bar
-    from rhs.patrol.run import run_config
-    from rhs.runfolder.folders import claim_run
-
-    from . import say
-
-    on_compile(lambda: print(COMPILES, file=sys.stderr, flush=True))
-    with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
-        row = run_config(config, claim.folder, bar)
-        claim.publish()
-        cause = row.pop("_cause", None)
-        print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
-    status = row.get("status")
-    if status == "ok" and row.get("lost"):
-        print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
-        return 3
-    if status == "ok" and row.get("success") == 0:
-        print(f"rhs: not achieved: {row.get('failure', '')}", file=sys.stderr)
-        return 3
-    if status == "ok":
-        return 0
-    code = 1 if cause is None or status != "interrupted" else _signal_code(cause)
-    return _complain(cause, code, arguments.debug, f"{status}: {row.get('reason', '')}")
-
-
-def _signal_code(error: BaseException) -> int:
-    return 143 if isinstance(error, Terminated) else 130
+    return one_run(config, arguments.debug)
 
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
@@ -273,17 +237,3 @@ def _check_hydra() -> None:
 
 def _terminate(signum: int, frame: object) -> None:
     raise Terminated()
-
-
-def _complain(error: BaseException | None, code: int, debug: bool, text: str = "") -> int:
-    """One line on stderr; the traceback only with --debug."""
-    if debug and error is not None:
-        traceback.print_exception(error)
-    if not text:
-        text = " ".join(str(error).split())
-        text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
-    text = plain(text)
-    if len(text) > LONGEST and not debug:
-        text = f"{text[: LONGEST - 23]}... (--debug: all of it)"
-    print(f"rhs: {text}", file=sys.stderr)
-    return code

@@ -27,6 +27,8 @@ def of_run(row: dict[str, Any], folder: Path) -> str:
         lines.append(f"{name:<28}{value:.4g}" if isinstance(value, float) else f"{name:<28}{value}")
     if (folder / "places.csv").exists():
         lines += ["", of_places(folder)]
+    if row.get("blame"):
+        lines += ["", of_blame(row)]
     return "\n".join(lines)
 
 
@@ -48,6 +50,19 @@ def of_sweep(folder: Path) -> str:
         return "\n".join([as_text(summarise(table)), *left_out])
     publish(table, folder)
     return "\n".join([as_text(planning_table(table)), *left_out])
+
+
+def of_blame(row: dict[str, Any]) -> str:
+    """The shares of task=blame as a table, links down, measures across, and the sentence."""
+    from rhs.metrics.blame import LINKS, MEASURES, column
+
+    lines = [f"{'cost of':<14}" + "".join(f"{what + (f', {unit}' if unit else ''):>40}" for unit, what in MEASURES.values())]
+    for link in (*LINKS, "rest"):
+        values = [row.get(column(measure, link)) for measure in MEASURES]
+        if any(isinstance(value, float) and value == value for value in values):
+            cells = "".join(f"{value:>40.3g}" if isinstance(value, float) else f"{'':>40}" for value in values)
+            lines.append(f"{link:<14}{cells}")
+    return "\n".join([*lines, str(row["blame"])])
 
 
 def of_places(folder: Path) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World
 from rhs.api.randomness import generator
-from rhs.api.records import Belief, Event, MissionStatus, Step
+from rhs.api.records import Belief, Event, MissionStatus, Step, View
 from rhs.api.task import Parts, StepJob
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.api.validate import reach_of
@@ -68,13 +68,24 @@ def with_obstacles(world: World, boxes: list[list[float]]) -> World:
 def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog,
                 ) -> Generator[Step, None, Surveyed]:
     """Lead, settle, close the loop, draw the map; the files of the survey are written here."""
+    views = yield from collect(parts, context, settings, log)
+    return settle(views, parts, log)
+
+
+def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog) -> Generator[Step, None, list[View]]:
+    """Lead the camera along its route; the views as they were believed on the way."""
     collector = ViewCollector(settings.places.every, context.features, features)
     yield from collector.watch(log.follow(context.lead(parts), "survey", parts.source.views_expected))
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")
+    return collector.views
+
+
+def settle(collected: list[View], parts: Parts, log: RunLog) -> Surveyed:
+    """What the odometry settles on, the loop closed, the map drawn, and their files."""
     begin = time.perf_counter()
     reach_m, who = reach_of(parts.source.facts), parts.who
-    revised, walls = surveying.revise(collector.views, parts.odometry, who=who["odometry"], reach_m=reach_m)
+    revised, walls = surveying.revise(collected, parts.odometry, who=who["odometry"], reach_m=reach_m)
     views, closure = surveying.close(revised, parts.loop_closer, who=who["loop_closer"], reach_m=reach_m)
     grid = surveying.draw(views, parts.mapper, who=who["mapper"])
     closing_ms = 1e3 * (time.perf_counter() - begin)

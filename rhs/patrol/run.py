@@ -203,6 +203,11 @@ class RunContext:
         return in_one_line(error, at, self.config, self._parts)
 
     @property
+    def watched(self) -> bool:
+        """Whether somebody looks at the progress."""
+        return self._watch is not unwatched
+
+    @property
     def at(self) -> str:
         """Where in the run, in words."""
         return f" at step {sum(self.log.counts.values())}" if self.log is not None else ""

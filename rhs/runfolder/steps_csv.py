@@ -90,6 +90,11 @@ class StepTable:
             raise RhsError(f"cannot write {self._partial}: {error.strerror or error} ({free_space(self._partial)})"
                            ) from error
 
+    def copy_from(self, other: StepTable) -> None:
+        """Begin with the rows of another table, which may be that of another process."""
+        for row, lines in _whole_rows(other._partial):
+            self.add_row(row, lines)
+
     def close(self) -> None:
         """Give the files their final names."""
         if self._file.closed:

@@ -1,0 +1,157 @@
+"""The truth in the place of a part. Made by task=blame alone, for counterfactual runs; no ordinary run can choose one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rhs.api.contracts import Localiser, Mapper, Odometry, Source
+from rhs.api.floorplan import World, truth_grid
+from rhs.api.frozen import freeze
+from rhs.api.geometry import inverse, planar, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Belief, Capture, Closure, Motion, Observation, Revision, Scan, Tracking, Twist, View
+
+SURE = 1e-6 * np.eye(6)  # metres^2, radians^2
+
+
+class Watched(Source):
+    """A source whose survey has been taken once and is shown again, view by view; then the source itself goes on."""
+
+    def __init__(self, source: Source) -> None:
+        self.source, self.camera, self.facts = source, source.camera, source.facts
+        self.provides, self.renderer, self.lost = source.provides, source.renderer, source.lost
+        self.taken: list[tuple[Capture, np.ndarray | None, tuple[float, bool]]] = []
+        while (capture := source.lead()) is not None:
+            self.taken.append((capture, source.truth(), source.clearance_m()))
+        self.views_expected: int | None = len(self.taken)
+        self.shown = 0
+
+    def lead(self) -> Capture | None:
+        if self.shown == len(self.taken):
+            return None
+        self.shown += 1
+        return self.taken[self.shown - 1][0]
+
+    def truth(self) -> np.ndarray | None:
+        return self.taken[self.shown - 1][1] if self._in_survey else self.source.truth()
+
+    def clearance_m(self) -> tuple[float, bool]:
+        return self.taken[self.shown - 1][2] if self._in_survey else self.source.clearance_m()
+
+    def begin_patrol(self) -> None:
+        self.taken = []
+        self.source.begin_patrol()
+
+    @property
+    def _in_survey(self) -> bool:
+        return bool(self.taken)
+
+    def drive(self, command: Twist) -> Capture:
+        return self.source.drive(command)
+
+    def teleport(self, world_from_body: np.ndarray) -> None:
+        self.source.teleport(world_from_body)
+
+    def close(self) -> None:
+        self.source.close()
+
+
+class TrueDrive:
+    """A source whose robot carries out its commands exactly. Where that would end in a wall it drives as it can."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._source, name)
+
+    def drive(self, command: Twist) -> Capture:
+        truth = self._source.truth()
+        assert truth is not None
+        travel = arc(command)
+        try:
+            self._source.teleport(se2(*planar(truth)) @ se2(*travel))
+        except Exception:  # no room there: contact is the source's business
+            return self._source.drive(command)
+        seen = self._source.drive(Twist(0.0, 0.0, command.duration_s))
+        return replace(seen, command=command, travel=freeze(travel))
+
+
+def arc(command: Twist) -> np.ndarray:
+    """(3,) dx, dy, dyaw of a command carried out exactly: Thrun et al., Probabilistic Robotics, section 5.3."""
+    turn, length = command.turn_radps * command.duration_s, command.forward_mps * command.duration_s
+    chord = length * float(np.sinc(turn / (2 * np.pi)))
+    return np.array([chord * np.cos(turn / 2), chord * np.sin(turn / 2), turn])
+
+
+class TrueOdometry:
+    """True motions. Of the part itself: how it wants to be driven and, where no sensor gives them, its scans and walls."""
+
+    def __init__(self, odometry: Odometry, source: Source, *, scans: bool) -> None:
+        self._odometry, self._source, self._scans = odometry, source, scans
+        self.keeps_moving, self.scale_from = odometry.keeps_moving, odometry.scale_from
+        self._poses: list[np.ndarray] = []
+
+    def update(self, observation: Observation) -> Motion:
+        truth = self._source.truth()
+        assert truth is not None
+        said = self._odometry.update(observation) if self._scans else None
+        step = inverse(self._poses[-1]) @ truth if self._poses else np.eye(4)
+        self._poses.append(truth)
+        return Motion(step, SURE, Tracking.OK, scan=said.scan if said else None)
+
+    def revise(self) -> Revision | None:
+        said = self._odometry.revise() if self._scans else None
+        if said is None:
+            return None
+        scans: tuple[Scan | None, ...] = said.scans
+        return Revision(np.array(self._poses[:len(scans)]), scans, said.walls, SURE)
+
+
+class TrueClosing:
+    """The true poses of the survey, from where it began."""
+
+    def __init__(self, truths: Sequence[np.ndarray]) -> None:
+        self._truths = truths
+
+    def close(self, views: Sequence[View]) -> Closure:
+        begun = views[0].map_from_body @ inverse(self._truths[0])
+        return Closure(np.array([begun @ truth for truth in self._truths[:len(views)]]))
+
+
+class TrueMap:
+    """The true plan as it was at the survey, in the cells of the mapper's own map."""
+
+    def __init__(self, mapper: Mapper, world: World) -> None:
+        self._mapper, self._world = mapper, world
+
+    def update(self, map_from_body: np.ndarray, scan: Scan) -> None:
+        self._mapper.update(map_from_body, scan)
+
+    def grid(self) -> OccupancyGrid:
+        return truth_grid(self._world, self._mapper.grid().resolution_m)
+
+    def reset(self) -> None:
+        self._mapper.reset()
+
+
+class TrueLocaliser:
+    """Always right and sure."""
+
+    def __init__(self, localiser: Localiser, source: Source) -> None:
+        self._localiser, self._source = localiser, source
+
+    def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
+        """It needs no places."""
+
+    def start(self, belief: Belief | None) -> None:
+        """Wherever it is told to be."""
+
+    def update(self, observation: Observation, motion: Motion) -> Belief:
+        truth = self._source.truth()
+        assert truth is not None
+        return Belief(freeze(se2(*planar(truth))), SURE)

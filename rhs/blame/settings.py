@@ -1,0 +1,52 @@
+"""The task `blame`: a patrol, and the same patrol again with links of the chain replaced by the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.metrics.blame import LINKS
+from rhs.patrol.tasks import Patrol
+
+if TYPE_CHECKING:
+    from rhs.patrol.run import RunContext
+
+    from .job import BlameJob
+
+MOST_EXACT = 5
+
+
+@dataclass
+class Blame(Patrol):
+    """A patrol, and why it was no better: each link of the chain replaced by the truth in turn, the loss shared out by
+    Shapley's rule (Shapley 1953). Its own figures are those of the patrol with nothing replaced."""
+
+    links: list[str] = field(default_factory=lambda: ["odometry", "closing", "map", "localise"])
+    """links that are judged: sense, odometry, closing, map, localise, plan, drive. Up to five: every combination of them
+    is tried; more: combinations along random orders"""
+    orders: int = 12
+    """random orders of more than five links (Castro, Gomez and Tejada 2009); more orders, narrower intervals"""
+    processes: int = 0
+    """processes at a time; 0: one per core"""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"driving"})
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for link in self.links:
+            check_choice("", "links", link, LINKS)
+        if not self.links or len(set(self.links)) < len(self.links):
+            raise ConfigError(f"links={self.links}: expected one or more different words of {', '.join(LINKS)}")
+        check_range("", "orders", self.orders, low=2, high=10_000)
+        check_range("", "processes", self.processes, low=0, high=1024)
+
+    def build(self, context: RunContext) -> BlameJob:  # type: ignore[override]
+        from rhs.patrol.job import with_obstacles
+
+        from .job import BlameJob
+
+        world = context.floor_plan()
+        if world is None:
+            raise ConfigError("task=blame needs a world that can be driven in again; a recording cannot")
+        return BlameJob(self, context, with_obstacles(world, self.obstacles))

@@ -1,0 +1,189 @@
+"""Counterfactual patrols in processes of their own, forked where they begin to differ.
+
+The survey is taken once. From there a process for each way of estimating it (with true or real senses and odometry), and
+from its end a process for each patrol: what is common to several runs is computed once and shared by fork, so that every
+patrol is what it would have been alone. At most `processes` of them work at a time.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rhs.api.contracts import Context
+from rhs.api.files import replacing
+from rhs.api.floorplan import World
+from rhs.api.randomness import generator
+from rhs.api.records import View
+from rhs.api.task import Parts
+from rhs.base.errors import RhsError
+from rhs.base.processes import die_with_parent
+from rhs.config import registry
+from rhs.config.parts import Chosen, build_part
+from rhs.metrics.evaluate import evaluate
+from rhs.patrol.gate import gated
+from rhs.patrol.job import collect, patrol, settle
+from rhs.patrol.observers import RunLog, open_log, unwatched
+from rhs.patrol.run import RunContext
+
+from .oracles import TrueClosing, TrueDrive, TrueLocaliser, TrueMap, TrueOdometry, Watched
+from .settings import Blame
+
+SURVEYED = frozenset({"sense", "odometry"})  # links that the survey's estimate depends on
+OF = multiprocessing.get_context("fork")
+
+
+@dataclass
+class Chain:
+    """All that a counterfactual is made of."""
+
+    settings: Blame
+    context: RunContext
+    world: World
+    parts: Parts
+    source: Watched
+    folder: Path  # of the counterfactuals; the patrol with nothing replaced goes to the run folder
+
+
+def run_trials(chain: Chain, wanted: Sequence[frozenset[str]], processes: int, done: Callable[[int], None],
+               ) -> dict[frozenset[str], dict[str, Any]]:
+    """Links that were given the truth -> columns of the patrol. done(n): how many have ended. Raises RhsError naming the one
+    that failed."""
+    at_once = OF.Semaphore(processes)
+    states = {state: [links for links in wanted if links & SURVEYED == state]
+              for state in sorted({links & SURVEYED for links in wanted}, key=sorted)}
+    groups = [OF.Process(target=_survey, args=(chain, state, resting, at_once)) for state, resting in states.items()]
+    sys.stdout.flush()
+    sys.stderr.flush()
+    for group in groups:
+        group.start()
+    while any(group.is_alive() for group in groups):
+        for group in groups:
+            group.join(0.3)
+        done(sum(_answer(chain, links).exists() for links in wanted))
+    return {links: _read(chain, links) for links in wanted}
+
+
+def _survey(chain: Chain, state: frozenset[str], wanted: Sequence[frozenset[str]], at_once: Any) -> None:
+    """In a process: estimate the survey once, then a process for each patrol that rests on it."""
+    die_with_parent()
+    try:
+        with at_once:
+            parts = _estimating(chain, state)
+            log = _log(chain, parts, chain.folder / f"survey_{label(state)}")
+            leading = collect(parts, chain.context, chain.settings, log)
+            views = _result(leading)
+        patrols = [OF.Process(target=_patrol, args=(chain, parts, views, log, links, at_once)) for links in wanted]
+        for one in patrols:
+            one.start()
+        for one in patrols:
+            one.join()
+        log.table.close()
+    except BaseException as error:
+        for links in wanted:
+            _write(chain, links, {"status": "failed", "reason": f"{type(error).__name__}: {error}"})
+    os._exit(0)
+
+
+def _patrol(chain: Chain, parts: Parts, views: list[View], led: RunLog, links: frozenset[str], at_once: Any) -> None:
+    """In a process: settle the survey, patrol, evaluate."""
+    die_with_parent()
+    with at_once:
+        try:
+            parts = _patrolling(chain, parts, links)
+            folder = chain.context.folder if not links else chain.folder / label(links)
+            log = _log(chain, parts, folder)
+            log.table.copy_from(led.table)  # type: ignore[arg-type]
+            surveyed = settle(views, parts, log)
+            for _ in patrol(parts, chain.settings, surveyed, log, seed=chain.context.seed):
+                pass
+            log.table.close()
+            columns: dict[str, Any] = {"status": "ok", **evaluate(folder, "patrol")}
+        except BaseException as error:
+            columns = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
+        _write(chain, links, columns)
+    os._exit(0)
+
+
+def _estimating(chain: Chain, state: frozenset[str]) -> Parts:
+    """The parts with the truth in sense and odometry where it was asked for."""
+    parts, context = replace(chain.parts, source=chain.source), chain.context
+    settings = context.settings("odometry")
+    if "sense" in state:
+        chosen = context.config.parts["sensor"]
+        ideal = Chosen(chosen.name, replace(chosen.settings, noise=False))
+        parts.sensor = build_part("sensor", ideal, _given(chain, "sensor"))
+    if "odometry" in state:
+        scans = "scan" not in context.settings("sensor").provides
+        parts.odometry = TrueOdometry(parts.odometry, chain.source, scans=scans)
+    else:
+        parts.odometry = gated(parts.odometry, settings.needs, chain.settings.gate, parts.who["odometry"])
+    return parts
+
+
+def _patrolling(chain: Chain, parts: Parts, links: frozenset[str]) -> Parts:
+    """The parts with the truth in the links that come after the survey."""
+    parts = replace(parts)
+    if "closing" in links:
+        parts.loop_closer = TrueClosing([truth for _, truth, _ in chain.source.taken if truth is not None])
+    if "map" in links:
+        parts.mapper = TrueMap(parts.mapper, chain.world)
+    if "localise" in links:
+        parts.localiser = TrueLocaliser(parts.localiser, parts.source)
+    if "plan" in links:
+        exact = Chosen("astar", registry.load("planner", "astar")())
+        parts.planner = build_part("planner", exact, _given(chain, "planner"))
+    if "drive" in links:
+        parts.source = TrueDrive(parts.source)  # type: ignore[assignment]
+    return parts
+
+
+def _given(chain: Chain, kind: str) -> Context:
+    """What build of a part gets in this run."""
+    run, source = chain.context, chain.source
+    return Context(generator(run.seed, kind), source.camera, source.facts, run.folder, run.features)
+
+
+def _log(chain: Chain, parts: Parts, folder: Path) -> RunLog:
+    folder.mkdir(parents=True, exist_ok=True)
+    config = replace(chain.context.config, recording="off", live="")
+    return open_log(config, parts, chain.world, folder, unwatched)
+
+
+def _result(generator: Any) -> Any:
+    """What a generator of steps returns at its end."""
+    while True:
+        try:
+            next(generator)
+        except StopIteration as end:
+            return end.value
+
+
+def label(links: frozenset[str]) -> str:
+    """A folder's name for a set of links."""
+    return "+".join(sorted(links)) or "nothing"
+
+
+def _answer(chain: Chain, links: frozenset[str]) -> Path:
+    return chain.folder / f"{label(links)}.json"
+
+
+def _write(chain: Chain, links: frozenset[str], columns: Mapping[str, Any]) -> None:
+    with replacing(_answer(chain, links)) as file:
+        file.write(json.dumps({"oracles": sorted(links), **columns}) + "\n")
+
+
+def _read(chain: Chain, links: frozenset[str]) -> dict[str, Any]:
+    try:
+        columns: dict[str, Any] = json.loads(_answer(chain, links).read_text("utf-8"))
+    except (OSError, ValueError):
+        raise RhsError(f"the patrol with {label(links)} replaced by the truth was killed") from None
+    if columns["status"] != "ok":
+        raise RhsError(f"the patrol with {label(links)} replaced by the truth failed: {columns['reason']}")
+    return columns

@@ -1,0 +1,49 @@
+"""`python -m rhs blame RUN [key=value ...]`: which link of the chain cost what.
+
+    python -m rhs blame results/runs/RUN                     the run's own patrol, and counterfactual ones
+    python -m rhs blame RUN links=[sense,odometry,localise]  these links; more than five are sampled
+    python -m rhs -m task=blame ... 'seed=range(10)'         over seeds: `rhs table` gives means with intervals
+
+The run's configuration is taken with task=blame, other words are laid over it. Exit codes as of a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rhs.base.errors import ConfigError
+from rhs.base.strict_yaml import load_yaml
+from rhs.config.compose import TASK, RunConfig, from_plain
+from rhs.config.overrides import parse, plain_words
+
+from .one_run import one_run
+
+
+def main(words: Sequence[str]) -> int:
+    """The command."""
+    return one_run(config_of(words), debug=False)
+
+
+def config_of(words: Sequence[str]) -> RunConfig:
+    """The configuration of the run folder named first, with task=blame and the other words laid over it.
+
+    Raises ConfigError."""
+    if not words or "=" in words[0]:
+        raise ConfigError("blame: which run? type python -m rhs blame FOLDER")
+    path = Path(words[0]) / "config.yaml"
+    if not path.is_file():
+        raise ConfigError(f"blame {words[0]}: no run folder (no config.yaml)")
+    values = load_yaml(path)
+    if not isinstance(values, dict) or values.get(TASK) not in ("patrol", "blame"):
+        raise ConfigError(f"{path}: not the configuration of a patrol; blame takes patrols apart")
+    values |= {TASK: "blame", "output": "", "overwrite": False}
+    for word in plain_words(parse(list(words[1:]))):
+        if word.is_group:
+            raise ConfigError(f"blame: {word.text}: the run has chosen its parts; type -m task=blame for others")
+        node = values
+        *above, last = word.key.split(".")
+        for key in above:
+            node = node.setdefault(key, {})
+        node[last] = word.value
+    return from_plain(values)

@@ -1,0 +1,67 @@
+"""One run at the command line: what is said of it, and the exit code."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from typing import TYPE_CHECKING
+
+from rhs.base.commands import plain
+from rhs.base.errors import RhsError
+
+if TYPE_CHECKING:
+    from rhs.config.compose import RunConfig
+
+COMPILES = "compiling inner loops, once for this installation: 10 to 60 s"
+LONGEST = 190  # characters of a complaint
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM arrived: like Ctrl-C, with another exit code."""
+
+
+def one_run(config: RunConfig, debug: bool) -> int:
+    """Run it under a progress bar, say what came of it; the exit code."""
+    from rhs.api.jit import on_compile
+    from rhs.patrol.observers import bar
+    from rhs.patrol.run import run_config
+    from rhs.runfolder.folders import claim_run
+
+    from . import say
+
+    on_compile(lambda: print(COMPILES, file=sys.stderr, flush=True))
+    with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
+        row = run_config(config, claim.folder, bar)
+        claim.publish()
+        cause = row.pop("_cause", None)
+        print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
+    status = row.get("status")
+    if status == "ok" and row.get("lost"):
+        print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
+        return 3
+    if status == "ok" and row.get("success") == 0:
+        print(f"rhs: not achieved: {row.get('failure', '')}", file=sys.stderr)
+        return 3
+    if status == "ok":
+        return 0
+    code = 1 if cause is None or status != "interrupted" else signal_code(cause)
+    return complain(cause, code, debug, f"{status}: {row.get('reason', '')}")
+
+
+def signal_code(error: BaseException) -> int:
+    """Exit code of a run that was interrupted: by SIGTERM or by Ctrl-C."""
+    return 143 if isinstance(error, Terminated) else 130
+
+
+def complain(error: BaseException | None, code: int, debug: bool, text: str = "") -> int:
+    """One line on stderr; the traceback only with --debug."""
+    if debug and error is not None:
+        traceback.print_exception(error)
+    if not text:
+        text = " ".join(str(error).split())
+        text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
+    text = plain(text)
+    if len(text) > LONGEST and not debug:
+        text = f"{text[: LONGEST - 23]}... (--debug: all of it)"
+    print(f"rhs: {text}", file=sys.stderr)
+    return code
