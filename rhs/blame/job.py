@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rhs.api.errors import ConfigError
+from rhs.api.errors import ConfigError, RhsError
 from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
@@ -58,7 +59,7 @@ class BlameJob:
 
     def run(self) -> Mapping[str, Value]:
         """The columns follow from blame.json and from the files of the patrol with nothing replaced."""
-        links, folder = self.settings.links, self.context.folder
+        folder, links = self.context.folder, self.settings.links
         wanted = subsets(links) if not self.orders else list(dict.fromkeys(
             frozenset(order[:place]) for order in self.orders for place in range(len(order) + 1)))
         chain = Chain(self.settings, self.context, self.world, self.parts, Watched(self.parts.source),
@@ -70,10 +71,13 @@ class BlameJob:
             columns = run_trials(chain, wanted, self.settings.processes or len(os.sched_getaffinity(0)), tell)
         shutil.rmtree(chain.folder)
         write_table(folder / "counterfactuals.csv", columns)
+        for links, found in columns.items():
+            if found["status"] != "ok":
+                raise RhsError(f"the patrol with {label(links)} replaced by the truth: {found['status']}: {found['reason']}")
         write_json(folder / "blame.json", self._account(columns, off_since(Run(folder).steps)))
         return {}
 
-    def _account(self, columns: Mapping[frozenset[str], Mapping[str, Any]], since: int) -> dict[str, Any]:
+    def _account(self, columns: Mapping[frozenset[str], Mapping[str, Any]], since: int) -> Any:
         """What blame.json holds."""
         links = self.settings.links
         lost = {known: losses_of(found) for known, found in columns.items()}
@@ -89,11 +93,19 @@ class BlameJob:
                 shares[measure] = shapley(known, links)
         nothing, everything = frozenset[str](), frozenset(links)
         measure = "places" if losses["places"][nothing] > 0 else "belief"
-        return {"links": links, "runs": len(columns), "off_since": since, "link": worst_link(shares[measure]),
-                "verdict": verdict(shares, losses, since), "shares": shares, "standard_errors": errors,
-                "loss": {name: losses[name][nothing] for name in MEASURES},
-                "rest": {name: losses[name][everything] for name in MEASURES},
-                "losses": {label(known): found for known, found in lost.items()}}
+        return known_or_none({
+            "links": links, "runs": len(columns), "off_since": since, "link": worst_link(shares[measure]),
+            "verdict": verdict(shares, losses, since), "shares": shares, "standard_errors": errors,
+            "loss": {name: losses[name][nothing] for name in MEASURES},
+            "rest": {name: losses[name][everything] for name in MEASURES},
+            "losses": {label(known): found for known, found in lost.items()}})
+
+
+def known_or_none(value: Any) -> Any:
+    """The value with NaN, which JSON does not know, as null."""
+    if isinstance(value, dict):
+        return {name: known_or_none(item) for name, item in value.items()}
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 @contextmanager

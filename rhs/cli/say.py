@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 SHOWN = (
-    "status", "reason", "success", "failure", "world", "sensor", "odometry", "loop_closer", "mapper", "planner",
+    "status", "reason", "success", "failure", "cause", "world", "sensor", "odometry", "loop_closer", "mapper", "planner",
     "localiser", "seed", "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m",
     "path_length_m", "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m",
     "tracked_share", "map_agreement", "belief_wrong_sure_share", "kidnaps", "kidnap_recovered_share",

@@ -149,7 +149,7 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
 }
 
 
-GROUPS = ("blame", "patrol", "calibration", "survey", "map", "planning", "stages")  # ours, in the order of a table
+GROUPS = ("cause", "blame", "patrol", "calibration", "survey", "map", "planning", "stages")  # ours, in the order of a table
 
 
 def metrics(task: str = "") -> list[Metric]:

@@ -33,6 +33,7 @@ LARGEST_VIDEO_BYTES = 30 << 20
 
 def pictures(folder: Path) -> list[Path]:
     """Every picture that the files of a run folder allow: a task needs to write nothing but its files."""
+    from .blame_picture import blame_picture
     from .calibration_pictures import precision_recall_picture
     from .planning_pictures import plan_picture
 
@@ -42,6 +43,8 @@ def pictures(folder: Path) -> list[Path]:
         made.append(plan_picture(folder))
     if (folder / "precision_recall.csv").exists():
         made.append(precision_recall_picture(folder))
+    if (folder / "blame.json").exists():
+        made.append(blame_picture(folder))
     if (folder / "steps.csv").exists():
         kidnapped = (json_of(folder / "row.json") or {}).get("kidnaps")
         made += [overview(folder), motion(folder), knowing(folder) if kidnapped else None]
@@ -149,7 +152,7 @@ def _pictures(folder: Path, steps: Any) -> list[tuple[str, str]]:
     some = steps is not None and not steps.empty
     made = {"Error of the believed position": errors_over_time(steps) if some else None,
             "Time per view and stage": stage_times(steps) if some else None}
-    lying = {"Error in x, y and heading": folder / "motion.png",
+    lying = {"What each link cost": folder / "blame.png", "Error in x, y and heading": folder / "motion.png",
              "After kidnaps; reliability of the stated chances": folder / "knowing.png"}
     return [*((name, embed_figure(figure)) for name, figure in made.items() if figure is not None),
             *((name, embed(path)) for name, path in lying.items() if path.exists())]

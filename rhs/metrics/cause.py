@@ -1,0 +1,69 @@
+"""What went wrong first, by what the parts themselves said on the way: statuses and events, no truth.
+
+The first mission that did not end at its place is looked at, from its beginning to its end; what was unbroken when it
+began is counted as of its beginning. Each link is named once, where it first complained, in the order in which they did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rhs.api.metric import RunFiles, columns_of
+
+Step = Mapping[str, str]
+OF_EVENT = {"no_plan": "plan: no path", "blocked": "something unknown on the path", "stopped": "no room ahead",
+            "replan": "a new plan", "lost": "the robot looks for itself", "gave_up": "gave up"}
+MOST_WORDS = 5
+
+
+def complaints(step: Step) -> list[tuple[str, str]]:
+    """(link, what it said) of one view, none when all is well."""
+    said = []
+    if step["motion_status"] != "ok":
+        reason = f" ({step['motion_reason'][:60]})" if step.get("motion_reason") else ""
+        said.append(("odometry", f"odometry {step['motion_status']}{reason}"))
+    if step.get("motion_replaced") == "1":
+        said.append(("gate", "the gate put the wheels in the place of the odometry"))
+    if step["belief_status"] != "tracking":
+        said.append(("localise", f"localiser {step['belief_status']}"))
+    said += [(event, OF_EVENT[event]) for event in step["event"].split("+") if event in OF_EVENT]
+    if step.get("collided") == "1":
+        said.append(("collided", "touched something"))
+    return said
+
+
+def cause(run: RunFiles) -> str:
+    """The sentence; empty where every mission ended at its place."""
+    missions = run.json("missions") or []
+    failed = next((m for m in missions if m["status"] not in ("arrived", "aborted")), None)
+    if failed is None:
+        return ""
+    patrol = [step for step in run.steps if step["phase"] == "patrol"]
+    own = [step for step in patrol if step["mission"] == str(failed["mission"])]
+    what = f"{failed['place']}: {failed['reason'] or 'the run ended on the way'}"
+    told = first_complaints(patrol, own)
+    return f"{what}; " + (", then ".join(told[:MOST_WORDS]) if told else "no part complained before")
+
+
+def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[str]:
+    """What each link said first in the views of one mission, in the order of the views."""
+    if not own:
+        return []
+    first: dict[str, tuple[int, str]] = {}
+    for step in own:
+        for link, words in complaints(step):
+            first.setdefault(link, (int(step["index"]), words))
+    begun = int(own[0]["index"])
+    before = {int(step["index"]): step for step in patrol if int(step["index"]) < begun}
+    for link, (view, words) in first.items():
+        if view == begun:  # it may have begun earlier
+            while (earlier := before.get(view - 1)) is not None and link in dict(complaints(earlier)):
+                view -= 1
+            first[link] = view, words
+    ordered = sorted(first.items(), key=lambda one: (one[1][0], one[0] == "gave_up"))
+    return [f"view {view} {words}" for link, (view, words) in ordered if link != "gave_up"]
+
+
+CAUSE = columns_of(lambda run: {"cause": cause(run)},
+                   ("cause", "", "which link complained first in the first mission that failed, and what followed, by what "
+                    "the parts said themselves", "steps.csv, missions.json"), words=("cause",))

@@ -1,0 +1,149 @@
+"""A fault planted in one link of the chain, and who is blamed for it. In the fakes' empty room, which is quick."""
+
+import csv
+import json
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from installing import CHOICE, FAKES, installed
+
+import rhs
+from rhs.api.belief import moved
+from rhs.api.geometry import se2
+from rhs.api.records import Belief, Motion, Path, PlanReason, Tracking
+from rhs.base.errors import ConfigError
+from rhs.config import registry
+from rhs.runfolder.row import read_row
+
+NOTHING: frozenset[str] = frozenset()
+LINKS = ["odometry", "closing", "localise", "plan"]
+
+
+@pytest.fixture(autouse=True)
+def fakes():
+    with installed(FAKES):
+        yield
+    registry._by_hand.clear()
+    registry.forget()
+
+
+@dataclass
+class Plain:
+    """A part that is its own settings."""
+
+    needs: ClassVar[frozenset[str]] = NOTHING
+    provides: ClassVar[frozenset[str]] = NOTHING
+
+    def build(self, context):
+        return type(self)()
+
+
+@dataclass
+class BentOdometry(Plain):
+    """Turns a little too far with every view."""
+
+    count: ClassVar[int] = 0
+
+    def update(self, observation):
+        self.count = self.count + 1
+        step = np.eye(4) if self.count == 1 else se2(*observation.wheel) @ se2(0.0, 0.0, 0.15)
+        return Motion(step, 1e-6 * np.eye(6), Tracking.OK)
+
+    def revise(self):
+        return None
+
+
+@dataclass
+class HalfLocaliser(Plain):
+    """Counts half of every motion."""
+
+    def learn(self, views, grid):
+        pass
+
+    def start(self, belief):
+        self.belief = belief
+
+    def update(self, observation, motion):
+        half = motion.previous_from_body.copy()
+        half[:2, 3] *= 0.5
+        self.belief = moved(self.belief, Motion(half, motion.covariance, motion.status))
+        return Belief(self.belief.map_from_body, self.belief.covariance)
+
+
+@dataclass
+class LostPlanner(Plain):
+    """Finds no way to the first place."""
+
+    def plan(self, problem):
+        if problem.goal_m[0] > 2.5:
+            return Path(PlanReason.DISCONNECTED, np.empty((0, 2)))
+        return Path(PlanReason.OK, np.stack([problem.start_m, problem.goal_m]))
+
+
+FAULTS = {"odometry": ("odometry", BentOdometry), "localise": ("localiser", HalfLocaliser),
+          "plan": ("planner", LostPlanner)}
+
+
+def blamed(folder, kind, cls, seed=0):
+    rhs.register(kind, "wrong", cls)
+    words = [word for word in CHOICE if not word.startswith(f"{kind}=")]
+    row = rhs.run(["task=blame", *words, f"{kind}=wrong", f"links=[{','.join(LINKS)}]", f"seed={seed}", "gate.act=off",
+                   "mission.views_max=60", f"output={folder}", "processes=2"], quiet=True)
+    assert row["status"] == "ok", row["reason"]
+    return row, json.loads((folder / "blame.json").read_text())
+
+
+@pytest.mark.parametrize("link", FAULTS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_link_with_the_planted_fault_is_named(link, seed, tmp_path):
+    row, told = blamed(tmp_path / "run", *FAULTS[link], seed=seed)
+    assert row["blame_link"] == told["link"] == link and f"{link} cost" in row["blame"]
+    for measure, shares in told["shares"].items():
+        if None not in (told['loss'][measure], *shares.values()):
+            assert sum(shares.values()) == pytest.approx(told["loss"][measure] - told["rest"][measure], abs=1e-9)
+
+
+def test_the_row_is_that_of_the_patrol_with_nothing_replaced_and_counterfactuals_say_so(tmp_path):
+    words = [*CHOICE, "recording=off", "pictures=off"]
+    plain = rhs.run([*words, f"output={tmp_path / 'plain'}"], quiet=True)
+    links = "links=[odometry,closing,localise,plan]"  # the fakes' room is not the world's
+    row = rhs.run(["task=blame", *words, links, f"output={tmp_path / 'blame'}"], quiet=True)
+    for name in ("places_visited", "patrol_rmse_m", "path_length_m", "patrol_steps", "ate_rmse_m", "success"):
+        assert row[name] == plain[name]
+    with (tmp_path / "blame" / "counterfactuals.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [line["oracles"] for line in table][:2] == ["nothing", "odometry"] and len(table) == 16 == row["blame_runs"]
+    assert not (tmp_path / "blame" / "counterfactuals").exists()
+
+
+def test_more_than_five_links_are_sampled_with_their_errors(tmp_path):
+    rhs.register("localiser", "wrong", HalfLocaliser)
+    words = [word for word in CHOICE if not word.startswith("localiser=")]
+    links = "[odometry,closing,map,localise,plan,drive]"
+    with pytest.raises(ConfigError, match="cannot teleport"):
+        rhs.run(["task=blame", *words, "localiser=wrong", f"links={links}", f"output={tmp_path / 'run'}"], quiet=True)
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["links=[]"], "expected one or more"), (["links=[map,map]"], "different words"), (["links=[mapp]"], "map"),
+    (["links=[sense]"], "no setting `noise`"), (["slam=wheel_slam"], "nothing to replace|brings its own|no such")])
+def test_what_cannot_be_blamed_is_refused(words, says, tmp_path):
+    chosen = CHOICE if not words[0].startswith("slam") else [w for w in CHOICE if w.split("=")[0] in (
+        "source", "sensor", "planner")]
+    with pytest.raises(Exception, match=says):
+        rhs.run(["task=blame", *chosen, *words, f"output={tmp_path / 'run'}"], quiet=True)
+
+
+def test_a_counterfactual_that_fails_is_named(tmp_path):
+    @dataclass
+    class Raises(HalfLocaliser):
+        def update(self, observation, motion):
+            raise ValueError("out of luck")
+
+    rhs.register("localiser", "raises", Raises)
+    words = [word for word in CHOICE if not word.startswith("localiser=")]
+    row = rhs.run(["task=blame", *words, "localiser=raises", f"output={tmp_path / 'run'}"], quiet=True)
+    assert row["status"] == "failed" and "nothing replaced" in row["reason"] and "out of luck" in row["reason"]
+    assert read_row(tmp_path / "run" / "row.json")["status"] == "failed"
