@@ -18,6 +18,7 @@ COMMANDS = {
     "evaluate": ("rhs.cli.evaluate", "the figures of a run again, or ATE and RPE of two trajectories"),
     "convert": ("rhs.cli.convert", "recordings: recover a cut one, to and from TUM folders"),
     "blame": ("rhs.cli.blame", "which link of the chain cost what: blame RUN"),
+    "break": ("rhs.cli.break_point", "at which level of a setting half of the runs fail: break sensor.KEY=1..16 ..."),
     "verify": ("rhs.cli.verify", "run it again and compare the rows"),
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
     "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),

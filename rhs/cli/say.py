@@ -38,12 +38,13 @@ def of_sweep(folder: Path) -> str:
     from rhs.reports.planning_table import planning_rows, planning_table, publish
     from rhs.reports.summary import as_text, summarise
     from rhs.reports.table import rows, to_csv
+    from rhs.reports.thresholds import thresholds
 
     unreadable: list[str] = []
     table = rows([folder], unreadable=unreadable)
     with replacing(folder / "table.csv") as file:
         file.write(to_csv(table))
-    left_out = [f"not counted: {message}" for message in unreadable]
+    left_out = [*thresholds(table), *(f"not counted: {message}" for message in unreadable)]
     if not len(table):
         return "\n".join(left_out)
     if not len(planning_rows(table)):

@@ -52,7 +52,7 @@ def plan(words: Sequence[str], conf: tuple[Path, ...] = ()) -> Plan:
     for combination in combinations:
         config = composer.config(combination)
         output = config.output
-        job = _job(config, combination, swept)
+        job = job_of(config, combination, swept)
         jobs.setdefault(config_hash(config), job)
     return Plan(tuple(words), conf, tuple(jobs.values()), output, len(combinations) - len(jobs))
 
@@ -66,7 +66,8 @@ def _with_experiment(words: Sequence[str], conf: tuple[Path, ...]) -> list[str]:
     return [*(word for word in own if word.partition("=")[0] not in typed), *words]
 
 
-def _job(config: RunConfig, combination: Sequence[Word], swept: Sequence[str]) -> Job:
+def job_of(config: RunConfig, combination: Sequence[Word], swept: Sequence[str]) -> Job:
+    """A job, its folder named after the values of the keys that are swept; big files are left out unless asked for."""
     recording = "light" if config.recording == "auto" else config.recording
     pictures = "off" if config.pictures == "auto" else config.pictures
     config = replace(config, output="", overwrite=False, recording=recording, pictures=pictures, live="")

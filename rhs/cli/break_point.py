@@ -1,0 +1,86 @@
+"""`python -m rhs break KEY=LOW..HIGH [key=value ...]`: at which level of a setting do half of the runs fail?
+
+    python -m rhs break sensor.image_sigma=0..60 world=square_small odometry=procrustes,keyframe
+    python -m rhs break planner.iterations=10..10000 task=planning world=map1 planner=rrt_connect --runs 60
+        --runs N        runs for each combination (40)
+        --jobs N        processes at a time (one per core)
+        --timeout S     a run that takes longer has failed (3600)
+
+Levels are chosen where the next outcome tells most (Kontsevich and Tyler 1999); every run has a seed of its own, the same
+for all combinations. Files in the folder: the runs, break.json, break.png. Exit code 0, or 2 refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rhs.base.commands import Arguments
+from rhs.base.errors import check_range
+
+
+def main(words: Sequence[str]) -> int:
+    """The command."""
+    from rhs.runfolder.folders import claim_sweep
+    from rhs.sweeps import break_point
+    from rhs.sweeps.jobs import Limits, processes
+
+    chosen = _arguments().parse_intermixed_args(list(words))
+    check_range("", "--runs", chosen.runs, low=4, high=10_000)
+    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
+    check_range("", "--timeout", chosen.timeout, low=0.0, high=1e7, unit="s")
+    plan = break_point.plan(chosen.overrides)
+    limits = Limits(chosen.jobs or processes(), chosen.timeout)
+    with claim_sweep(plan.output) as claim:
+        accounts = _searched(plan, claim.folder, limits, chosen.runs)
+        _publish(accounts, plan.dial, claim.folder)
+        width = max(len(told["combination"]) for told in accounts)
+        for told in accounts:
+            sys.stdout.write(f"{told['combination']:<{width}}  {plan.dial.key}: {told['says']}  ({told['runs']} runs)\n")
+        sys.stdout.write(f"files: {claim.folder}\n")
+    return 0
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = Arguments(prog="python -m rhs break", description=__doc__, allow_abbrev=False,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--timeout", type=float, default=3600.0)
+    return parser
+
+
+def _searched(plan: Any, folder: Path, limits: Any, runs: int) -> list[dict[str, Any]]:
+    """The search under one progress bar."""
+    from tqdm import tqdm
+
+    from rhs.metrics.threshold import in_words
+    from rhs.sweeps import break_point
+    from rhs.sweeps.worker import COMPILING
+
+    from .one_run import COMPILES
+
+    with tqdm(total=runs * len(plan.searches), unit="run", disable=None, dynamic_ncols=True) as shown:
+        def tell(job: Any, status: str) -> None:
+            if status == COMPILING:
+                tqdm.write(COMPILES, file=sys.stderr)
+                return
+            shown.set_postfix_str(in_words(plan.searches[0].known.summary(), plan.dial), refresh=False)
+            shown.update()
+
+        return break_point.run_plan(plan, folder, limits, runs=runs, tell=tell)
+
+
+def _publish(accounts: list[dict[str, Any]], dial: Any, folder: Path) -> None:
+    """break.json and break.png."""
+    from rhs.api.files import replacing
+    from rhs.reports.threshold_picture import threshold_picture
+
+    with replacing(folder / "break.json") as file:
+        file.write(json.dumps(accounts, indent=1) + "\n")
+    threshold_picture(accounts, dial.value, folder / "break.png")

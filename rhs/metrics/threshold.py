@@ -1,0 +1,173 @@
+"""The level of a dial at which half of the runs fail: a Bayesian threshold with slope and lapses; where to try next.
+
+The chance of success over the dial, as psychophysics has it (Kontsevich and Tyler 1999; Wichmann and Hill 2001):
+
+    p(x) = (1 - lapse) / (1 + (1 - 2 lapse) exp(direction (x - threshold) / slope)),    x = share of the dial, 0 to 1
+
+so that p(threshold) = 1/2 whatever the lapses,
+on a grid of thresholds, slopes, lapses and the two directions, prior even (slopes evenly in their logarithm). The threshold
+may lie a quarter of the dial beyond its ends, which is how "it does not break here" is said. The next level is the one whose
+outcome tells most about the threshold (mutual information, the minimum entropy of Kontsevich and Tyler).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+BEYOND = 0.25
+WIDE = 30.0  # ends so many times apart: levels are spread over the logarithm
+THRESHOLDS = np.linspace(-BEYOND, 1.0 + BEYOND, 151)
+SLOPES = np.geomspace(0.008, 0.25, 9)
+LAPSES = np.array([0.0, 0.03, 0.08, 0.15])
+LEVELS = np.linspace(0.0, 1.0, 41)
+
+
+@dataclass(frozen=True)
+class Dial:
+    """A setting between two ends. logarithmic: levels are spread over its logarithm. whole: it takes whole numbers."""
+
+    key: str
+    low: float
+    high: float
+    logarithmic: bool = False
+    whole: bool = False
+
+    def value(self, level: float) -> float | int:
+        """The setting at a level, a share of the dial; the ends may be overstepped."""
+        if self.logarithmic:
+            value = math.exp(math.log(self.low) + level * (math.log(self.high) - math.log(self.low)))
+        else:
+            value = self.low + level * (self.high - self.low)
+        return round(value) if self.whole else float(f"{value:.6g}")
+
+    def level(self, value: float) -> float:
+        """The share of the dial at which this value stands: what a rounded value was really tried at."""
+        if self.logarithmic:
+            return (math.log(value) - math.log(self.low)) / (math.log(self.high) - math.log(self.low))
+        return (value - self.low) / (self.high - self.low)
+
+
+def dial_between(key: str, low: float, high: float, whole: bool = False) -> Dial:
+    """The dial with these ends, on the logarithm where they lie far apart."""
+    return Dial(key, low, high, low > 0 and high / low >= WIDE, whole)
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """What is known of a break point, in shares of the dial. low, high: the central 95 % of the posterior. direction: +1
+    where success falls with the level, -1 where it rises. beyond: chance that it lies outside the dial. success: expected
+    in the middle of the dial."""
+
+    middle: float
+    low: float
+    high: float
+    slope: float
+    lapse: float
+    direction: int
+    beyond: float
+    success: float
+    runs: int
+
+    @property
+    def found(self) -> bool:
+        """Whether it rather lies within the dial."""
+        return self.beyond < 0.5
+
+
+class Posterior:
+    """Chance of each curve, given the outcomes so far."""
+
+    def __init__(self) -> None:
+        threshold, slope, lapse, direction = np.meshgrid(THRESHOLDS, SLOPES, LAPSES, [1.0, -1.0], indexing="ij")
+        self._shape = threshold.shape
+        self._threshold, self._slope = threshold.ravel(), slope.ravel()
+        self._lapse, self._direction = lapse.ravel(), direction.ravel()
+        self._log = np.zeros(self._threshold.size)
+        self._curves = self.success(LEVELS)
+        self.runs = 0
+
+    def success(self, levels: np.ndarray) -> np.ndarray:
+        """(levels, curves) chance of success, kept away from 0 and 1 by what chance alone may do."""
+        steep = self._direction * (np.asarray(levels, float)[:, None] - self._threshold) / self._slope
+        steep += np.log1p(-2.0 * self._lapse)
+        return np.clip((1.0 - self._lapse) / (1.0 + np.exp(np.clip(steep, -60.0, 60.0))), 1e-3, 1.0 - 1e-3)
+
+    def learn(self, level: float, succeeded: bool) -> None:
+        """One outcome at a level (share of the dial)."""
+        chance = self.success(np.array([level]))[0]
+        self._log += np.log(chance if succeeded else 1.0 - chance)
+        self.runs += 1
+
+    def weights(self) -> np.ndarray:
+        """Chance of each curve."""
+        weight: np.ndarray = np.exp(self._log - self._log.max())
+        return weight / weight.sum()
+
+    def next_levels(self, count: int) -> list[float]:
+        """Where to try next, `count` at a time: each is chosen as if those before had come out as is expected of them."""
+        weight, chosen = self.weights(), []
+        for _ in range(count):
+            told = self._information(weight)
+            best = int(np.argmax(told))
+            chosen.append(float(LEVELS[best]))
+            curve = self._curves[best]
+            expected = float(curve @ weight)
+            weight = weight * curve**expected * (1.0 - curve) ** (1.0 - expected)
+            weight = weight / weight.sum()
+        return chosen
+
+    def _information(self, weight: np.ndarray) -> np.ndarray:
+        """(levels,) nats that an outcome at each level is expected to tell about the threshold."""
+        per_threshold = weight.reshape(self._shape[0], -1)
+        known = np.maximum(per_threshold.sum(axis=1), 1e-300)
+        curves = self._curves.reshape(len(LEVELS), self._shape[0], -1)
+        given = np.einsum("ltc,tc->lt", curves, per_threshold) / known
+        return entropy(given @ known) - entropy(given) @ known
+
+    def summary(self) -> Threshold:
+        """The threshold as it is known now."""
+        weight = self.weights()
+        of_threshold = weight.reshape(self._shape[0], -1).sum(axis=1)
+        low, middle, high = np.interp([0.025, 0.5, 0.975], np.cumsum(of_threshold), THRESHOLDS)
+        outside = float(of_threshold[(THRESHOLDS < 0.0) | (THRESHOLDS > 1.0)].sum())
+        return Threshold(float(middle), float(low), float(high), float(np.exp(weight @ np.log(self._slope))),
+                         float(weight @ self._lapse), 1 if weight @ self._direction >= 0 else -1, outside,
+                         float(self._curves[len(LEVELS) // 2] @ weight), self.runs)
+
+    def curve(self, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(expected, lowest, highest) chance of success at each level; the bounds hold 95 % of the curves."""
+        weight, curves = self.weights(), self.success(levels)
+        order = np.argsort(curves, axis=1)
+        sorted_curves = np.take_along_axis(curves, order, axis=1)
+        heaped = np.cumsum(weight[order], axis=1)
+        low, high = ((sorted_curves[np.arange(len(levels)), np.argmax(heaped >= share, axis=1)]) for share in (0.025, 0.975))
+        return curves @ weight, low, high
+
+
+def entropy(chance: np.ndarray) -> np.ndarray:
+    """Nats of a coin with this chance."""
+    rest = 1.0 - chance
+    nats: np.ndarray = -(chance * np.log(chance) + rest * np.log(rest))
+    return nats
+
+
+def fit(levels: Sequence[float], succeeded: Sequence[bool]) -> Posterior:
+    """The posterior of outcomes that were taken anywhere on the dial (shares of it), a sweep for instance."""
+    known = Posterior()
+    for level, success in zip(levels, succeeded, strict=True):
+        known.learn(level, success)
+    return known
+
+
+def in_words(known: Threshold, dial: Dial) -> str:
+    """`half fail at 7.1 (5.9 to 8.4)`, or that none or all do."""
+    middle, low, high = (f"{dial.value(level):.3g}" for level in (known.middle, known.low, known.high))
+    if known.found:
+        side = "above" if known.direction > 0 else "below"
+        return f"half fail at {middle} ({low} to {high}), more {side}"
+    ends = f"{dial.low:g} to {dial.high:g}"
+    return f"fails nearly everywhere from {ends}" if known.success < 0.5 else f"does not break from {ends}"

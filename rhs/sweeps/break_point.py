@@ -1,0 +1,145 @@
+"""At which level of a dial do half of the runs fail? Levels are chosen as the outcomes come in (rhs.metrics.threshold).
+
+A dial is any numeric setting with two ends, `sensor.image_sigma=0..40`. Every other word may take several values, as in a
+sweep: each combination is searched on its own, all with the same seeds. A run that fails, or is killed, did not succeed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from rhs.base.errors import ConfigError, RhsError
+from rhs.config.compose import Composer, RunConfig, to_plain
+from rhs.config.overrides import Word, parse, sweep_words, swept_keys
+from rhs.metrics.threshold import Dial, Posterior, Threshold, dial_between, in_words
+from rhs.runfolder.row import read_row
+
+from .jobs import Job, Limits, run_jobs
+from .sweep import job_of
+
+MOST_COMBINATIONS = 200
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+
+
+@dataclass
+class Search:
+    """One combination of parts under the dial: what was tried and what is known."""
+
+    name: str
+    words: list[Word]
+    known: Posterior = field(default_factory=Posterior)
+    tried: list[tuple[float, bool]] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The dial, the combinations and the folder they go to."""
+
+    dial: Dial
+    searches: list[Search]
+    composer: Composer
+    output: str
+    first_seed: int
+
+
+def dial_of(words: Sequence[str]) -> tuple[Dial, list[str]]:
+    """The one word `key=low..high` and the other words. Raises ConfigError."""
+    found = [(word, match) for word in words
+             if (match := re.fullmatch(rf"([A-Za-z_][\w.]*)=({NUMBER})\.\.({NUMBER})", word))]
+    if len(found) != 1:
+        raise ConfigError(f"break: found {len(found)} dials; expected one, key=LOW..HIGH, for example "
+                          f"sensor.image_sigma=0..40")
+    word, match = found[0]
+    low, high = float(match[2]), float(match[3])
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise ConfigError(f"break {word}: expected two ends, the lower first")
+    return dial_between(match[1], low, high), [one for one in words if one != word]
+
+
+def plan(words: Sequence[str]) -> Plan:
+    """Compose every combination at both ends of the dial before anything runs. Raises ConfigError in one line."""
+    dial, rest = dial_of(words)
+    overrides = parse(rest)
+    swept = swept_keys(overrides)
+    if "seed" in swept or "output" in swept:
+        raise ConfigError("break: every run has a seed of its own, from seed=N on; give one seed and one output")
+    composer, searches, output, seed = Composer(()), [], "", 0
+    for combination in sweep_words(overrides, most=MOST_COMBINATIONS):
+        name = " ".join(word.text for word in combination if word.key in swept) or "this configuration"
+        config = composer.config(combination)
+        dial = replace(dial, whole=_is_whole(config, dial.key))
+        for level in (0.0, 1.0):
+            composer.config([*combination, _word(dial.key, dial.value(level))])
+        searches.append(Search(name, combination))
+        output, seed = config.output, config.seed
+    return Plan(dial, searches, composer, output, seed)
+
+
+def _is_whole(config: RunConfig, key: str) -> bool:
+    """Whether a setting takes whole numbers, as its default does."""
+    value: Any = to_plain(config)
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else None
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise ConfigError(f"break: {key} is no numeric setting here (it is {value!r}); see python -m rhs --help")
+    return isinstance(value, int)
+
+
+def run_plan(found: Plan, folder: Path, limits: Limits, *, runs: int, tell: Callable[[Job, str], None],
+             ) -> list[dict[str, Any]]:
+    """`runs` runs for each combination, so many at a time as there are processes; the account of each."""
+    at_once = max(1, math.ceil(limits.jobs / len(found.searches)))
+    for first in range(0, runs, at_once):
+        count = min(at_once, runs - first)
+        batch = [(search, value, job) for search in found.searches for value, job in _jobs(found, search, first, count)]
+        run_jobs([job for _, _, job in batch], folder, limits, tell=tell)
+        for search, value, job in batch:
+            _learn(search, found.dial.level(value), folder / job.name)
+    return [account(search, found.dial) for search in found.searches]
+
+
+def _jobs(found: Plan, search: Search, first: int, count: int) -> Iterator[tuple[float, Job]]:
+    """The next runs of a combination: a value of the dial and the job there; seeds are the same for all combinations."""
+    for number, level in enumerate(search.known.next_levels(count), start=found.first_seed + first):
+        value = found.dial.value(level)
+        words = [*(word for word in search.words if word.key != "seed"), _word(found.dial.key, value), _word("seed", number)]
+        config = found.composer.config(words)
+        keys = [word.key for word in search.words if word.text in search.name.split(" ")]
+        yield value, job_of(config, words, [*keys, found.dial.key, "seed"])
+
+
+def _word(key: str, value: float) -> Word:
+    return Word(key, value, f"{key}={value:g}" if isinstance(value, float) else f"{key}={value}")
+
+
+def _learn(search: Search, level: float, folder: Path) -> None:
+    try:
+        row = read_row(folder / "row.json")
+    except RhsError as error:
+        row = {"success": 0.0, "failure": str(error)}
+    success = row.get("success")
+    if not isinstance(success, int | float) or math.isnan(success):
+        raise RhsError(f"{folder}: this task has no success that could break; its rows leave it unknown")
+    search.known.learn(level, success == 1.0)
+    search.tried.append((level, success == 1.0))
+    if success != 1.0:
+        search.reasons.append(str(row.get("failure") or ""))
+
+
+def account(search: Search, dial: Dial) -> dict[str, Any]:
+    """What is known of one combination, in units of the dial."""
+    known = search.known.summary()
+    return {"combination": search.name, "dial": dial.key, **_in_units(known, dial),
+            "tried": [[dial.value(level), succeeded] for level, succeeded in search.tried],
+            "levels": [[level, succeeded] for level, succeeded in search.tried]}
+
+
+def _in_units(known: Threshold, dial: Dial) -> dict[str, Any]:
+    values = {name: float(dial.value(getattr(known, name))) for name in ("middle", "low", "high")}
+    return asdict(known) | values | {"found": known.found, "says": in_words(known, dial)}

@@ -1,0 +1,73 @@
+"""Break points: laws of the posterior, curves whose threshold is known, and how near 40 runs come to it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rhs.metrics.threshold import Dial, Posterior, dial_between, fit, in_words
+from rhs.reports.thresholds import thresholds
+
+
+def chance(level, threshold, slope, lapse, direction=1):
+    """Success at a level: half at the threshold, whatever the lapses."""
+    return (1 - lapse) / (1 + (1 - 2 * lapse) * np.exp(np.clip(direction * (level - threshold) / slope, -60, 60)))
+
+
+def searched(rng, threshold, slope, lapse, direction, runs):
+    known = Posterior()
+    while known.runs < runs:
+        for level in known.next_levels(2):
+            known.learn(level, rng.random() < chance(level, threshold, slope, lapse, direction))
+    return known.summary()
+
+
+def test_forty_runs_come_within_a_twentieth_of_the_dial_in_nine_of_ten():
+    rng = np.random.default_rng(5)
+    off, held = [], 0
+    for _ in range(30):
+        truth, slope = rng.uniform(0.1, 0.9), np.exp(rng.uniform(np.log(0.01), np.log(0.15)))
+        found = searched(rng, truth, slope, rng.choice([0.0, 0.05]), rng.choice([1, -1]), runs=40)
+        off.append(abs(found.middle - truth))
+        held += found.low <= truth <= found.high
+    assert np.mean(np.array(off) <= 0.05) >= 0.9
+    assert held >= 26  # 95 % of 30 is 28.5; fewer than 26 has a chance of 1 in 60
+
+
+def test_half_succeed_at_the_threshold_of_every_curve():
+    known = Posterior()
+    curve = known.success(known._threshold[:50])
+    assert np.diag(curve[:, :50]) == pytest.approx(0.5)
+
+
+def test_no_run_yet_says_nothing_and_the_order_of_outcomes_does_not_matter():
+    assert Posterior().summary().high - Posterior().summary().low > 1.0
+    tried = [(0.2, True), (0.5, True), (0.6, False), (0.9, False)]
+    one, other = fit(*zip(*tried, strict=True)).summary(), fit(*zip(*tried[::-1], strict=True)).summary()
+    assert one.middle == pytest.approx(other.middle) and 0.5 < one.middle < 0.6 and one.direction == 1
+
+
+def test_a_dial_on_which_nothing_fails_is_said_not_to_break():
+    levels = list(np.linspace(0.0, 1.0, 20))
+    dial = Dial("sensor.image_sigma", 0.0, 40.0)
+    assert in_words(fit(levels, [True] * 20).summary(), dial) == "does not break from 0 to 40"
+    assert in_words(fit(levels, [False] * 20).summary(), dial) == "fails nearly everywhere from 0 to 40"
+
+
+@pytest.mark.parametrize("dial", [Dial("a", 2.0, 10.0), Dial("a", 1.0, 1000.0, True), Dial("a", 1.0, 100.0, False, True)])
+def test_levels_and_values_are_one_another_back(dial):
+    assert (dial.value(0.0), dial.value(1.0)) == (dial.low, dial.high)
+    assert dial.level(dial.value(0.37)) == pytest.approx(0.37, abs=0.006)
+
+
+def test_ends_far_apart_are_taken_on_the_logarithm():
+    assert dial_between("a", 1.0, 100.0).value(0.5) == pytest.approx(10.0)
+    assert dial_between("a", 0.0, 100.0).value(0.5) == 50.0
+
+
+def test_a_plain_sweep_tells_its_break_point():
+    values = np.repeat([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 4)
+    table = pd.DataFrame({"planner": "prm", "sensor.image_sigma": values, "seed": 0})
+    table["success"] = (values < 3.5).astype(float)
+    (line,) = thresholds(table)
+    assert line.startswith("sensor.image_sigma: half fail at 3.") and line.endswith("more above (24 runs)")
+    assert thresholds(table.assign(success=1.0)) == [] and thresholds(table[table["sensor.image_sigma"] < 4]) == []

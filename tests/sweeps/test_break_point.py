@@ -1,0 +1,43 @@
+"""`python -m rhs break`: refused before anything runs, and a search that ends with its files."""
+
+import json
+
+import pytest
+
+from rhs.base.errors import ConfigError
+from rhs.cli.main import main
+from rhs.runfolder.row import read_row
+from rhs.sweeps.break_point import dial_of, plan
+
+PLANNING = ["task=planning", "world=map1"]
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["planner=rrt"], "found 0 dials"), (["planner.iterations=9..1", "planner=rrt"], "the lower first"),
+    (["planner.iterations=1..9", "planner.goal_bias=0..1"], "found 2 dials"),
+    (["planner.iterations=1..9", "planner=rrt", "seed=1,2"], "a seed of its own"),
+    (["planner.goal_bias=0..7", "planner=rrt"], "goal_bias"),
+    (["planner.nonsense=0..7", "planner=rrt"], "no numeric setting"),
+    (["world=1..9"], "no numeric setting")])
+def test_what_is_no_dial_is_refused(words, says):
+    with pytest.raises(ConfigError, match=says):
+        plan([*PLANNING, *words])
+
+
+def test_a_dial_is_one_word_with_two_ends():
+    dial, rest = dial_of(["a.b=1e-3..2.5", "seed=3"])
+    assert (dial.key, dial.low, dial.high, dial.logarithmic, rest) == ("a.b", 0.001, 2.5, True, ["seed=3"])
+
+
+def test_a_search_tries_both_combinations_with_the_same_seeds(tmp_path, capsys):
+    words = ["break", *PLANNING, "planner.iterations=5..5000", "planner=rrt,rrt_connect", "--runs", "6", "--jobs", "2",
+             "seed=10", f"output={tmp_path / 'break'}"]
+    assert main(words) == 0
+    told = json.loads((tmp_path / "break" / "break.json").read_text())
+    assert [one["combination"] for one in told] == ["planner=rrt", "planner=rrt_connect"]
+    assert all(one["runs"] == len(one["tried"]) == 6 and one["direction"] == -1 for one in told)
+    rows = [read_row(path) for path in (tmp_path / "break").glob("*/row.json")]
+    seeds = {name: sorted(row["seed"] for row in rows if row["planner"] == name) for name in ("rrt", "rrt_connect")}
+    assert seeds["rrt"] == seeds["rrt_connect"] == list(range(10, 16))
+    assert (tmp_path / "break" / "break.png").stat().st_size > 5000
+    assert capsys.readouterr().out.count("planner.iterations:") == 2
