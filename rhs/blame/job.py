@@ -71,9 +71,9 @@ class BlameJob:
             columns = run_trials(chain, wanted, self.settings.processes or len(os.sched_getaffinity(0)), tell)
         shutil.rmtree(chain.folder)
         write_table(folder / "counterfactuals.csv", columns)
-        for links, found in columns.items():
+        for known, found in columns.items():
             if found["status"] != "ok":
-                raise RhsError(f"the patrol with {label(links)} replaced by the truth: {found['status']}: {found['reason']}")
+                raise RhsError(f"the patrol with {label(known)} replaced by the truth: {found['status']}: {found['reason']}")
         write_json(folder / "blame.json", self._account(columns, off_since(Run(folder).steps)))
         return {}
 
