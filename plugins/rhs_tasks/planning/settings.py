@@ -43,6 +43,7 @@ class Planning:
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("planner",)
+    preload: ClassVar[tuple[str, ...]] = ("rhs_tasks.planning.task",)
 
     def __post_init__(self) -> None:
         for key in ("start", "goal"):
