@@ -14,8 +14,8 @@ from pathlib import Path
 
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
-from rhs.config.compose import TASK, RunConfig, from_plain
-from rhs.config.overrides import parse, plain_words
+from rhs.config.compose import TASK, RunConfig
+from rhs.config.overlay import overlaid
 
 from .one_run import one_run
 
@@ -38,12 +38,4 @@ def config_of(words: Sequence[str]) -> RunConfig:
     if not isinstance(values, dict) or values.get(TASK) not in ("patrol", "blame"):
         raise ConfigError(f"{path}: not the configuration of a patrol; blame takes patrols apart")
     values |= {TASK: "blame", "output": "", "overwrite": False}
-    for word in plain_words(parse(list(words[1:]))):
-        if word.is_group:
-            raise ConfigError(f"blame: {word.text}: the run has chosen its parts; type -m task=blame for others")
-        node = values
-        *above, last = word.key.split(".")
-        for key in above:
-            node = node.setdefault(key, {})
-        node[last] = word.value
-    return from_plain(values)
+    return overlaid(values, list(words[1:]))

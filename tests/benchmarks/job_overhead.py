@@ -43,8 +43,8 @@ def main() -> None:
         importlib.import_module(name)
     ends = os.pipe()
     spent = [overhead_s(values, *ends) for _ in range(count)]
-    print(f"CPU of a planning job beside planning: median {np.median(spent):.3f} s, 90 % below {np.quantile(spent, 0.9):.3f} s "
-          f"(n = {count}, world=map1 planner=astar)")
+    print(f"CPU of a planning job beside planning: median {np.median(spent):.3f} s, 90 % below "
+          f"{np.quantile(spent, 0.9):.3f} s (n = {count}, world=map1 planner=astar)")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,137 @@
+"""`python -m rhs gate BASELINE key=value ...`: did this change help?
+
+    python -m rhs gate results/sweeps/NAME planner=my_planner            every run of the folder again, with the change
+        --measure NAME    column that is compared, less is better (planning: plan_length_m; else ate_rmse_m)
+        --margin 0.02     a loss of this share of it is still no worse
+        --pairs 20        at most so many pairs; it stops as soon as it is sure
+        --jobs N          processes at a time (one per core)
+        output=FOLDER     where the new runs go (a new folder under results/sweeps)
+
+Old and new run have the same world, seed and settings but for the change. Exit codes: 0 better or no worse, 1 worse,
+2 refused, 3 needs more runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rhs.base.commands import Arguments
+from rhs.base.errors import ConfigError, RhsError, check_range
+
+if TYPE_CHECKING:
+    from rhs.reports.gate import Verdict
+    from rhs.sweeps.jobs import Job, Limits
+
+MEASURES = {"planning": "plan_length_m"}  # of the others: ate_rmse_m
+Row = Mapping[str, object]
+
+
+def main(words: Sequence[str]) -> int:
+    """The command."""
+    from rhs.runfolder.folders import claim_sweep
+    from rhs.sweeps.jobs import Limits, processes
+
+    chosen = _arguments().parse_intermixed_args(list(words))
+    check_range("", "--pairs", chosen.pairs, low=4, high=100_000)
+    check_range("", "--margin", chosen.margin, low=0.0, high=1.0)
+    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
+    change = [word for word in chosen.overrides if "=" in word]
+    folders = [word for word in chosen.overrides if "=" not in word]
+    if len(folders) != 1 or not any(not word.startswith("output=") for word in change):
+        raise ConfigError("gate: expected one folder of runs and a change: python -m rhs gate FOLDER planner=my_planner")
+    output = next((word.partition("=")[2] for word in change if word.startswith("output=")), "")
+    pairs = _pairs(Path(folders[0]), [word for word in change if not word.startswith("output=")], chosen.pairs)
+    measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
+    limits = Limits(chosen.jobs or processes())
+    with claim_sweep(output) as claim:
+        found = _compared(pairs, claim.folder, limits, measure, chosen.margin)
+        told = {"measure": measure, "margin": chosen.margin, **asdict(found)}
+        (claim.folder / "gate.json").write_text(json.dumps(told) + "\n", encoding="utf-8")
+        sys.stdout.write(f"{in_words(found, measure, chosen.margin)}\nfiles: {claim.folder}\n")
+    return found.exit_code
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = Arguments(prog="python -m rhs gate", description=__doc__, allow_abbrev=False,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--measure", default="")
+    parser.add_argument("--margin", type=float, default=0.02)
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--jobs", type=int, default=0)
+    return parser
+
+
+def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:
+    """(old row, new job) for the runs of the folder, all composed before any runs. Raises ConfigError."""
+    from rhs.base.strict_yaml import load_yaml
+    from rhs.config.compose import config_hash
+    from rhs.config.overlay import overlaid
+    from rhs.config.overrides import Word
+    from rhs.reports.table import find_rows
+    from rhs.runfolder.row import read_row
+    from rhs.sweeps.sweep import job_of
+
+    old = [(row, path.parent) for path in find_rows([folder]) if (row := read_row(path)).get("status") == "ok"]
+    old.sort(key=lambda one: (str(one[0].get("seed")).zfill(12), str(one[1])))
+    if len(old) < 4:
+        raise ConfigError(f"gate {folder}: {len(old)} finished runs; expected at least 4 to compare with")
+    pairs = []
+    for row, where in old[:most]:
+        config = overlaid(load_yaml(where / "config.yaml"), change)
+        if config_hash(config) == row.get("config_hash"):
+            raise ConfigError(f"gate: {' '.join(change)} changes nothing in {where}")
+        pairs.append((row, job_of(config, [Word("seed", config.seed, f"seed={config.seed}")], ["seed"])))
+    return pairs
+
+
+def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str, margin: float) -> Verdict:
+    """Run new jobs until a look settles it, or there are no more."""
+    from tqdm import tqdm
+
+    from rhs.reports.gate import error_parts, judge, looks
+    from rhs.runfolder.row import read_row
+    from rhs.sweeps.jobs import run_jobs
+
+    planned, done = looks(len(pairs)), 0
+    new: list[Row] = []
+    with tqdm(total=len(pairs), unit="pair", disable=None) as shown:
+        for until, level in zip(planned, error_parts(planned), strict=True):
+            jobs = [job for _, job in pairs[done:until]]
+            run_jobs(jobs, folder, limits, tell=lambda job, status: shown.update() and None)
+            for job in jobs:
+                try:
+                    new.append(read_row(folder / job.name / "row.json"))
+                except RhsError:
+                    new.append({})
+            done = until
+            old = [row for row, _ in pairs[:done]]
+            found = judge([_number(row, measure) for row in old], [_number(row, measure) for row in new],
+                          [(a.get("success") == 1.0, b.get("success") == 1.0) for a, b in zip(old, new, strict=True)],
+                          margin=margin, level=level)
+            if found.word != "needs more runs":
+                break
+    return found
+
+
+def _number(row: Row, name: str) -> float:
+    value = row.get(name)
+    return float(value) if isinstance(value, int | float) else math.nan
+
+
+def in_words(found: Verdict, measure: str, margin: float) -> str:
+    """One line: the verdict, the change with its interval, the successes."""
+    word = f"no worse than {100 * margin:g} %" if found.word == "no worse" else found.word
+    told = (f"{measure} {100 * found.change:+.2g} % ({100 * found.low:+.2g} to {100 * found.high:+.2g} %), "
+            f"{found.pairs} pairs")
+    if found.pairs < 4:
+        told = f"{measure} is known in {found.pairs} pairs"
+    more = f"; about {found.needed} pairs would settle it" if found.needed else ""
+    return f"{word}: {told}; successes lost {found.lost}, won {found.won}{more}"

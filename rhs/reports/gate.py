@@ -1,0 +1,85 @@
+"""Worse, no worse, better, or undecided: paired runs looked at several times on the way.
+
+The measure is compared by the logarithm of its ratio, new over old, pair by pair: t-intervals of its mean, each look with
+its part of the error: the parts add up to 5 %, which holds whenever one stops, and grow with the square of the pairs, as the
+bounds of O'Brien and Fleming (1979) do: early looks are for large differences. Lost successes are
+counted apart, by the exact test of McNemar on the pairs that differ.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+LEAST_PAIRS = 4
+ERROR = 0.05  # of all looks together
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """word: `worse`, `better`, `no worse` or `needs more runs`. change, low, high: of the measure, shares (0.1: 10 % more).
+    pairs: with a value in both. lost, won: successes that only the old, only the new runs had. needed: pairs that would
+    settle it, if it goes on like this."""
+
+    word: str
+    change: float
+    low: float
+    high: float
+    pairs: int
+    lost: int
+    won: int
+    needed: int
+
+    @property
+    def exit_code(self) -> int:
+        """0: better or no worse; 1: worse; 3: undecided."""
+        return {"worse": 1, "needs more runs": 3}.get(self.word, 0)
+
+
+def looks(pairs: int) -> list[int]:
+    """After how many pairs to look: 4, 6, 9, 14, ... and at the end."""
+    found, at = [], float(LEAST_PAIRS)
+    while at < pairs:
+        found.append(round(at))
+        at *= 1.5
+    return [*found, pairs]
+
+
+def error_parts(looks: Sequence[int]) -> list[float]:
+    """The part of the error that each look may spend."""
+    whole = sum(count**2 for count in looks)
+    return [ERROR * count**2 / whole for count in looks]
+
+
+def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, bool]], *, margin: float,
+          level: float = ERROR) -> Verdict:
+    """What these pairs say, wrong in `level` of cases. old, new: the measure, less is better, NaN where a run has none. won:
+    (old, new) successes of all pairs. margin: a loss of this share is still no worse."""
+    from scipy.stats import binomtest, t
+
+    lost = sum(before and not after for before, after in won)
+    gained = sum(after and not before for before, after in won)
+    ratio = np.array([math.log(b / a) for a, b in zip(old, new, strict=True) if a > 0 and b > 0])  # NaN is neither
+    n = len(ratio)
+    middle = float(ratio.mean()) if n else math.nan
+    half = math.inf
+    if n >= LEAST_PAIRS:
+        half = float(t.ppf(1.0 - level / 2.0, n - 1) * ratio.std(ddof=1) / math.sqrt(n))
+    low, high = (middle - half, middle + half) if n else (-math.inf, math.inf)
+    fewer = lost + gained > 0 and binomtest(lost, lost + gained, 0.5, alternative="greater").pvalue < level
+    needed = 0
+    if fewer or low > 0.0:
+        word = "worse"
+    elif high < 0.0 and lost <= gained:
+        word = "better"
+    elif high <= math.log1p(margin) and lost <= gained:
+        word = "no worse"
+    else:
+        word = "needs more runs"
+        room = math.log1p(margin) - middle if middle < math.log1p(margin) / 2 else middle
+        needed = n + 1 if half is math.inf or room <= 0 else max(n + 1, math.ceil(n * (half / room) ** 2))
+    change, least, most = (math.expm1(min(value, 50.0)) for value in (middle, low, high))
+    return Verdict(word, change, least, most, n, lost, gained, needed)
