@@ -83,7 +83,7 @@ def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Jo
     old.sort(key=lambda one: (str(one[0].get("seed")).zfill(12), str(one[1])))
     if len(old) < 4:
         raise ConfigError(f"gate {folder}: {len(old)} finished runs; expected at least 4 to compare with")
-    pairs = []
+    pairs: list[tuple[Row, Job]] = []
     for row, where in old[:most]:
         config = overlaid(load_yaml(where / "config.yaml"), change)
         if config_hash(config) == row.get("config_hash"):
