@@ -20,7 +20,7 @@ import threading  # noqa: E402
 import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
-from rhs.base.errors import ConfigError, RhsError  # noqa: E402
+from rhs.base.errors import ConfigError, PluginError, RhsError  # noqa: E402
 
 from .commands import command, plugin_files  # noqa: E402
 from .one_run import COMPILES, Terminated, complain, one_run, signal_code  # noqa: E402
@@ -133,21 +133,24 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
-    from rhs.config.loose import take_over
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import sweep
 
     resume, words = arguments.resume is not None, list(arguments.overrides)
+    before: dict = {}
     if arguments.resume == "" and not any(word.startswith("output=") for word in words):
         raise ConfigError("--resume: which sweep? type python -m rhs --resume FOLDER")
     if arguments.resume:
         before = sweep.recall(Path(arguments.resume))
-        take_over(before.get("plugins", []))
         typed = {word.partition("=")[0] for word in words}
         words = [word for word in before["words"] if word.partition("=")[0] not in {*typed, "output"}] + words
         folders = folders or tuple(map(Path, before["conf"]))
         words.append(f"output={_quoted(arguments.resume)}")
-    plan = sweep.plan(words, folders)
+    try:
+        plan = sweep.plan(words, folders)
+    except PluginError as error:
+        hint = f"; the sweep has {'; '.join(map(str, before['plugins']))}: add --plugin FILE" if before.get("plugins") else ""
+        raise PluginError(f"{error}{hint}") from error
     if arguments.cfg:
         print("\n".join(job.name for job in plan.jobs))
         return 0

@@ -27,6 +27,12 @@ def carried() -> list[dict[str, str]]:
     return [{"kind": one.kind, "name": one.name, "class": one.value, "file": one.file} for one in registry.by_hand()]
 
 
+def loose_names() -> list[str]:
+    """What was registered by hand, for a person to give again: no file that was written ever makes this program run
+    another."""
+    return [f"{one.kind}={one.name} from {one.distribution}" for one in registry.by_hand()]
+
+
 def take_over(carried: Sequence[Mapping[str, str]]) -> None:
     """Register what `carried` of another process names; what is registered here already stays.
 

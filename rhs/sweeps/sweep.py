@@ -19,7 +19,7 @@ from typing import Any
 from rhs.api.files import replacing
 from rhs.base.errors import ConfigError, RhsError
 from rhs.config.compose import Composer, RunConfig, config_hash, to_plain
-from rhs.config.loose import carried
+from rhs.config.loose import loose_names
 from rhs.config.overrides import Word, parse, sweep_words, swept_keys
 from rhs.runfolder.folders import set_aside
 from rhs.runfolder.row import read_row
@@ -83,7 +83,7 @@ def remember(plan: Plan, folder: Path) -> None:
     set_aside(folder, [path.parent for path in sorted(folder.glob("*/row.json")) if _key(path.parent.name) not in known])
     with replacing(folder / "sweep.json") as file:
         file.write(json.dumps({"rhs": version("rhs"), "words": plan.words, "conf": [str(path) for path in plan.conf],
-                               "plugins": carried(), "jobs": {job.name: job.words for job in plan.jobs},
+                               "plugins": loose_names(), "jobs": {job.name: job.words for job in plan.jobs},
                                "example": to_plain(plan.jobs[0].config)}, indent=1) + "\n")
 
 

@@ -59,9 +59,13 @@ def file(tmp_path):
 def test_a_sweep_its_resume_and_its_verification_know_the_file(file, tmp_path, capsys):
     folder = tmp_path / "sweep"
     assert main(["-m", "--plugin", str(file), *SWEEP, f"output={folder}", "--jobs", "2"]) == 0
-    assert [one["file"] for one in json.loads((folder / "sweep.json").read_text())["plugins"]] == [str(file)]
+    (told,) = json.loads((folder / "sweep.json").read_text())["plugins"]
+    assert told.startswith("planner=direct from direct.py (")
     _forget()
-    assert main(["--resume", str(folder), "seed=0,1"]) == 0
+    capsys.readouterr()
+    assert main(["--debug", "--resume", str(folder), "seed=0,1"]) == 2  # no file of data makes it run another
+    assert "add --plugin FILE" in capsys.readouterr().err
+    assert main(["--resume", str(folder), "seed=0,1", "--plugin", str(file)]) == 0
     rows = [read_row(path) for path in folder.glob("*/row.json")]
     assert sorted((row["planner"], row["seed"], row["success"]) for row in rows) == [
         (name, seed, 1.0) for name in ("astar", "direct") for seed in (0, 1)]
