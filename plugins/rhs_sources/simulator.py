@@ -20,7 +20,7 @@ from rhs.worlds.world import reversed_world
 from .lens import Lens
 from .simulator_config import Simulator
 from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
-from .simulator_scene import Look, Scene
+from .simulator_scene import Look, scene_of
 from .simulator_solid import Solid
 
 SUBSTEP_S = 0.05  # a robot at 0.5 m/s moves a twelfth of its radius between two tests for collision
@@ -44,8 +44,9 @@ class SimulatorSource(Source):
         self.views = waypoints(self.world.route_m, self.world.start[2], pace(settings))
         self.views_expected: int | None = len(self.views)
         self.solid = Solid(self.world)
-        look = Look(settings.texture_px_per_m, settings.renderer, context.folder)
-        self.scene = Scene(self.world, self.lens.ideal if self.lens else pinhole, look)
+        probes = settings.anisotropy if settings.sampling == "anisotropic" else 0
+        look = Look(settings.texture_px_per_m, settings.renderer, probes, context.folder)
+        self.scene = scene_of(self.world, self.lens.ideal if self.lens else pinhole, look)
         self.renderer = self.scene.renderer
         self.stand = np.array(self.world.start)  # true x, y, yaw
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
@@ -67,7 +68,7 @@ class SimulatorSource(Source):
         image, _ = self._look()
         if float(image.std()) < 1.0:
             raise RhsError(f"source.renderer={self.renderer} draws one flat colour ({image.mean():.0f}) at the start "
-                           f"of world {self.world.name}; look at that world, or try source.renderer=tiny")
+                           f"of world {self.world.name}; look at that world, or try source.renderer=raster")
 
     def lead(self) -> Capture | None:
         """The next view along the survey route."""
