@@ -172,7 +172,8 @@ def test_each_pixel_wears_what_is_painted_at_the_place_it_sees(probes, yaw):
     v, u = np.nonzero(np.isfinite(depth))
     points = CAMERA.points(np.stack([u, v], 1).astype(float), depth[v, u].astype(float))
     place = (pose @ CAMERA.body_from_camera @ np.column_stack([points, np.ones(len(u))]).T)[:3].T
-    expected = np.stack([(8.0 - place[:, 1]) / 16 * 1024 / 4, (2.4 - place[:, 2]) / 2.4 * 256, np.full(len(u), 77.5)], 1) - 0.5
+    across, down = (8.0 - place[:, 1]) / 16.0, (2.4 - place[:, 2]) / 2.4  # of the wall
+    expected = np.stack([256.0 * across, 256.0 * down, np.full(len(u), 77.5)], axis=1) - 0.5
     inside = ((expected > 12) & (expected < 244)).all(axis=1)
     assert inside.sum() > 2000
     assert np.abs(image[v, u][inside] - expected[inside]).max() < (2.5 if probes else 3.0 + 2 * (yaw > 0))
@@ -202,19 +203,19 @@ def test_two_meshes_added_are_drawn_as_one_of_both():
     parts = list(building(HOME, 60.0))
     pose = stands(HOME, 1, 0.1)[0]
     added = Mesh.of_quads(parts[:7]) + Mesh.of_quads(parts[7:])
-    for one, other in zip(Renderer(CAMERA).render(Mesh.of_quads(parts), pose), Renderer(CAMERA).render(added, pose), strict=True):
+    whole, sum_of_both = (Renderer(CAMERA).render(mesh, pose) for mesh in (Mesh.of_quads(parts), added))
+    for one, other in zip(whole, sum_of_both, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 def test_quads_and_their_triangles_look_the_same(meshes):
     mesh = meshes["home"][0]
     for pose in stands(HOME, 5, 0.2):
-        drawn = [[Renderer(CAMERA, probes=p).render(m, pose) for m in (mesh, triangles(mesh))] for p in (0, 8)]
-        for (image, depth), (other, its_depth) in drawn:
+        for probes, allowed in ((0, 0.1), (8, 1.0)):  # grey levels in the mean: filters suit runs of pixels of one face
+            (image, depth), (other, its_depth) = (Renderer(CAMERA, probes=probes).render(m, pose)
+                                                  for m in (mesh, triangles(mesh)))
             np.testing.assert_allclose(depth, its_depth, rtol=1e-6)
-        (nearest, _), (its_nearest, _) = drawn[0]
-        assert (nearest != its_nearest).mean() < 1e-3
-        assert np.abs(image.astype(int) - other).mean() < 1.0  # filters suit runs of pixels of one face
+            assert np.abs(image.astype(int) - other).mean() < allowed
 
 
 def looked(folder, renderer, poses, **settings):

@@ -256,7 +256,8 @@ def test_a_flat_picture_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("setting", [
-    {"image_width": 0}, {"hfov_deg": float("nan")}, {"renderer": "opengl"}, {"sampling": "linear"}, {"anisotropy": 0}, {"step_m": -0.2}, {"step_m": 0.0},
+    {"image_width": 0}, {"hfov_deg": float("nan")}, {"renderer": "opengl"}, {"sampling": "linear"}, {"anisotropy": 0},
+    {"step_m": -0.2}, {"step_m": 0.0},
     {"speed_mps": float("inf")}, {"turn": "left"}, {"direction": "north"}, {"wobble_m": -1.0},
     {"paintings_unique": 0}, {"paintings_density": 1.5}, {"command_noise_percent": float("nan")},
 ])

@@ -60,7 +60,7 @@ def out_of_view(corners, count, width, height):
 
 @typed(nb.types.UniTuple(I64, 2)(TABLE, I64, I64, I64), **FREE)
 def extent(corners, count, axis, size):
-    """First and last pixel along an axis (0: columns, 1: rows) that the face may touch; all if it reaches behind the lens."""
+    """First and last pixel along an axis (0: columns, 1: rows) the face may touch; all if it reaches behind the lens."""
     low, high = np.inf, -np.inf
     for k in range(count):
         if corners[k, 2] <= IN_FRONT_M:
@@ -143,10 +143,10 @@ def texture_planes(corners, uv, f, planes, n):
 def find_visible(vertices_px, faces, uv, inverse_m, seen, planes, shown):
     """Which face is nearest at each pixel: the z-buffer, on 1/z, which is linear over the picture.
 
-    vertices_px (V, 3): of `project`. faces (F, 5): three or four vertices counter-clockwise (the fourth -1: a triangle), in one
-    plane and convex, and the texture. uv (F, 3, 2): texels at the first three. Written over zeros
-    and -1: inverse_m (H, W), 1/z; seen (H, W), the row of planes; planes (N, 10): 1/z, u/z, v/z, determinant; shown (N,): the face of each
-    row. Returns how many rows there are. Of faces equally near the first is seen."""
+    vertices_px (V, 3): of `project`. faces (F, 5): three or four vertices counter-clockwise as seen (the fourth -1: a
+    triangle), in one plane and convex, and the texture. uv (F, 3, 2): texels at the first three. Written over zeros and -1:
+    inverse_m (H, W), 1/z; seen (H, W), the row of planes. Written: planes (N, 10), 1/z, u/z, v/z, determinant; shown (N,),
+    the face of each row. Returns how many rows there are. Of faces equally near the first is seen."""
     height, width = inverse_m.shape
     corners, edges, n = np.empty((4, 3)), np.empty((5, 3)), 0
     for f in range(len(faces)):
