@@ -61,19 +61,27 @@ class Renderer:
         self.camera, self.probes = camera, probes
         shape = camera.height, camera.width
         self._inverse_m, self._seen = np.empty(shape, np.float32), np.empty(shape, np.int32)
+        self._fit(0, 0)
+
+    def _fit(self, vertices: int, faces: int) -> None:
+        """Make room for so many."""
+        self._vertices_px, self._beyond = np.empty((vertices, 3)), np.empty(vertices, np.uint8)
+        self._planes, self._shown = np.empty((faces + 1, 10)), np.empty(faces + 1, np.int32)
 
     def render(self, mesh: Mesh, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """RGB (H, W, 3) uint8 and depth (H, W) float32 in metres along the optical axis; white and NaN where nothing is."""
         camera = self.camera
         camera_from_world = inverse(world_from_body @ camera.body_from_camera)
-        vertices_px = np.empty_like(mesh.vertices_m)
-        project(np.ascontiguousarray(camera.matrix @ camera_from_world[:3]), mesh.vertices_m, vertices_px)
+        if (len(mesh.vertices_m), len(mesh.faces) + 1) != (len(self._beyond), len(self._shown)):
+            self._fit(len(mesh.vertices_m), len(mesh.faces))
+        pixels_from_world = np.ascontiguousarray(camera.matrix @ camera_from_world[:3])
+        project(pixels_from_world, mesh.vertices_m, camera.width, camera.height, self._vertices_px, self._beyond)
         self._inverse_m.fill(0.0)
         self._seen.fill(-1)
-        planes, shown = np.empty((len(mesh.faces) + 1, 10)), np.empty(len(mesh.faces) + 1, np.int32)
-        count = find_visible(vertices_px, mesh.faces, mesh.uv, self._inverse_m, self._seen, planes, shown)
+        count = find_visible(self._vertices_px, self._beyond, mesh.faces, mesh.uv, self._inverse_m, self._seen, self._planes,
+                             self._shown)
         image = np.empty((camera.height, camera.width, 3), np.uint8)
         depth_m = np.empty((camera.height, camera.width), np.float32)
-        textures = np.ascontiguousarray(mesh.faces[shown[:count], 4])
-        shade(self._seen, planes, textures, mesh.texels, mesh.levels, self.probes, image, depth_m)
+        textures = np.ascontiguousarray(mesh.faces[self._shown[:count], 4])
+        shade(self._seen, self._planes, textures, mesh.texels, mesh.levels, self.probes, image, depth_m)
         return image, depth_m

@@ -20,20 +20,25 @@ IN_FRONT_M = 1e-6  # corners nearer to the plane of the lens than this are not d
 FREE = {"nogil": True, "error_model": "numpy"}
 I64, F64 = nb.int64, nb.float64
 TABLE = nb.types.Array(F64, 2, "C")
+SIDES = nb.types.Array(nb.uint8, 1, "C")
 CORNERS = nb.types.Array(F64, 3, "C")
 FACES = nb.types.Array(nb.int32, 2, "C")
 DEPTHS = nb.types.Array(nb.float32, 2, "C")
 NUMBERS = nb.types.Array(nb.int32, 1, "C")
 
 
-@typed(nb.void(TABLE, TABLE, TABLE), **FREE)
-def project(pixels_from_world, vertices_m, out):
-    """out (V, 3) = pixels_from_world (3, 4) applied to vertices_m (V, 3): homogeneous pixels (x z, y z, z), z in metres."""
+@typed(nb.void(TABLE, TABLE, I64, I64, TABLE, SIDES), **FREE)
+def project(pixels_from_world, vertices_m, width, height, out, beyond):
+    """out (V, 3) = pixels_from_world (3, 4) applied to vertices_m (V, 3): homogeneous pixels (x z, y z, z), z in metres.
+    beyond (V,): a bit for each side of the view that a vertex lies beyond (Cohen and Sutherland)."""
     for i in range(len(vertices_m)):
         x, y, z = vertices_m[i, 0], vertices_m[i, 1], vertices_m[i, 2]
         for k in range(3):
             out[i, k] = (pixels_from_world[k, 0] * x + pixels_from_world[k, 1] * y + pixels_from_world[k, 2] * z
                          + pixels_from_world[k, 3])
+        x, y, z = out[i, 0], out[i, 1], out[i, 2]
+        beyond[i] = ((z < NEAR_M) | ((x < 0.0) << 1) | ((x > (width - 1) * z) << 2) | ((y < 0.0) << 3)
+                     | ((y > (height - 1) * z) << 4))
 
 
 @typed(nb.void(TABLE, I64, I64, TABLE, I64), **FREE)
@@ -42,20 +47,6 @@ def cross(corners, i, j, out, k):
     ax, ay, az = corners[i, 0], corners[i, 1], corners[i, 2]
     bx, by, bz = corners[j, 0], corners[j, 1], corners[j, 2]
     out[k, 0], out[k, 1], out[k, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-@typed(nb.boolean(TABLE, I64, I64, I64), **FREE)
-def out_of_view(corners, count, width, height):
-    """All corners lie beyond one side of the view."""
-    near = left = right = above = below = True
-    for k in range(count):
-        x, y, z = corners[k, 0], corners[k, 1], corners[k, 2]
-        near &= z < NEAR_M
-        left &= x < 0
-        right &= x > (width - 1) * z
-        above &= y < 0
-        below &= y > (height - 1) * z
-    return near or left or right or above or below
 
 
 @typed(nb.types.UniTuple(I64, 2)(TABLE, I64, I64, I64), **FREE)
@@ -139,23 +130,23 @@ def texture_planes(corners, uv, f, planes, n):
             planes[n, 3 + 3 * k + i] = uv[f, 0, k] * planes[n, i] + along * sides[0, i] + across * sides[1, i]
 
 
-@typed(I64(TABLE, FACES, CORNERS, DEPTHS, FACES, TABLE, NUMBERS), **FREE)
-def find_visible(vertices_px, faces, uv, inverse_m, seen, planes, shown):
+@typed(I64(TABLE, SIDES, FACES, CORNERS, DEPTHS, FACES, TABLE, NUMBERS), **FREE)
+def find_visible(vertices_px, beyond, faces, uv, inverse_m, seen, planes, shown):
     """Which face is nearest at each pixel: the z-buffer, on 1/z, which is linear over the picture.
 
-    vertices_px (V, 3): of `project`. faces (F, 5): three or four vertices counter-clockwise as seen (the fourth -1: a
-    triangle), in one plane and convex, and the texture. uv (F, 3, 2): texels at the first three. Written over zeros and -1:
-    inverse_m (H, W), 1/z; seen (H, W), the row of planes. Written: planes (N, 10), 1/z, u/z, v/z, determinant; shown (N,),
-    the face of each row. Returns how many rows there are. Of faces equally near the first is seen."""
+    vertices_px (V, 3), beyond (V,): of `project`. faces (F, 5): three or four vertices counter-clockwise as seen (the
+    fourth -1: a triangle), in one plane and convex, and the texture. uv (F, 3, 2): texels at the first three. Written over
+    zeros and -1: inverse_m (H, W), 1/z; seen (H, W), the row of planes. Written: planes (N, 10), 1/z, u/z, v/z and the
+    determinant; shown (N,), the face of each row. Returns how many rows there are. Of faces equally near the first is seen."""
     height, width = inverse_m.shape
     corners, edges, n = np.empty((4, 3)), np.empty((5, 3)), 0
     for f in range(len(faces)):
         count = 4 if faces[f, 3] >= 0 else 3
+        if beyond[faces[f, 0]] & beyond[faces[f, 1]] & beyond[faces[f, 2]] & beyond[faces[f, count - 1]]:
+            continue  # all corners lie beyond one side
         for k in range(count):
             for i in range(3):
                 corners[k, i] = vertices_px[faces[f, k], i]
-        if out_of_view(corners, count, width, height):
-            continue
         first, last = extent(corners, count, 0, width)
         top, bottom = extent(corners, count, 1, height)
         if first > last or top > bottom or not inverse_depth(corners, count, planes, n):
