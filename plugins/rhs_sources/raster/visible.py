@@ -137,7 +137,8 @@ def find_visible(vertices_px, beyond, faces, uv, inverse_m, seen, planes, shown)
     vertices_px (V, 3), beyond (V,): of `project`. faces (F, 5): three or four vertices counter-clockwise as seen (the
     fourth -1: a triangle), in one plane and convex, and the texture. uv (F, 3, 2): texels at the first three. Written over
     zeros and -1: inverse_m (H, W), 1/z; seen (H, W), the row of planes. Written: planes (N, 10), 1/z, u/z, v/z and the
-    determinant; shown (N,), the face of each row. Returns how many rows there are. Of faces equally near the first is seen."""
+    determinant; shown (N,), the face of each row. Returns how many rows there are. Of faces equally near the first is
+    seen."""
     height, width = inverse_m.shape
     corners, edges, n = np.empty((4, 3)), np.empty((5, 3)), 0
     for f in range(len(faces)):
