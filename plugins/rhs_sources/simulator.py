@@ -76,7 +76,7 @@ class SimulatorSource(Source):
         image, _ = self._look()
         if float(image.std()) < 1.0:
             raise RhsError(f"source.renderer={self.renderer} draws one flat colour ({image.mean():.0f}) at the start "
-                           f"of world {self.world.name}; look at that world, or try source.renderer=raster")
+                           f"of world {self.world.name}; look at that world, or try another source.renderer")
 
     def lead(self) -> Capture | None:
         """The next view along the survey route."""

@@ -67,6 +67,7 @@ class Simulator:
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "driving", "teleport"})
+    preload: ClassVar[tuple[str, ...]] = ("rhs_sources.raster.renderer",)
 
     def __post_init__(self) -> None:
         check_range("source", "image_width", self.image_width, low=32, high=4096, unit="px")
