@@ -1,12 +1,15 @@
 """The simulator source: a camera led along the route of a PyBullet world, then a robot driven in it.
 
 The robot is a unicycle: a Twist turns and moves it along an arc; what it really does differs from what it is commanded by a
-lasting and a fresh error. Whether it touches something is judged by PyBullet on the true geometry.
+lasting and a fresh error. Whether it touches something is judged by PyBullet on the true geometry; where PyBullet is not
+installed the camera can be led, and how near it came to anything stays unknown.
 """
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +23,12 @@ from rhs.worlds.world import reversed_world
 from .lens import Lens
 from .simulator_config import Simulator
 from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
-from .simulator_scene import Look, Scene
-from .simulator_solid import Solid
+from .simulator_scene import Look, scene_of
+
+if TYPE_CHECKING:
+    from .simulator_solid import Solid
+
+log = logging.getLogger("rhs.simulator")
 
 SUBSTEP_S = 0.05  # a robot at 0.5 m/s moves a twelfth of its radius between two tests for collision
 BISECTIONS = 8  # contact is found to 1/256 of a substep
@@ -43,13 +50,15 @@ class SimulatorSource(Source):
         self._seed(context.rng)
         self.views = waypoints(self.world.route_m, self.world.start[2], pace(settings))
         self.views_expected: int | None = len(self.views)
-        self.solid = Solid(self.world)
-        look = Look(settings.texture_px_per_m, settings.renderer, context.folder)
-        self.scene = Scene(self.world, self.lens.ideal if self.lens else pinhole, look)
+        self.solid = judge_of(self.world)
+        self.provides = None if self.solid else settings.provides - {"driving", "teleport"}
+        probes = settings.anisotropy if settings.sampling == "anisotropic" else 0
+        look = Look(settings.texture_px_per_m, settings.renderer, probes, context.folder)
+        self.scene = scene_of(self.world, self.lens.ideal if self.lens else pinhole, look)
         self.renderer = self.scene.renderer
         self.stand = np.array(self.world.start)  # true x, y, yaw
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
-        self.nearest_m, self.touched = np.inf, False
+        self.nearest_m, self.touched = np.inf if self.solid else np.nan, False
         self.world_from_body = se2(*self.stand)
         self._check_picture()
 
@@ -67,7 +76,7 @@ class SimulatorSource(Source):
         image, _ = self._look()
         if float(image.std()) < 1.0:
             raise RhsError(f"source.renderer={self.renderer} draws one flat colour ({image.mean():.0f}) at the start "
-                           f"of world {self.world.name}; look at that world, or try source.renderer=tiny")
+                           f"of world {self.world.name}; look at that world, or try another source.renderer")
 
     def lead(self) -> Capture | None:
         """The next view along the survey route."""
@@ -100,7 +109,8 @@ class SimulatorSource(Source):
     def begin_patrol(self) -> None:
         """Put in the obstacles of the world."""
         self.scene.add_obstacles()
-        self.solid.add_obstacles()
+        if self.solid:
+            self.solid.add_obstacles()
 
     def drive(self, command: Twist) -> Capture:
         """Follow the command as well as this robot can, stopping at contact, and look."""
@@ -134,7 +144,7 @@ class SimulatorSource(Source):
         self._note_clearance()
 
     def _distance(self, stand: np.ndarray) -> float:
-        return self.solid.distance_m(float(stand[0]), float(stand[1]))
+        return self.solid.distance_m(float(stand[0]), float(stand[1])) if self.solid else np.nan
 
     def _note_clearance(self) -> None:
         self.nearest_m = min(self.nearest_m, self._distance(self.stand))
@@ -176,7 +186,19 @@ class SimulatorSource(Source):
 
     def close(self) -> None:
         self.scene.close()
-        self.solid.close()
+        if self.solid:
+            self.solid.close()
+
+
+def judge_of(world: World) -> Solid | None:
+    """What judges collisions in this world; None where PyBullet is not installed."""
+    try:
+        from .simulator_solid import Solid
+    except ModuleNotFoundError:
+        log.warning("nothing judges collisions and the robot cannot be driven: the package pybullet is not installed; "
+                    "type: pip install pybullet")
+        return None
+    return Solid(world)
 
 
 def dressed(world: World, settings: Simulator) -> World:

@@ -1,162 +1,74 @@
-"""The world as PyBullet shows it: textured faces without thickness, two renderers. What is solid: simulator_solid.py.
+"""The world as something to look at: textured faces without thickness. What is solid: simulator_solid.py.
 
-Every call names its physics client, so that several scenes live in one process.
+A scene draws what is seen from a pose; the rasteriser of rhs (raster/) or one of PyBullet's renderers does it.
 """
 
 from __future__ import annotations
 
-import importlib.util
-import subprocess
-import sys
-import tempfile
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
-import cv2
 import numpy as np
 
-from rhs.api.errors import RhsError
-from rhs.api.floorplan import Box, World
-from rhs.api.geometry import Camera, inverse, se3
+from rhs.api.floorplan import World
+from rhs.api.geometry import Camera
 
-from .simulator_bullet import pybullet, quiet
-from .simulator_mesh import Quad, box_lids, box_sides, floor_and_ceiling, obj_text, wall_faces
-from .simulator_textures import WallPainter, generator, surface
-
-NEAR_M, FAR_M = 0.1, 60.0
-LEVEL_M = 1e-5  # nearer than this to the plane of the lens counts as level with it: ten times float32's grain at 20 m
-NUDGES_M = (0.0, 3e-5, -3e-5, 6e-5, -6e-5, 9e-5, -9e-5)
-FLOOR_PX_PER_M = 80.0  # the floor is never nearer to the camera than its height
-SHADELESS = {"lightAmbientCoeff": 1.0, "lightDiffuseCoeff": 0.0, "lightSpecularCoeff": 0.0, "shadow": 0}
+from .raster.renderer import Mesh, Renderer
+from .simulator_mesh import building, furniture
 
 
 @dataclass(frozen=True)
 class Look:
-    """What the scene needs to draw: texture pixels per metre, the renderer wanted (tiny or egl), a scratch folder."""
+    """How a scene is drawn: texture pixels per metre; the renderer wanted (raster, tinyrenderer or egl); probes at most of
+    the rasteriser (0: the nearest texel); a scratch folder."""
 
     px_per_m: float
     renderer: str
+    probes: int
     folder: Path
 
 
-class Scene:
-    """A PyBullet client showing one world. `close` it."""
+class Scene(Protocol):
+    """A world to look at. `close` it. renderer: what draws it."""
 
-    def __init__(self, world: World, camera: Camera, look: Look) -> None:
-        self.world, self.camera, self.look = world, camera, look
-        with quiet():
-            self.client = pybullet.connect(pybullet.DIRECT)
-            self.renderer = look.renderer if look.renderer != "egl" or self._load_egl() else "tiny"
-        self.vertices = np.zeros((0, 3))
-        self.projection = projection(camera, half=0.0 if self.renderer == "tiny" else 1.0)
-        look.folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=look.folder, prefix="scene.tmp-") as scratch, quiet():
-            self._build(Path(scratch))
-
-    def _load_egl(self) -> bool:
-        """Whether PyBullet's OpenGL renderer works here: without EGL it ends the process, so a child tries first."""
-        spec = importlib.util.find_spec("eglRenderer")
-        if spec is None or spec.origin is None:
-            return False
-        probe = ("import pybullet as p, sys; c = p.connect(p.DIRECT); "
-                 "ok = p.loadPlugin(sys.argv[1], '_eglRendererPlugin', physicsClientId=c) >= 0; "
-                 "p.getCameraImage(8, 8, physicsClientId=c); sys.exit(0 if ok else 1)")
-        done = subprocess.run([sys.executable, "-c", probe, spec.origin], capture_output=True, check=False)
-        return done.returncode == 0 and pybullet.loadPlugin(
-            spec.origin, "_eglRendererPlugin", physicsClientId=self.client) >= 0
-
-    def _build(self, scratch: Path) -> None:
-        painter = WallPainter(self.world, self.look.px_per_m)
-        for wall in self.world.walls:
-            for number in range(len(wall.segments_m)):
-                self._show(scratch, wall_faces(wall, number), painter.texture(wall, number))
-        for box in self.world.boxes:
-            self._add_box(scratch, box)
-        x0, y0, x1, y1 = self.world.bounds_m
-        top = max(wall.height_m for wall in self.world.walls)
-        floor, ceiling = floor_and_ceiling(self.world.bounds_m, top)
-        for name, look, quads in (("floor", self.world.floor, floor), ("ceiling", self.world.ceiling, ceiling)):
-            image = surface(generator(self.world.seed, name), look, (x1 - x0, y1 - y0), FLOOR_PX_PER_M)
-            self._show(scratch, quads, image)
+    renderer: str
 
     def add_obstacles(self) -> None:
         """Put in the boxes that the survey did not see."""
-        with tempfile.TemporaryDirectory(dir=self.look.folder, prefix="scene.tmp-") as scratch, quiet():
-            for box in self.world.obstacles:
-                self._add_box(Path(scratch), box)
-
-    def _add_box(self, scratch: Path, box: Box) -> None:
-        w, d, h = box.size_m
-        rng = generator(self.world.seed, "box", box.name)
-        image = surface(rng, box.surface, (2 * (w + d), h), self.look.px_per_m)
-        self._show(scratch, box_sides(box), image)
-        self._show(scratch, box_lids(box), surface(rng, box.surface, (w, d), self.look.px_per_m))
-
-    def _show(self, scratch: Path, quads: list[Quad], image: np.ndarray) -> None:
-        """Add quads wearing parts of one image.
-
-        The textures are set once and the mesh names no material: PyBullet's OpenGL renderer mixes them up otherwise."""
-        number = len(list(scratch.iterdir()))  # PyBullet remembers files by name: no name is used twice
-        mesh, picture = scratch / f"{number}.obj", scratch / f"{number}.bmp"
-        corners = np.concatenate([self.vertices, *(corners for corners, _ in quads)])
-        self.vertices = np.unique(corners, axis=0)
-        mesh.write_text(obj_text(quads), encoding="ascii")
-        cv2.imwrite(str(picture), image[..., ::-1])
-        shape = pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[1, 1, 1, 1],
-                                           specularColor=[0, 0, 0], physicsClientId=self.client)
-        body = pybullet.createMultiBody(0, -1, shape, physicsClientId=self.client)
-        texture = pybullet.loadTexture(str(picture), physicsClientId=self.client)
-        if min(shape, body, texture) < 0:
-            raise RhsError(f"source.simulator: PyBullet could not take a mesh of world {self.world.name}")
-        pybullet.changeVisualShape(body, -1, textureUniqueId=texture, physicsClientId=self.client)
 
     def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """RGB (H, W, 3) uint8 and depth (H, W) float32 in metres along the optical axis, NaN where nothing is."""
-        camera, nudge = self.camera, self._nudge(world_from_body)
-        gl_from_optical = se3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-        view = gl_from_optical @ inverse(world_from_body @ camera.body_from_camera)
-        view[2, 3] += nudge
-        opengl = self.renderer == "egl"
-        which = pybullet.ER_BULLET_HARDWARE_OPENGL if opengl else pybullet.ER_TINY_RENDERER
-        with quiet() if opengl else nullcontext():
-            _, _, rgba, buffer, _ = pybullet.getCameraImage(
-                camera.width, camera.height, view.T.ravel().tolist(), self.projection.T.ravel().tolist(),
-                renderer=which, flags=pybullet.ER_NO_SEGMENTATION_MASK, physicsClientId=self.client, **SHADELESS)
-        image = np.asarray(rgba, np.uint8).reshape(camera.height, camera.width, 4)[..., :3].copy()
-        window = np.asarray(buffer, np.float64).reshape(camera.height, camera.width)
-        depth = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
-        depth[window >= 1.0] = np.nan
-        return image, (depth + nudge).astype(np.float32)
-
-    def _nudge(self, world_from_body: np.ndarray) -> float:
-        """Metres, at most a few hundredths of a millimetre, by which to push the camera along its axis.
-
-        A corner of a mesh exactly level with the lens has depth zero; the software renderer divides by it and then
-        counts through two thousand million pixels."""
-        world_from_camera = world_from_body @ self.camera.body_from_camera
-        depth = (self.vertices - world_from_camera[:3, 3]) @ world_from_camera[:3, 2]
-        for nudge in NUDGES_M:
-            if np.abs(depth - nudge).min() > LEVEL_M:
-                return nudge
-        return NUDGES_M[-1]
 
     def close(self) -> None:
-        """Let PyBullet forget the world; safe to call twice."""
-        if self.client >= 0:
-            with quiet():
-                pybullet.disconnect(physicsClientId=self.client)
-            self.client = -1
+        """Forget the world; safe to call twice."""
 
 
-def projection(camera: Camera, *, half: float) -> np.ndarray:
-    """4x4 OpenGL projection whose pixels are exactly those of the camera (pixel centres on whole numbers).
+def scene_of(world: World, camera: Camera, look: Look) -> Scene:
+    """The scene of this world that the wanted renderer draws."""
+    if look.renderer == "raster":
+        return RasterScene(world, camera, look)
+    from .simulator_bullet_scene import BulletScene
 
-    half: 1 for OpenGL, which samples pixel i at i + 1/2; 0 for PyBullet's software renderer, which samples it at i."""
-    w, h, n, f = camera.width, camera.height, NEAR_M, FAR_M
-    return np.array([
-        [2 * camera.fx / w, -2 * camera.skew / w, 1 - (2 * camera.cx + half) / w, 0],
-        [0, 2 * camera.fy / h, 1 - (2 * (h - 1 - camera.cy) + half) / h, 0],
-        [0, 0, -(f + n) / (f - n), -2 * f * n / (f - n)],
-        [0, 0, -1, 0],
-    ])
+    return BulletScene(world, camera, look)
+
+
+class RasterScene(Scene):
+    """A world drawn by the rasteriser."""
+
+    renderer = "raster"
+
+    def __init__(self, world: World, camera: Camera, look: Look) -> None:
+        self.world, self.px_per_m = world, look.px_per_m
+        self.drawer = Renderer(camera, probes=look.probes)
+        self.mesh = Mesh.of_quads(building(world, look.px_per_m))
+
+    def add_obstacles(self) -> None:
+        if self.world.obstacles:
+            self.mesh += Mesh.of_quads(furniture(self.world, self.world.obstacles, self.px_per_m))
+
+    def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.drawer.render(self.mesh, world_from_body)
+
+    def close(self) -> None:
+        """Nothing is open."""

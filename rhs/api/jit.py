@@ -41,20 +41,20 @@ def on_compile(tell: Callable[[], None]) -> None:
     event.register("numba:compile", Teller())
 
 
-def typed(signature: Any) -> Callable[[_Function], _Function]:
+def typed(signature: Any, **options: Any) -> Callable[[_Function], _Function]:
     """Decorator: compiled for one numba signature when the module is imported, so that no call has to wait for it.
 
-    Cached and careful like `compiled`.
+    Cached and careful like `compiled`. options: numba's own, such as nogil=True for what may run beside Python code.
     """
 
     def decorate(function: _Function) -> _Function:
         import numba
 
         try:
-            return cast(_Function, numba.njit(signature, cache=True)(function))
+            return cast(_Function, numba.njit(signature, cache=True, **options)(function))
         except RuntimeError as error:
             if "locator" not in str(error):
                 raise
-            return cast(_Function, numba.njit(signature)(function))
+            return cast(_Function, numba.njit(signature, **options)(function))
 
     return decorate

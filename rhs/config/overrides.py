@@ -27,7 +27,8 @@ GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
 SAME = {"hydra.run.dir": "output", "hydra.sweep.dir": "output"}  # words of Hydra's own that mean one of ours
 # Words of earlier versions: what is typed instead. They are taken, with a warning, for two minor versions.
-DEPRECATED = {"loop_closer=one_eye": "loop_closer=monocular", "unroll.bend=told": "unroll.bend=given"}
+DEPRECATED = {"loop_closer=one_eye": "loop_closer=monocular", "unroll.bend=told": "unroll.bend=given",
+              "source.renderer=tiny": "source.renderer=tinyrenderer"}
 INSTEAD = {"hydra.launcher": "--jobs N",
            "hydra.verbose": "--debug", "hydra.output_subdir": "output=FOLDER", "hydra.job": "output=FOLDER"}
 

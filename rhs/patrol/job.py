@@ -40,6 +40,9 @@ class PatrolJob(StepJob):
     def __init__(self, settings: Survey, context: RunContext, world: World | None) -> None:
         self.settings, self.context, self.world = settings, context, world
         self.parts = context.parts(world=world)
+        if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
+            raise ConfigError(f"task=patrol drives the robot, which {self.parts.who['source']} cannot do here; "
+                              "type task=survey for the map alone")
         if "odometry" in context.config.parts:
             self.parts.odometry = gated(self.parts.odometry, context.settings("odometry").needs, settings.gate,
                                         self.parts.who["odometry"])

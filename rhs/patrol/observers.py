@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 
 from rhs.api.files import replacing
 from rhs.api.floorplan import World, truth_grid
+from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Step
 from rhs.api.records import Path as Plan
 from rhs.api.task import Parts
@@ -28,6 +30,37 @@ Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
 def unwatched(steps: Iterable[Step], phase: str, expected: int | None) -> Iterable[Step]:
     """The default watcher: looks away. A progress bar has the same signature."""
     return steps
+
+
+class Beside:
+    """A listener in a thread of its own: it writes a step, which nobody changes, while the run makes the next one.
+
+    What it raises comes out at the next call."""
+
+    def __init__(self, listener: Listener) -> None:
+        self._listener = listener
+        self._thread = ThreadPoolExecutor(1, "recorder")
+        self._under_way: Future[None] | None = None
+
+    def step(self, step: Step) -> None:
+        self._finish()
+        self._under_way = self._thread.submit(self._listener.step, step)
+
+    def map(self, grid: OccupancyGrid, stamp_s: float) -> None:
+        self._finish()
+        self._listener.map(grid, stamp_s)
+
+    def close(self, status: str = "ok", reason: str = "") -> None:
+        try:
+            self._finish()
+        finally:
+            self._thread.shutdown()
+            self._listener.close(status, reason)
+
+    def _finish(self) -> None:
+        under_way, self._under_way = self._under_way, None
+        if under_way is not None:
+            under_way.result()
 
 
 @dataclass
@@ -68,7 +101,8 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
         if world.obstacles:
             save_map(folder / "true_map_patrol", truth_grid(world, with_obstacles=True))
     level = "full" if config.recording == "auto" else config.recording
-    listeners: list[Listener] = [Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))]
+    recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))
+    listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))
     return RunLog(folder, StepTable(folder), Audience(listeners), watch)

@@ -91,10 +91,11 @@ def record(seed: int, width: int) -> tuple[list[Observation], Trajectory, Contex
 def captures(world, camera: Camera, truth: Trajectory) -> Iterator[Capture]:
     import tempfile
 
-    from rhs_sources.simulator_scene import Look, Scene
+    from rhs_sources.simulator_bullet_scene import BulletScene
+    from rhs_sources.simulator_scene import Look
 
     with tempfile.TemporaryDirectory() as folder:
-        scene = Scene(world, camera, Look(150.0, "tiny", Path(folder)))
+        scene = BulletScene(world, camera, Look(150.0, "tinyrenderer", 0, Path(folder)))  # as its table was made
         for index, (stamp, pose) in enumerate(zip(truth.stamps_s, truth.poses, strict=True)):
             image, depth = scene.render(pose)
             yield Capture(index, float(stamp), image, depth)

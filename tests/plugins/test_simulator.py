@@ -1,5 +1,6 @@
 """The simulator: what it shows, how its robot moves, what it runs into."""
 
+import csv
 import subprocess
 import sys
 from dataclasses import replace
@@ -236,9 +237,9 @@ def test_a_blank_stretch_has_one_colour(tmp_path):
 
 def test_opengl_shows_the_same_building_or_is_replaced(tmp_path):
     source = build(tmp_path, renderer="egl")
-    if source.renderer == "tiny":
+    if source.renderer == "tinyrenderer":
         source.close()
-        pytest.skip("no EGL on this machine: the simulator fell back to the software renderer")
+        pytest.skip("no EGL on this machine: PyBullet fell back to its software renderer")
     depth = look_from(source, 2.3, 1.0, 0.0).depth
     source.close()
     software = build(tmp_path)
@@ -255,7 +256,8 @@ def test_a_flat_picture_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("setting", [
-    {"image_width": 0}, {"hfov_deg": float("nan")}, {"renderer": "opengl"}, {"step_m": -0.2}, {"step_m": 0.0},
+    {"image_width": 0}, {"hfov_deg": float("nan")}, {"renderer": "opengl"}, {"sampling": "linear"}, {"anisotropy": 0},
+    {"step_m": -0.2}, {"step_m": 0.0},
     {"speed_mps": float("inf")}, {"turn": "left"}, {"direction": "north"}, {"wobble_m": -1.0},
     {"paintings_unique": 0}, {"paintings_density": 1.5}, {"command_noise_percent": float("nan")},
 ])
@@ -268,3 +270,33 @@ def test_a_config_alone_loads_no_heavy_library():
     code = ("import sys, rhs_sources.simulator_config, rhs.worlds.world; "
             "print([m for m in ('cv2', 'pybullet', 'scipy', 'numba') if m in sys.modules])")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+WITHOUT = "import sys; sys.modules['pybullet'] = None; from rhs.cli.main import main; sys.exit(main(sys.argv[1:]))"
+
+
+def without_pybullet(*words):
+    return subprocess.run([sys.executable, "-c", WITHOUT, *words], capture_output=True, text=True, check=False)
+
+
+def test_a_survey_needs_no_pybullet_and_leaves_open_how_near_it_came(tmp_path):
+    words = ("world=square_small", "odometry=wheel", "loop_closer=none", "recording=off", "pictures=off",
+             "source.image_width=64", f"output={tmp_path}/run")
+    done = without_pybullet("task=survey", *words)
+    assert done.returncode == 0 and "pip install pybullet" in done.stderr
+    with (tmp_path / "run" / "steps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) > 100 and {row["clearance_m"] for row in rows} == {""}
+
+
+def test_a_patrol_without_pybullet_is_refused_before_the_survey(tmp_path):
+    done = without_pybullet("world=square_small", f"output={tmp_path}/run")
+    assert done.returncode == 2 and "type task=survey" in done.stderr and not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("words", [
+    ("task=planning", "world=square_small"), ("task=survey", "source=replay", "odometry=wheel", "sensor=laser",
+                                              "loop_closer=none", "source.path=tests/golden/laser.clf")])
+def test_planning_and_replay_need_no_pybullet(tmp_path, words, request):
+    words = [word.replace("tests/golden", str(request.path.parents[1] / "golden")) for word in words]
+    assert without_pybullet(*words, "pictures=off", f"output={tmp_path}/run").returncode == 0

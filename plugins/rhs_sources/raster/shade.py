@@ -1,0 +1,129 @@
+"""Compiled: the colour and the depth of each pixel, once the face seen there is known.
+
+Textures are uint32 texels (red in the lowest byte, then green, blue) in pyramids, each level with a border of one texel
+(see textures.py). Anisotropic sampling after Schilling, Knittel and Strasser, "Texram", IEEE CG&A 16(3), 1996: probes are
+spread along the longer axis of a pixel's footprint, each a bilinear one from the level that suits the shorter axis.
+Deviation: level and number of probes are worked out once per block of pixels; the level is the nearest one.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from rhs.api.jit import typed
+
+from .visible import DEPTHS, F64, FACES, FREE, I64, NUMBERS, TABLE
+
+BLOCK = 8  # pixels of a row that share a level and a number of probes
+HALF = 0x800000800080  # one half of a grey level in each channel of `tap`, which are times 256
+TEXELS = nb.types.Array(nb.uint32, 1, "C")
+LEVELS = nb.types.Array(I64, 3, "C")
+LINE = nb.types.Array(F64, 1, "C")
+PICTURE = nb.types.Array(nb.uint8, 3, "C")
+
+
+@typed(I64(TEXELS, I64, I64, I64, I64), **FREE)
+def tap(texels, offset, stride, iu, iv):
+    """Four neighbours weighed, each channel times 256: red from bit 0, blue from 16, green from 40.
+
+    iu, iv: place in texels, times 256, plus 128; never negative. The weights are of 1/256 and add to one."""
+    a, b = iu & 255, iv & 255
+    p = offset + ((iv >> 8) - 1) * stride + (iu >> 8) - 1
+    c00, c10 = np.int64(texels[p]), np.int64(texels[p + 1])  # with unsigned ones numba would go on in floats
+    c01, c11 = np.int64(texels[p + stride]), np.int64(texels[p + stride + 1])
+    c00 = (c00 & 0xFF00FF) | ((c00 & 0xFF00) << 32)
+    c10 = (c10 & 0xFF00FF) | ((c10 & 0xFF00) << 32)
+    c01 = (c01 & 0xFF00FF) | ((c01 & 0xFF00) << 32)
+    c11 = (c11 & 0xFF00FF) | ((c11 & 0xFF00) << 32)
+    w11 = (a * b + 128) >> 8
+    return c00 * (256 - a - b + w11) + c10 * (a - w11) + c01 * (b - w11) + c11 * w11
+
+
+@typed(nb.types.Tuple((I64, I64, F64, F64))(TABLE, I64, F64, F64, I64, I64), **FREE)
+def footprint(planes, n, x, y, most, coarsest):
+    """(level, probes, step u, step v) that suit pixel (x, y): steps in texels of level 0 from probe to probe."""
+    w0, w1, u0, u1, v0, v1 = planes[n, 0], planes[n, 1], planes[n, 3], planes[n, 4], planes[n, 6], planes[n, 7]
+    z = 1.0 / (w0 * x + w1 * y + planes[n, 2])
+    u, v = (u0 * x + u1 * y + planes[n, 5]) * z, (v0 * x + v1 * y + planes[n, 8]) * z
+    ux, uy, vx, vy = (u0 - u * w0) * z, (u1 - u * w1) * z, (v0 - v * w0) * z, (v1 - v * w1) * z  # texels a pixel
+    across, down = ux * ux + vx * vx, uy * uy + vy * vy
+    longer = max(across, down)
+    if longer <= 1.0:
+        return 0, 1, 0.0, 0.0
+    shorter = max(min(across, down), max(1.0, longer / (most * most)))
+    probes = min(max(int(np.ceil(np.sqrt(longer / shorter) - 0.25)), 1), most)
+    level, beyond = 0, 2.0
+    while shorter >= beyond and level < coarsest:  # log2 of its root, rounded
+        level, beyond = level + 1, 4.0 * beyond
+    return (level, probes, ux / probes, vx / probes) if across >= down else (level, probes, uy / probes, vy / probes)
+
+
+@typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64), **FREE)
+def paint_nearest(image, y, x, us, vs, count, texels, levels, texture):
+    """Pixels of row y from x on wear the texels that hold the places us, vs."""
+    offset, width, height = levels[texture, 0, 0], levels[texture, 0, 1], levels[texture, 0, 2]
+    for k in range(count):
+        c = np.int64(texels[offset + min(int(vs[k]), height - 1) * (width + 2) + min(int(us[k]), width - 1)])
+        image[y, x + k, 0], image[y, x + k, 1], image[y, x + k, 2] = c & 255, (c >> 8) & 255, (c >> 16) & 255
+
+
+@typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64, I64, I64, F64, F64), **FREE)
+def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, probes, step_u, step_v):
+    """Pixels of row y from x on wear the mean of the probes about the places us, vs."""
+    offset, stride, scale = levels[texture, level, 0], levels[texture, level, 1] + 2, 256.0 / (1 << level)
+    if probes == 1:
+        for k in range(count):
+            c = tap(texels, offset, stride, int(us[k] * scale + 128.0), int(vs[k] * scale + 128.0)) + HALF
+            image[y, x + k, 0], image[y, x + k, 1], image[y, x + k, 2] = (c >> 8) & 255, (c >> 48) & 255, (c >> 24) & 255
+        return
+    width, height = levels[texture, level, 1] * 256, levels[texture, level, 2] * 256
+    share, first = 65536 // probes, 0.5 - 0.5 * probes
+    du, dv = int(step_u * scale), int(step_v * scale)
+    before_u, before_v = int(first * step_u * scale), int(first * step_v * scale)
+    for k in range(count):
+        iu, iv = int(us[k] * scale) + before_u, int(vs[k] * scale) + before_v
+        red_blue, green = np.int64(0), np.int64(0)
+        for _ in range(probes):
+            c = tap(texels, offset, stride, min(max(iu, 0), width) + 128, min(max(iv, 0), height) + 128)
+            red_blue += (c & 0xFFFF) | ((c & 0xFFFF0000) << 16)
+            green += c >> 40
+            iu += du
+            iv += dv
+        image[y, x + k, 0] = ((red_blue & 0xFFFFFFFF) * share + 0x800000) >> 24
+        image[y, x + k, 1] = (green * share + 0x800000) >> 24
+        image[y, x + k, 2] = ((red_blue >> 32) * share + 0x800000) >> 24
+
+
+@typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, I64, PICTURE, DEPTHS), **FREE)
+def shade(seen, planes, textures, texels, levels, most, image, depth_m):
+    """Image (H, W, 3) and depth_m (H, W) of the faces seen; white and NaN where there is none.
+
+    seen, planes: of `find_visible`. textures (N,): the texture of each row of planes. levels (T, L, 3): where each level
+    of a texture begins in texels, its width and height. most: probes at most; 0: the nearest texel, unfiltered."""
+    height, width = seen.shape
+    us, vs = np.empty(BLOCK), np.empty(BLOCK)
+    for y in range(height):
+        x = 0
+        while x < width:
+            n, end = seen[y, x], x + 1
+            while end < width and end < x + BLOCK and seen[y, end] == n:
+                end += 1
+            if n >= 0:
+                t = textures[n]
+                w, u, v = planes[n, 1] * y + planes[n, 2], planes[n, 4] * y + planes[n, 5], planes[n, 7] * y + planes[n, 8]
+                w0, u0, v0, most_u, most_v = planes[n, 0], planes[n, 3], planes[n, 6], levels[t, 0, 1], levels[t, 0, 2]
+                for k in range(end - x):
+                    z = 1.0 / (w + w0 * (x + k))
+                    us[k] = min(max((u + u0 * (x + k)) * z, 0.0), float(most_u))
+                    vs[k] = min(max((v + v0 * (x + k)) * z, 0.0), float(most_v))
+                    depth_m[y, x + k] = z
+                if most == 0:
+                    paint_nearest(image, y, x, us, vs, end - x, texels, levels, t)
+                else:
+                    level, probes, du, dv = footprint(planes, n, 0.5 * (x + end - 1), y, most, levels.shape[1] - 1)
+                    paint_filtered(image, y, x, us, vs, end - x, texels, levels, t, level, probes, du, dv)
+            else:
+                for i in range(x, end):
+                    image[y, i, 0], image[y, i, 1], image[y, i, 2], depth_m[y, i] = 255, 255, 255, np.nan
+            x = end
