@@ -20,7 +20,7 @@ import threading  # noqa: E402
 import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
-from rhs.base.errors import ConfigError, PluginError, RhsError  # noqa: E402
+from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
 from .commands import command, plugin_files  # noqa: E402
 from .one_run import COMPILES, Terminated, complain, one_run, signal_code  # noqa: E402
@@ -133,6 +133,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
+    from rhs.config.loose import match
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import sweep
 
@@ -144,13 +145,16 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         before = sweep.recall(Path(arguments.resume))
         typed = {word.partition("=")[0] for word in words}
         words = [word for word in before["words"] if word.partition("=")[0] not in {*typed, "output"}] + words
+        match(words)
         folders = folders or tuple(map(Path, before["conf"]))
         words.append(f"output={_quoted(arguments.resume)}")
     try:
         plan = sweep.plan(words, folders)
-    except PluginError as error:
-        hint = f"; the sweep has {'; '.join(map(str, before['plugins']))}: add --plugin FILE" if before.get("plugins") else ""
-        raise PluginError(f"{error}{hint}") from error
+    except ConfigError as error:
+        if before.get("plugins"):
+            had = "; ".join(map(str, before["plugins"]))
+            raise ConfigError(f"the sweep has {had}: add --plugin FILE; {error}") from error
+        raise
     if arguments.cfg:
         print("\n".join(job.name for job in plan.jobs))
         return 0
