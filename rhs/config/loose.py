@@ -20,14 +20,23 @@ from rhs.base.errors import PluginError
 
 from . import registry
 
+_loaded: dict[str, None] = {}
+
 
 def load_files(files: Sequence[str], words: Sequence[str]) -> None:
     """Run these files and register the plugins that the words ask for. Raises PluginError in one line."""
     for file in files:
+        path = Path(file).expanduser()
         before = len(registry.by_hand())
-        module = _load(Path(file).expanduser())
+        module = _load(path)
         if len(registry.by_hand()) == before:
             _match(module, words)
+        _loaded[str(path.absolute())] = None
+
+
+def loaded() -> list[str]:
+    """The files that were loaded in this process, for the jobs of a sweep. No file of data ever names one."""
+    return list(_loaded)
 
 
 def _load(path: Path) -> ModuleType:

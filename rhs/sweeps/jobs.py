@@ -35,6 +35,7 @@ from rhs.base.processes import (
     resident_bytes,
     total_memory_mb,
 )
+from rhs.config import loose
 from rhs.config.compose import RunConfig, identity, to_plain
 from rhs.metrics.success import with_success
 from rhs.runfolder.folders import job_folder
@@ -175,7 +176,7 @@ class _Pool:
             shutil.rmtree(earlier, ignore_errors=True)
         folder.mkdir(parents=True)
         ours, theirs = self.context.Pipe(duplex=False)
-        arguments = (to_plain(job.config), str(folder), self.lifeline, theirs)
+        arguments = (to_plain(job.config), str(folder), self.lifeline, theirs, loose.loaded())
         process = self.context.Process(target=work, args=arguments, daemon=False)
         with _as_on_the_command_line():
             process.start()

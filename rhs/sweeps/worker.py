@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -16,18 +17,20 @@ from rhs.base.commands import plain
 from rhs.base.errors import ConfigError, RhsError
 from rhs.base.processes import adopt_orphans, descendants, die_with_parent, kill
 from rhs.config.compose import from_plain, identity
+from rhs.config.loose import load_files
 from rhs.metrics.success import with_success
 from rhs.runfolder.folders import lock
 from rhs.runfolder.row import sound, write_row
 
 
-def work(values: dict[str, Any], folder: str, lifeline: Connection, done: Connection) -> None:
+def work(values: dict[str, Any], folder: str, lifeline: Connection, done: Connection, plugin_files: Sequence[str]) -> None:
     """Run the job; `done` hears the number of the process that forked this one, and True when all is written."""
     done.send(os.getppid())
     _settle_in(lifeline)
     _redirect(os.path.join(folder, "job.log"))
     held = lock(Path(folder))
     try:
+        load_files(plugin_files, [f"{kind}={node['name']}" for kind, node in values.items() if _is_part(node)])
         cause = _run(values, Path(folder))
         if cause is not None:
             traceback.print_exception(cause)
@@ -38,6 +41,10 @@ def work(values: dict[str, Any], folder: str, lifeline: Connection, done: Connec
         sys.stderr.flush()
         os.close(held)
         done.send(True)
+
+
+def _is_part(node: object) -> bool:
+    return isinstance(node, dict) and "name" in node
 
 
 def _run(values: dict[str, Any], folder: Path) -> BaseException | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from painted_room import observe, paintings
 
-from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, inverse, se2
+from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, se2
 
 CAMERA = camera_from_fov(160, 120, 70.0, height_m=1.0)
 REPLAY = ["task=survey", "source=replay", "source.path=tum", "recording=off", "pictures=off", "output=run",
@@ -89,8 +89,7 @@ def corridor(poses: Sequence[np.ndarray], half_m: float = 1.0, height_m: float =
             sides = np.where(ways[:, 1] > 0, half_m - world[1, 3], -half_m - world[1, 3]) / ways[:, 1]
             floors = np.where(ways[:, 2] > 0, height_m - world[2, 3], -world[2, 3]) / ways[:, 2]
         reach = np.minimum(np.abs(sides), np.abs(floors))
-        ahead = (inverse(CAMERA.body_from_camera)[:3, :3] @ np.array([1.0, 0.0, 0.0]))[2]
-        depth = reach * (rays[:, 2] if abs(ahead) > 0.5 else 1.0)
+        depth = reach * rays[:, 2]
         out.append(np.where(depth < 8.0, depth, np.nan).reshape(CAMERA.height, CAMERA.width))
     return out
 

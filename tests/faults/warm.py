@@ -35,6 +35,7 @@ class Warm:
         self.process = subprocess.Popen([sys.executable, __file__], env=environment, stdin=subprocess.PIPE,
                                         stdout=subprocess.PIPE, text=True, bufsize=1)
         self._hear(120.0)
+        self.kept: dict[str, Any] = {}  # answers that several tests look at
 
     def run(self, module: str, words: list[str], folder: Path, *, out: Path, err: Path, timeout_s: float = 120.0,
             limits: dict[str, int] | None = None, environment: dict[str, str] | None = None) -> Spent:
@@ -85,7 +86,9 @@ def _import_all() -> None:
     """What every command imports sooner or later; no plugin of a stranger."""
     import importlib
 
-    for name in ("rhs.cli.main", "numpy", "scipy.ndimage", "cv2", "numba", "pandas", "hydra", "rhs.config.compose",
+    from rhs.sweeps.jobs import PRELOAD
+
+    for name in (*PRELOAD[:-1], "rhs.cli.main", "numpy", "scipy.ndimage", "cv2", "numba", "pandas", "hydra", "rhs.config.compose",
                  "rhs.patrol.run", "rhs.patrol.job", "rhs.metrics.evaluate", "rhs.reports.table", "rhs.cli.convert",
                  "rhs.cli.evaluate", "rhs.sweeps.sweep", "rhs_sources.replay", "rhs_tasks.planning.settings"):
         importlib.import_module(name)
@@ -106,7 +109,7 @@ def _command(order: dict[str, Any]) -> None:
     for name, most in order["limits"].items():
         resource.setrlimit(getattr(resource, name), (most, most))
     sys.argv = [order["module"], *order["words"]]
-    sys.path[0] = order["folder"]
+    sys.path[:1] = [order["folder"], *order["environment"]["PYTHONPATH"].split(os.pathsep)]
     code: object = 0
     try:
         runpy.run_module(order["module"], run_name="__main__", alter_sys=True)

@@ -1,0 +1,163 @@
+"""Parts that misbehave in every way one asks for: `--plugin hostile.py odometry=hostile odometry.how=negative_covariance`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from rhs_fakes import parts
+
+import rhs
+
+KEPT: list[Any] = []  # what is leaked
+
+
+class Wrapped:
+    """A light part but for what a subclass changes; `how` says in what way."""
+
+    def __init__(self, inner: Any, how: str, context: Any = None) -> None:
+        self.inner, self.how, self.context, self.count = inner, how, context, 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+
+def mirrored() -> np.ndarray:
+    return np.diag([1.0, -1.0, 1.0, 1.0])
+
+
+class Odometry(Wrapped):
+    """Changes the motion of the third view and of those after it."""
+
+    def update(self, observation: Any) -> Any:
+        self.count += 1
+        motion = self.inner.update(observation)
+        return motion if self.count < 3 else self.spoilt(motion)
+
+    def spoilt(self, motion: Any) -> Any:
+        pose, covariance = motion.previous_from_body.copy(), motion.covariance
+        lopsided = covariance.copy()
+        lopsided[0, 1] = 0.5 * covariance[0, 0]
+        row = pose.copy()
+        row[3] = [1.0, 2.0, 3.0, 4.0]
+        far = pose.copy()
+        far[0, 3] = 1e9
+        changes = {
+            "negative_covariance": {"covariance": -covariance}, "zero_covariance": {"covariance": 0.0 * covariance},
+            "lopsided_covariance": {"covariance": lopsided}, "nan_covariance": {"covariance": covariance * np.nan},
+            "huge_covariance": {"covariance": 1e13 * np.eye(6)},
+            "mirror": {"previous_from_body": mirrored()}, "zeros": {"previous_from_body": np.zeros((4, 4))},
+            "last_row": {"previous_from_body": row}, "scaled": {"previous_from_body": 2.0 * pose},
+            "nan_pose": {"previous_from_body": pose * np.nan}, "far": {"previous_from_body": far},
+            "word": {"status": "fine"}, "no_word": {"status": None}, "text_pose": {"previous_from_body": "here"},
+        }
+        return replace(motion, **changes[self.how])
+
+
+class Localiser(Wrapped):
+    def update(self, observation: Any, motion: Any) -> Any:
+        belief = self.inner.update(observation, motion)
+        if self.how == "probability":
+            return replace(belief, probability=7.0)
+        pose = belief.map_from_body.copy()
+        pose[0, 3] = {"far": 1e7, "nan": np.nan}[self.how]
+        return replace(belief, map_from_body=pose)
+
+
+class Planner(Wrapped):
+    """sealed: there is no way to the first place. wall: straight on whatever stands there. map: writes into its map."""
+
+    def plan(self, problem: Any) -> Any:
+        from rhs.api.records import Path, PlanReason
+
+        if self.how == "sealed" and problem.goal_m[0] > 2.5:
+            return Path(PlanReason.DISCONNECTED, np.zeros((0, 2)), np.zeros((0, 2)))
+        if self.how == "map":
+            problem.blocked.setflags(write=True)
+            problem.blocked[:] = False
+        if self.how == "leak":
+            KEPT.append((open(os.devnull), bytearray(20 << 20)))
+        if self.how == "long":
+            points = np.linspace(problem.start_m, problem.goal_m, 3_000_000)
+            return Path(PlanReason.OK, points, points)
+        return self.inner.plan(problem)
+
+
+class Mapper(Wrapped):
+    def grid(self) -> Any:
+        grid = self.inner.grid()
+        change = {"flat": {"resolution_m": 0.0}, "chances": {"probability": 0.0 * grid.probability + 7.0},
+                  "empty": {"probability": grid.probability[:0]}, "turned": {"probability": grid.probability[0]}}
+        return replace(grid, **change[self.how])
+
+
+class Source(Wrapped):
+    """same, back: stamps that stand still or run backwards. stuck: the wheels slip, the robot stays. wall: it comes no
+    further than x = 2 m, and the sensor says so. kidnap: it is put elsewhere. mirror, zeros: a truth that is no pose."""
+
+    def __init__(self, inner: Any, how: str, context: Any) -> None:
+        super().__init__(inner, how, context)
+        self.patrolling = False
+
+    def lead(self) -> Any:
+        return self.spoilt(self.inner.lead())
+
+    def begin_patrol(self) -> None:
+        self.patrolling = True
+
+    def drive(self, command: Any) -> Any:
+        before = self.inner.pose.copy()
+        capture = self.inner.drive(command)
+        if self.how == "stuck" or (self.how == "wall" and self.inner.pose[0, 3] > 1.7):
+            turned = self.inner.pose.copy()
+            turned[:3, 3] = before[:3, 3]
+            self.inner.pose = before if self.how == "stuck" else turned
+            capture = replace(capture, travel=np.zeros(3) if self.how == "stuck" else
+                              np.array([0.0, 0.0, command.turn_radps * command.duration_s]))
+        return self.spoilt(capture)
+
+    def spoilt(self, capture: Any) -> Any:
+        self.count += 1
+        if capture is None or self.count < 3:
+            return capture
+        stamps = {"same": 0.8, "back": 10.0 - self.count, "jump": capture.stamp_s + 3600.0 * (self.count > 3),
+                  "nan": float("nan")}
+        return replace(capture, stamp_s=stamps.get(self.how, capture.stamp_s))
+
+    def truth(self) -> Any:
+        known = self.inner.truth()
+        return {"mirror": mirrored(), "zeros": np.zeros((4, 4)), "none": None}.get(self.how, known)
+
+
+class Sensor(Wrapped):
+    """wall: sees the wall that the source of that name stands before. near: every beam ends at 1 cm; spread: nonsense."""
+
+    def sense(self, capture: Any) -> Any:
+        observation = self.inner.sense(capture)
+        scan, ranges = observation.scan, observation.scan.ranges_m
+        self.count += 1
+        spoilt = {"negative": -np.ones_like(ranges), "mismatch": ranges[:-1], "near": np.full_like(ranges, 0.01)}
+        if self.how == "sealed_view" and capture.command is not None:
+            ranges = np.where(np.abs(scan.bearings_rad) < 0.5, 0.6, np.inf)
+        return replace(observation, scan=replace(scan, ranges_m=spoilt.get(self.how, ranges)))
+
+
+def plugin(kind: str, base: type, wrapper: type) -> None:
+    """Register `kind`=hostile: the light part of that kind inside the wrapper."""
+
+    @dataclass
+    class Hostile(base):  # type: ignore[misc, valid-type]
+        how: str = "none"
+
+        def build(self, context: Any) -> Any:
+            return wrapper(super().build(context), self.how, context)
+
+    rhs.register(kind, "hostile", Hostile)
+
+
+for _kind, _base, _wrapper in (("odometry", parts.FakeOdometry, Odometry), ("localiser", parts.FakeLocaliser, Localiser),
+                               ("planner", parts.FakePlanner, Planner), ("mapper", parts.FakeMapper, Mapper),
+                               ("source", parts.FakeSource, Source), ("sensor", parts.FakeSensor, Sensor)):
+    plugin(_kind, _base, _wrapper)
