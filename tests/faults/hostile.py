@@ -56,6 +56,30 @@ class Odometry(Wrapped):
         return replace(motion, **changes[self.how])
 
 
+def scan_of(pose: np.ndarray, *, pillar: bool) -> Any:
+    """Ranges (N,) metres to the walls of the room of 6 m by 4 m, which looks the same turned round unless a pillar stands
+    in it."""
+    from rhs.api.geometry import planar
+    from rhs.api.records import Scan
+
+    boxes = [(0.0, 0.0, 6.0, 4.0)] + [(4.2, 2.4, 5.0, 3.4)] * pillar
+    sides = [side for x0, y0, x1, y1 in boxes for side in
+             (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)), ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0)))]
+    x, y, yaw = planar(pose)
+    bearings = np.linspace(-np.pi, np.pi, 90, endpoint=False)
+    ranges = np.full(len(bearings), np.inf)
+    way = np.stack([np.cos(yaw + bearings), np.sin(yaw + bearings)])
+    for start, end in sides:
+        along = np.subtract(end, start)
+        off = np.subtract(start, (x, y))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cross = way[0] * along[1] - way[1] * along[0]
+            reach, share = (off[0] * along[1] - off[1] * along[0]) / cross, (off[0] * way[1] - off[1] * way[0]) / cross
+        hit = (reach > 1e-6) & (share >= 0.0) & (share <= 1.0)
+        ranges[hit] = np.minimum(ranges[hit], reach[hit])
+    return Scan(bearings, ranges, 8.0)
+
+
 class Localiser(Wrapped):
     def update(self, observation: Any, motion: Any) -> Any:
         belief = self.inner.update(observation, motion)
@@ -94,8 +118,8 @@ class Mapper(Wrapped):
 
 
 class Source(Wrapped):
-    """same, back: stamps that stand still or run backwards. stuck: the wheels slip, the robot stays. wall: it comes no
-    further than x = 2 m, and the sensor says so. kidnap: it is put elsewhere. mirror, zeros: a truth that is no pose."""
+    """same, back, jump, nan: stamps. stuck: the wheels slip, the robot stays. wall: it comes no further than x = 1.7 m.
+    mirror, zeros, none: the truth. scans, pillar: captures hold a scan of the room, with a pillar in it or not."""
 
     def __init__(self, inner: Any, how: str, context: Any) -> None:
         super().__init__(inner, how, context)
@@ -118,8 +142,13 @@ class Source(Wrapped):
                               np.array([0.0, 0.0, command.turn_radps * command.duration_s]))
         return self.spoilt(capture)
 
+    def teleport(self, world_from_body: np.ndarray) -> None:
+        self.inner.pose = world_from_body.copy()
+
     def spoilt(self, capture: Any) -> Any:
         self.count += 1
+        if capture is not None and self.how in ("scans", "pillar"):
+            return replace(capture, scan=scan_of(self.inner.pose, pillar=self.how == "pillar"))
         if capture is None or self.count < 3:
             return capture
         stamps = {"same": 0.8, "back": 10.0 - self.count, "jump": capture.stamp_s + 3600.0 * (self.count > 3),
@@ -132,10 +161,13 @@ class Source(Wrapped):
 
 
 class Sensor(Wrapped):
-    """wall: sees the wall that the source of that name stands before. near: every beam ends at 1 cm; spread: nonsense."""
+    """negative, mismatch: a scan that is none. near: every beam ends at 1 cm. sealed_view: a wall ahead of a driven robot,
+    wherever it looks. laser: the scan of the capture."""
 
     def sense(self, capture: Any) -> Any:
         observation = self.inner.sense(capture)
+        if self.how == "laser":
+            return replace(observation, scan=capture.scan)
         scan, ranges = observation.scan, observation.scan.ranges_m
         self.count += 1
         spoilt = {"negative": -np.ones_like(ranges), "mismatch": ranges[:-1], "near": np.full_like(ranges, 0.01)}
