@@ -118,8 +118,8 @@ class Mapper(Wrapped):
 
 
 class Source(Wrapped):
-    """same, back, jump, nan: stamps. stuck: the wheels slip, the robot stays. wall: it comes no further than x = 1.7 m.
-    mirror, zeros, none: the truth. scans, pillar: captures hold a scan of the room, with a pillar in it or not."""
+    """same, back, jump, unknown: stamps. stuck: the wheels slip, the robot stays. wall: it comes no further than x = 1.7 m.
+    mirror, zeros, no_truth: the truth. scans, pillar: captures hold a scan of the room, with a pillar in it or not."""
 
     def __init__(self, inner: Any, how: str, context: Any) -> None:
         super().__init__(inner, how, context)
@@ -152,12 +152,12 @@ class Source(Wrapped):
         if capture is None or self.count < 3:
             return capture
         stamps = {"same": 0.8, "back": 10.0 - self.count, "jump": capture.stamp_s + 3600.0 * (self.count > 3),
-                  "nan": float("nan")}
+                  "unknown": float("nan")}
         return replace(capture, stamp_s=stamps.get(self.how, capture.stamp_s))
 
     def truth(self) -> Any:
         known = self.inner.truth()
-        return {"mirror": mirrored(), "zeros": np.zeros((4, 4)), "none": None}.get(self.how, known)
+        return {"mirror": mirrored(), "zeros": np.zeros((4, 4)), "no_truth": None}.get(self.how, known)
 
 
 class Sensor(Wrapped):

@@ -90,7 +90,7 @@ def stamps_out_of_order(bench: Bench) -> None:
         (folder / f"{name}.txt").write_text("".join([*lines[:4], *more, *lines[4:]]))
     answer = bench.ask(*SURVEY, code=0, says="rejected or unpaired: 2 backward, 2 duplicate, 2 outlier")
     assert answer.row()["survey_steps"] == 6 and answer.row()["ate_rmse_m"] < 0.02
-    for how, says in (("same", "stamp_s is 0.8 after 0.8"), ("back", "stamps that increase from view to view"), ("nan", "stamp_s is nan")):
+    for how, says in (("same", "stamp_s is 0.8 after 0.8"), ("back", "stamps that increase from view to view"), ("unknown", "stamp_s is nan")):
         bench.ask(*hostile("source", how), f"output={how}_run", code=1, says=("source=hostile", says))
     row = bench.ask(*hostile("source", "jump"), "output=jump", code=0).row("jump")
     assert np.isfinite(row["end_error_m"]) and np.isfinite(row["real_time_factor"])
