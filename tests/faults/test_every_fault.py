@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from faults import (  # noqa: F401
     environments,
-    loops,
     numerics,
     planners,
     plugins,
