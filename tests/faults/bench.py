@@ -76,8 +76,18 @@ class Bench:
         path.write_bytes(content.encode() if isinstance(content, str) else content)
         return path
 
-    def ask(self, *words: str, code: int | tuple[int, ...] = 2, says: str | tuple[str, ...] | None = "", module: str = "rhs",
-            site: str = "", alone: bool = True, timeout_s: float = 120.0, limits: dict[str, int] | None = None, **environment: str) -> Answer:
+    def ask(
+        self,
+        *words: str,
+        code: int | tuple[int, ...] = 2,
+        says: str | tuple[str, ...] | None = "",
+        module: str = "rhs",
+        site: str = "",
+        alone: bool = True,
+        timeout_s: float = 120.0,
+        limits: dict[str, int] | None = None,
+        **environment: str,
+    ) -> Answer:
         """Run a command in a warm process; its exit code, its one line and what must hold of every command are checked.
 
         site: a folder of one more installed distribution. alone: nothing else is at work in the folder."""
@@ -85,8 +95,16 @@ class Bench:
         out, err = self.home / "out.txt", self.home / "err.txt"
         for path in (out, err):
             path.write_text("")
-        spent = self.warm.run(module, list(words), self.folder, out=out, err=err, timeout_s=timeout_s, limits=limits,
-                              environment={**environment, "PYTHONPATH": os.pathsep.join(filter(None, [site, str(FAKES)]))})
+        spent = self.warm.run(
+            module,
+            list(words),
+            self.folder,
+            out=out,
+            err=err,
+            timeout_s=timeout_s,
+            limits=limits,
+            environment={**environment, "PYTHONPATH": os.pathsep.join(filter(None, [site, str(FAKES)]))},
+        )
         answer = Answer(spent.code, out.read_text(), err.read_text(), self.folder, spent)
         check(answer, code, says)
         assert self._outside() == outside, "something was written outside the folder of work"
@@ -95,19 +113,30 @@ class Bench:
             assert spent.peak_mb <= MOST_MB and spent.cpu_s <= MOST_S, spent
         return answer
 
-    def start(self, *words: str, module: str = "rhs", limit: Callable[[], None] | None = None,
-              **more: str) -> subprocess.Popen:
+    def start(
+        self, *words: str, module: str = "rhs", limit: Callable[[], None] | None = None, **more: str
+    ) -> subprocess.Popen:
         """The same as a process of its own, under way."""
+
         def begin() -> None:
             interruptible()
             if limit is not None:
                 limit()
 
-        return subprocess.Popen([sys.executable, "-m", module, *words], cwd=self.folder, env=environment(FAKES, **more),
-                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-                                preexec_fn=begin)
+        return subprocess.Popen(
+            [sys.executable, "-m", module, *words],
+            cwd=self.folder,
+            env=environment(FAKES, **more),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            preexec_fn=begin,
+        )
 
-    def ends(self, process: subprocess.Popen, code: int, says: str | tuple[str, ...] = "", timeout_s: float = 200.0) -> Answer:
+    def ends(
+        self, process: subprocess.Popen, code: int, says: str | tuple[str, ...] = "", timeout_s: float = 200.0
+    ) -> Answer:
         """Wait for a process that was started, and check its answer; nothing of its group is left two seconds later."""
         out, err = process.communicate(timeout=timeout_s)
         answer = Answer(process.returncode, out, err, self.folder)
@@ -115,7 +144,9 @@ class Bench:
         self.wait(lambda: not _alive(process.pid), 2.0)
         return answer
 
-    def process(self, *words: str, code: int, says: str | tuple[str, ...] = "", timeout_s: float = 300.0, **more: Any) -> Answer:
+    def process(
+        self, *words: str, code: int, says: str | tuple[str, ...] = "", timeout_s: float = 300.0, **more: Any
+    ) -> Answer:
         """A command as a process of its own, from beginning to end."""
         return self.ends(self.start(*words, **more), code, says, timeout_s)
 
@@ -134,12 +165,15 @@ class Bench:
 
     def listed(self) -> dict[str, tuple[int, int]]:
         """Every path in the folder of work: when it changed, and its size."""
-        return {str(path.relative_to(self.folder)): (path.lstat().st_mtime_ns, path.lstat().st_size)
-                for path in sorted(self.folder.rglob("*"))}
+        return {
+            str(path.relative_to(self.folder)): (path.lstat().st_mtime_ns, path.lstat().st_size)
+            for path in sorted(self.folder.rglob("*"))
+        }
 
     def _outside(self) -> list[str]:
         return sorted(path.name for path in self.home.iterdir() if path.name not in ("out.txt", "err.txt")) + [
-            (self.home / "canary").read_text() if (self.home / "canary").exists() else "gone"]
+            (self.home / "canary").read_text() if (self.home / "canary").exists() else "gone"
+        ]
 
 
 def check(answer: Answer, code: int | tuple[int, ...], says: str | tuple[str, ...] | None) -> None:

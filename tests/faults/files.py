@@ -13,8 +13,15 @@ from painted_room import observe, paintings
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, camera_from_fov, se2
 
 CAMERA = camera_from_fov(160, 120, 70.0, height_m=1.0)
-REPLAY = ["task=survey", "source=replay", "source.path=tum", "recording=off", "pictures=off", "output=run",
-          f"source.camera=[{CAMERA.fx},{CAMERA.fy},{CAMERA.cx},{CAMERA.cy}]"]
+REPLAY = [
+    "task=survey",
+    "source=replay",
+    "source.path=tum",
+    "recording=off",
+    "pictures=off",
+    "output=run",
+    f"source.camera=[{CAMERA.fx},{CAMERA.fy},{CAMERA.cx},{CAMERA.cy}]",
+]
 
 
 def png(width: int, height: int, *, bits: int = 8, colour: int = 0) -> bytes:
@@ -30,8 +37,14 @@ def png(width: int, height: int, *, bits: int = 8, colour: int = 0) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed + packer.flush()) + chunk(b"IEND", b"")
 
 
-def tum(folder: Path, images: Sequence[np.ndarray], depths: Sequence[np.ndarray], *, stamps: Sequence[float] = (),
-        poses: Sequence[np.ndarray] = ()) -> Path:
+def tum(
+    folder: Path,
+    images: Sequence[np.ndarray],
+    depths: Sequence[np.ndarray],
+    *,
+    stamps: Sequence[float] = (),
+    poses: Sequence[np.ndarray] = (),
+) -> Path:
     """A TUM folder. images: (H, W) or (H, W, 3) uint8; depths: (H, W) metres, or integers as they are to be stored; poses:
     true world_from_body."""
     import cv2
@@ -45,7 +58,9 @@ def tum(folder: Path, images: Sequence[np.ndarray], depths: Sequence[np.ndarray]
             lines.append(f"{stamp:.6f} {name}/{number}.png\n")
         (folder / f"{name}.txt").write_text("".join(lines))
     if len(poses):
-        (folder / "groundtruth.txt").write_text("".join(_line(stamp, pose) for stamp, pose in zip(stamps, poses, strict=True)))
+        (folder / "groundtruth.txt").write_text(
+            "".join(_line(stamp, pose) for stamp, pose in zip(stamps, poses, strict=True))
+        )
     return folder
 
 
@@ -79,7 +94,7 @@ def drive(count: int = 8, forward_m: float = 0.1, turn_rad: float = 0.05) -> lis
 
 def corridor(poses: Sequence[np.ndarray], half_m: float = 1.0, height_m: float = 2.5) -> list[np.ndarray]:
     """Depths (H, W) metres of an endless corridor along x with plain walls; only the way across it can be seen."""
-    v, u = np.mgrid[0: CAMERA.height, 0: CAMERA.width]
+    v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width]
     rays = CAMERA.rays(np.stack([u.ravel(), v.ravel()], axis=1).astype(float))
     out = []
     for pose in poses:

@@ -1,8 +1,12 @@
-"""Parts that misbehave in every way one asks for: `--plugin hostile.py odometry=hostile odometry.how=negative_covariance`."""
+"""Parts that misbehave in the way one asks for: `--plugin hostile.py odometry=hostile odometry.how=mirror`."""
 
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
+import threading
+import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,13 +49,20 @@ class Odometry(Wrapped):
         far = pose.copy()
         far[0, 3] = 1e9
         changes = {
-            "negative_covariance": {"covariance": -covariance}, "zero_covariance": {"covariance": 0.0 * covariance},
-            "lopsided_covariance": {"covariance": lopsided}, "nan_covariance": {"covariance": covariance * np.nan},
+            "negative_covariance": {"covariance": -covariance},
+            "zero_covariance": {"covariance": 0.0 * covariance},
+            "lopsided_covariance": {"covariance": lopsided},
+            "nan_covariance": {"covariance": covariance * np.nan},
             "huge_covariance": {"covariance": 1e13 * np.eye(6)},
-            "mirror": {"previous_from_body": mirrored()}, "zeros": {"previous_from_body": np.zeros((4, 4))},
-            "last_row": {"previous_from_body": row}, "scaled": {"previous_from_body": 2.0 * pose},
-            "nan_pose": {"previous_from_body": pose * np.nan}, "far": {"previous_from_body": far},
-            "word": {"status": "fine"}, "no_word": {"status": None}, "text_pose": {"previous_from_body": "here"},
+            "mirror": {"previous_from_body": mirrored()},
+            "zeros": {"previous_from_body": np.zeros((4, 4))},
+            "last_row": {"previous_from_body": row},
+            "scaled": {"previous_from_body": 2.0 * pose},
+            "nan_pose": {"previous_from_body": pose * np.nan},
+            "far": {"previous_from_body": far},
+            "word": {"status": "fine"},
+            "no_word": {"status": None},
+            "text_pose": {"previous_from_body": "here"},
         }
         return replace(motion, **changes[self.how])
 
@@ -63,8 +74,11 @@ def scan_of(pose: np.ndarray, *, pillar: bool) -> Any:
     from rhs.api.records import Scan
 
     boxes = [(0.0, 0.0, 6.0, 4.0)] + [(4.2, 2.4, 5.0, 3.4)] * pillar
-    sides = [side for x0, y0, x1, y1 in boxes for side in
-             (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)), ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0)))]
+    sides = [
+        side
+        for x0, y0, x1, y1 in boxes
+        for side in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)), ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0)))
+    ]
     x, y, yaw = planar(pose)
     bearings = np.linspace(-np.pi, np.pi, 90, endpoint=False)
     ranges = np.full(len(bearings), np.inf)
@@ -90,11 +104,43 @@ class Localiser(Wrapped):
         return replace(belief, map_from_body=pose)
 
 
+def seed_of(context: Any) -> int:
+    """The seed of the run, from its folder's config.yaml."""
+    import yaml
+
+    return int(yaml.safe_load((context.folder / "config.yaml").read_text())["seed"])
+
+
+def forever(context: Any) -> None:
+    while True:
+        time.sleep(1.0)
+
+
+def eat_memory(context: Any) -> None:
+    while True:
+        KEPT.append(bytearray(os.urandom(1 << 20)) * 50)
+        time.sleep(0.02)
+
+
+HARMS = {
+    "remove_folder": lambda context: shutil.rmtree(context.folder),
+    "os_exit": lambda context: os._exit(0),
+    "thread": lambda context: threading.Thread(target=time.sleep, args=(3600,)).start(),
+    "child": lambda context: subprocess.Popen(["sleep", parts.MARK]),
+    "memory": eat_memory,
+    "forever": forever,
+}
+
+
 class Planner(Wrapped):
-    """sealed: there is no way to the first place. wall: straight on whatever stands there. map: writes into its map."""
+    """sealed: there is no way to the first place. map: writes into its map. leak: keeps files and memory. long: a path of
+    three million points. The others harm whoever is near (HARMS), in the run with the seed only_seed."""
 
     def plan(self, problem: Any) -> Any:
         from rhs.api.records import Path, PlanReason
+
+        if self.how in HARMS and self.settings.only_seed in (-1, seed_of(self.context)):
+            HARMS[self.how](self.context)
 
         if self.how == "sealed" and problem.goal_m[0] > 2.5:
             return Path(PlanReason.DISCONNECTED, np.zeros((0, 2)), np.zeros((0, 2)))
@@ -112,8 +158,12 @@ class Planner(Wrapped):
 class Mapper(Wrapped):
     def grid(self) -> Any:
         grid = self.inner.grid()
-        change = {"flat": {"resolution_m": 0.0}, "chances": {"probability": 0.0 * grid.probability + 7.0},
-                  "empty": {"probability": grid.probability[:0]}, "turned": {"probability": grid.probability[0]}}
+        change = {
+            "flat": {"resolution_m": 0.0},
+            "chances": {"probability": 0.0 * grid.probability + 7.0},
+            "empty": {"probability": grid.probability[:0]},
+            "turned": {"probability": grid.probability[0]},
+        }
         return replace(grid, **change[self.how])
 
 
@@ -138,8 +188,10 @@ class Source(Wrapped):
             turned = self.inner.pose.copy()
             turned[:3, 3] = before[:3, 3]
             self.inner.pose = before if self.how == "stuck" else turned
-            capture = replace(capture, travel=np.zeros(3) if self.how == "stuck" else
-                              np.array([0.0, 0.0, command.turn_radps * command.duration_s]))
+            capture = replace(
+                capture,
+                travel=np.zeros(3) if self.how == "stuck" else np.array([0.0, 0.0, command.turn_radps * command.duration_s]),
+            )
         return self.spoilt(capture)
 
     def teleport(self, world_from_body: np.ndarray) -> None:
@@ -151,8 +203,12 @@ class Source(Wrapped):
             return replace(capture, scan=scan_of(self.inner.pose, pillar=self.how == "pillar"))
         if capture is None or self.count < 3:
             return capture
-        stamps = {"same": 0.8, "back": 10.0 - self.count, "jump": capture.stamp_s + 3600.0 * (self.count > 3),
-                  "unknown": float("nan")}
+        stamps = {
+            "same": 0.8,
+            "back": 10.0 - self.count,
+            "jump": capture.stamp_s + 3600.0 * (self.count > 3),
+            "unknown": float("nan"),
+        }
         return replace(capture, stamp_s=stamps.get(self.how, capture.stamp_s))
 
     def truth(self) -> Any:
@@ -182,14 +238,22 @@ def plugin(kind: str, base: type, wrapper: type) -> None:
     @dataclass
     class Hostile(base):  # type: ignore[misc, valid-type]
         how: str = "none"
+        only_seed: int = -1
 
         def build(self, context: Any) -> Any:
-            return wrapper(super().build(context), self.how, context)
+            part = wrapper(super().build(context), self.how, context)
+            part.settings = self
+            return part
 
     rhs.register(kind, "hostile", Hostile)
 
 
-for _kind, _base, _wrapper in (("odometry", parts.FakeOdometry, Odometry), ("localiser", parts.FakeLocaliser, Localiser),
-                               ("planner", parts.FakePlanner, Planner), ("mapper", parts.FakeMapper, Mapper),
-                               ("source", parts.FakeSource, Source), ("sensor", parts.FakeSensor, Sensor)):
+for _kind, _base, _wrapper in (
+    ("odometry", parts.FakeOdometry, Odometry),
+    ("localiser", parts.FakeLocaliser, Localiser),
+    ("planner", parts.FakePlanner, Planner),
+    ("mapper", parts.FakeMapper, Mapper),
+    ("source", parts.FakeSource, Source),
+    ("sensor", parts.FakeSensor, Sensor),
+):
     plugin(_kind, _base, _wrapper)

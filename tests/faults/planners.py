@@ -1,4 +1,4 @@
-"""L01 to L07: goals that cannot be reached, patrols without places, ways that are blocked, robots that are stuck, broken maps."""
+"""L01 to L07: goals out of reach, patrols without places, ways that are blocked, robots that are stuck, broken maps."""
 
 from __future__ import annotations
 
@@ -29,27 +29,44 @@ def missions(bench: Bench, run: str) -> list[tuple[str, str]]:
 def sealed_room(bench: Bench) -> None:
     plan_map(bench, SEALED)
     for planner in ("astar", "prm"):
-        answer = bench.ask(*PLAN, f"planner={planner}", "start=[2,5]", "goal=[8,5]", "overwrite=true", "output=run", code=3,
-                           says="not achieved: disconnected")
+        answer = bench.ask(
+            *PLAN,
+            f"planner={planner}",
+            "start=[2,5]",
+            "goal=[8,5]",
+            "overwrite=true",
+            "output=run",
+            code=3,
+            says="not achieved: disconnected",
+        )
         assert answer.row()["plan_reason"] == "disconnected" and answer.row()["success"] == 0.0
     bench.ask(*hostile("planner", "sealed"), "output=patrol", code=3, says="not achieved: 1 of 2 places")
     assert missions(bench, "patrol") == [("gave_up", "no path: disconnected"), ("arrived", "")]
 
 
-@fault("L02", "start is goal; no place, one place, one place twice", "0, a path without length; every place visited, or none")
+@fault(
+    "L02", "start is goal; no place, one place, one place twice", "0, a path without length; every place visited, or none"
+)
 def start_is_goal(bench: Bench) -> None:
     plan_map(bench, OPEN)
     row = bench.ask(*PLAN, "planner=astar", "start=[5,5]", "goal=[5,5]", "output=run", code=0).row()
     assert row["plan_success"] == 1.0 and row["plan_length_m"] == 0.0
     text = (WORLDS / "square_small.yaml").read_text()
-    places = text[text.index("places:"): text.index("walls:")]
-    for name, written, code in (("none", "places: {}\n", (0, 2)), ("one", "places:\n  home: [2, 1]\n", (0,)),
-                                ("twice", "places:\n  home: [2, 1]\n  again: [2, 1]\n", (0,))):
+    places = text[text.index("places:") : text.index("walls:")]
+    for name, written, code in (
+        ("none", "places: {}\n", (0, 2)),
+        ("one", "places:\n  home: [2, 1]\n", (0,)),
+        ("twice", "places:\n  home: [2, 1]\n  again: [2, 1]\n", (0,)),
+    ):
         bench.file(f"{name}.yaml", text.replace(places, written))
         bench.ask(*parts(), f"world={name}.yaml", *LIGHT, "source.views=4", f"output={name}_run", code=code, says=None)
 
 
-@fault("L03", "the start lies slightly inside a grown obstacle", "0, left by the nearest free cell, and told; 3 where none is near")
+@fault(
+    "L03",
+    "the start lies slightly inside a grown obstacle",
+    "0, left by the nearest free cell, and told; 3 where none is near",
+)
 def start_in_the_shadow(bench: Bench) -> None:
     plan_map(bench, ["#" * 60, *["#" + "." * 58 + "#"] * 58, "#" * 60], 0.1)
     words = [*PLAN, "planner=astar", "planning.robot_radius_m=0.3", "goal=[4,4]"]
@@ -60,8 +77,17 @@ def start_in_the_shadow(bench: Bench) -> None:
 
 @fault("L04", "an unknown obstacle blocks the only way for ever", "3, the place is given up with a reason, in bounded time")
 def blocked_for_ever(bench: Bench) -> None:
-    answer = bench.ask(*HOSTILE, *parts(source="hostile", sensor="hostile", planner="astar"), "source.how=wall", "sensor.how=sealed_view",
-                       "source.views=4", *LIGHT, "output=run", code=3, says="not achieved: 0 of 2 places")
+    answer = bench.ask(
+        *HOSTILE,
+        *parts(source="hostile", sensor="hostile", planner="astar"),
+        "source.how=wall",
+        "sensor.how=sealed_view",
+        "source.views=4",
+        *LIGHT,
+        "output=run",
+        code=3,
+        says="not achieved: 0 of 2 places",
+    )
     assert {status for status, _ in missions(bench, "run")} <= {"gave_up", "aborted"}
     assert all(reason for _, reason in missions(bench, "run")) and answer.row()["patrol_steps"] < 400
 
@@ -82,7 +108,11 @@ def robot_is_stuck(bench: Bench) -> None:
     assert answer.row()["patrol_steps"] < 100
 
 
-@fault("L07", "a map whose size is a lie, cut off, all unknown, or of 49 million cells", "2, found and expected; 3 where all is unknown")
+@fault(
+    "L07",
+    "a map whose size is a lie, cut off, all unknown, or of 49 million cells",
+    "2, found and expected; 3 where all is unknown",
+)
 def broken_map(bench: Bench) -> None:
     ends = ["planner=astar", "start=[2,5]", "goal=[8,5]"]
     plan_map(bench, OPEN)

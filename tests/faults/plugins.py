@@ -29,8 +29,11 @@ def distribution(bench: Bench, name: str, points: str, **modules: str) -> str:
 @fault("P01", "a plugin's module raises ImportError or SyntaxError", "0 for all others, listed with the reason; 2 if chosen")
 def broken_module(bench: Bench) -> None:
     site = distribution(bench, "crooked", "[rhs.planner]\ncrooked = crooked:Crooked\n", crooked="def (:\n")
-    for name, says in (("broken", "cannot be imported: ModuleNotFoundError"), ("exits", "cannot be imported: SystemExit: 3"),
-                       ("crooked", "cannot be imported: SyntaxError")):
+    for name, says in (
+        ("broken", "cannot be imported: ModuleNotFoundError"),
+        ("exits", "cannot be imported: SystemExit: 3"),
+        ("crooked", "cannot be imported: SyntaxError"),
+    ):
         bench.ask(*FAKE, f"planner={name}", says=says, site=site)
     bench.ask(*FAKE, *LIGHT, "source.views=2", "output=run", code=0, site=site)
     assert "NOT USABLE" in bench.ask("planner=crooked", "--help", code=0, site=site).out
@@ -43,10 +46,16 @@ def chosen_plugin_broken(bench: Bench) -> None:
     bench.ask(*FAKE, "planner=nameless", says="is not a dataclass")
 
 
-@fault("P03", "a plugin raises in the middle of a run", "1 (3 in a sweep); a row with type, step and plugin; what it saw is kept")
+@fault(
+    "P03",
+    "a plugin raises in the middle of a run",
+    "1 (3 in a sweep); a row with type, step and plugin; what it saw is kept",
+)
 def plugin_raises(bench: Bench) -> None:
-    for how, says in (("raise", "ValueError at step 2: the odometry of this test fails on purpose"),
-                      ("exit", "SystemExit at step 2: 3")):
+    for how, says in (
+        ("raise", "ValueError at step 2: the odometry of this test fails on purpose"),
+        ("exit", "SystemExit at step 2: 3"),
+    ):
         answer = bench.ask(*FAULTY, f"odometry.how={how}", f"output={how}", code=1, says=says)
         row = answer.row(how)
         assert row["status"] == "failed" and row["success"] == 0.0
@@ -56,16 +65,28 @@ def plugin_raises(bench: Bench) -> None:
     bench.ask(*FAULTY, "odometry.how=huge_reason", "output=huge", code=1, says="131073 characters")
 
 
-@fault("P04", "a plugin returns a wrong shape, None, NaN, or numbers that cannot be",
-       "1; the contract, the plugin and the field are named; nothing of it enters the table")
+@fault(
+    "P04",
+    "a plugin returns a wrong shape, None, NaN, or numbers that cannot be",
+    "1; the contract, the plugin and the field are named; nothing of it enters the table",
+)
 def plugin_returns_nonsense(bench: Bench) -> None:
-    for how, says in (("none_result", "of type NoneType; expected a Motion"), ("nan_pose", "previous_from_body is not finite"),
-                      ("shape", "covariance is of shape (3, 3)")):
+    for how, says in (
+        ("none_result", "of type NoneType; expected a Motion"),
+        ("nan_pose", "previous_from_body is not finite"),
+        ("shape", "covariance is of shape (3, 3)"),
+    ):
         bench.ask(*FAULTY, f"odometry.how={how}", f"output={how}", code=1, says=("odometry=faulty (rhs-fakes 0.1)", says))
-    for kind, how, says in (("localiser", "far", "map_from_body is 1e+07 m away"), ("localiser", "probability", "a chance in [0, 1]"),
-                            ("planner", "long", "points_m is 3000000 long"), ("mapper", "flat", "resolution_m is 0.0"),
-                            ("mapper", "chances", "probability is 7 in 2400 cells"), ("mapper", "turned", "probability is of shape"),
-                            ("sensor", "negative", "scan.ranges_m is -1"), ("sensor", "mismatch", "60 bearings and 59 ranges")):
+    for kind, how, says in (
+        ("localiser", "far", "map_from_body is 1e+07 m away"),
+        ("localiser", "probability", "a chance in [0, 1]"),
+        ("planner", "long", "points_m is 3000000 long"),
+        ("mapper", "flat", "resolution_m is 0.0"),
+        ("mapper", "chances", "probability is 7 in 2400 cells"),
+        ("mapper", "turned", "probability is of shape"),
+        ("sensor", "negative", "scan.ranges_m is -1"),
+        ("sensor", "mismatch", "60 bearings and 59 ranges"),
+    ):
         answer = bench.ask(*hostile(kind, how), f"output={kind}_{how}", code=1, says=(f"{kind}=hostile (hostile.py", says))
         row = answer.row(f"{kind}_{how}")
         assert row["status"] == "failed" and says in row["reason"]
@@ -75,8 +96,18 @@ def plugin_returns_nonsense(bench: Bench) -> None:
 def bad_company(bench: Bench) -> Any:
     """One sweep in which every job but two goes wrong in a way of its own."""
     how = "none,raise,os_exit,kill,segfault,spin,leak"
-    return bench.process("-m", *FAULTY, f"odometry.how={how}", "output=s", "--jobs", "2", "--timeout", "12", code=3,
-                         says="5 of 7 jobs did not end well")
+    return bench.process(
+        "-m",
+        *FAULTY,
+        f"odometry.how={how}",
+        "output=s",
+        "--jobs",
+        "2",
+        "--timeout",
+        "12",
+        code=3,
+        says="5 of 7 jobs did not end well",
+    )
 
 
 @fault("P05", "a plugin loops for ever, or sleeps for an hour", "3; the row says timeout, the others are done")
@@ -90,13 +121,19 @@ def plugin_hangs(bench: Bench) -> None:
 @fault("P06", "a plugin calls sys.exit or os._exit", "1 (3 in a sweep); a failed row, also for exit code 0")
 def plugin_exits(bench: Bench) -> None:
     for how, code in (("os_exit", 3), ("os_exit_zero", 0)):
-        answer = bench.ask(*FAULTY, f"odometry.how={how}", f"output={how}", code=1, says=f"a part ended the process by os._exit({code})")
+        answer = bench.ask(
+            *FAULTY, f"odometry.how={how}", f"output={how}", code=1, says=f"a part ended the process by os._exit({code})"
+        )
         assert answer.row(how)["status"] == "failed" and len(answer.steps("index", how)) == 2
     row = bench.once(bad_company).rows()["odometry.how=os_exit"]
     assert row["status"] == "failed" and "os._exit(3) at step 2" in row["reason"]
 
 
-@fault("P07", "a plugin segfaults, or its process is killed", "3; the row says killed and by what; alone: killed, for every tool")
+@fault(
+    "P07",
+    "a plugin segfaults, or its process is killed",
+    "3; the row says killed and by what; alone: killed, for every tool",
+)
 def plugin_crashes(bench: Bench) -> None:
     rows = bench.once(bad_company).rows()
     for how, reason in (("kill", "SIGKILL"), ("segfault", "SIGSEGV")):
@@ -108,10 +145,16 @@ def plugin_crashes(bench: Bench) -> None:
     assert "steps from" in bench.ask("recover", "run", code=0).out
 
 
-@fault("P08", "a plugin leaks memory and open files, job after job", "0; memory and open files of the sweep stay within 10 %",
-       not_tried="200 jobs: tests/benchmarks/hundred_jobs.py runs 100 hostile ones; here are 30")
+@fault(
+    "P08",
+    "a plugin leaks memory and open files, job after job",
+    "0; memory and open files of the sweep stay within 10 %",
+    not_tried="200 jobs: tests/benchmarks/hundred_jobs.py runs 100 hostile ones; here are 30",
+)
 def plugin_leaks(bench: Bench) -> None:
-    process = bench.start("-m", *PLAN, *HOSTILE, "planner=hostile", "planner.how=leak", "seed=range(30)", "output=s", "--jobs", "1")
+    process = bench.start(
+        "-m", *PLAN, *HOSTILE, "planner=hostile", "planner.how=leak", "seed=range(30)", "output=s", "--jobs", "1"
+    )
     held: list[tuple[int, int, int]] = []
 
     def over() -> bool:
@@ -146,13 +189,20 @@ def same_name_twice(bench: Bench) -> None:
     bench.ask(*FAKE, "planner=newer", says="was written for plugin API 99; this rhs has 1")
 
 
-@fault("P11", "a plugin writes into the observation, the map, or the map it is judged on",
-       "1 with the plugin's ValueError, or 0 and no number changes; the judge keeps its own map")
+@fault(
+    "P11",
+    "a plugin writes into the observation, the map, or the map it is judged on",
+    "1 with the plugin's ValueError, or 0 and no number changes; the judge keeps its own map",
+)
 def plugin_writes_into_its_input(bench: Bench) -> None:
     bench.ask(*FAULTY, "odometry.how=mutate", "output=run", code=1, says="read-only")
-    rows = [bench.ask(*parts(localiser=name), "source.views=4", *LIGHT, f"output={name}", code=0).row(name)
-            for name in ("fake", "vandal")]
+    rows = [
+        bench.ask(*parts(localiser=name), "source.views=4", *LIGHT, f"output={name}", code=0).row(name)
+        for name in ("fake", "vandal")
+    ]
     for name in ("end_error_m", "ate_rmse_m", "path_length_m", "places_visited", "map_agreement"):
         assert rows[0][name] == rows[1][name]
-    answer = bench.ask(*PLAN, *HOSTILE, "planner=hostile", "planner.how=map", "output=forged", code=3, says="not achieved: invalid")
+    answer = bench.ask(
+        *PLAN, *HOSTILE, "planner=hostile", "planner.how=map", "output=forged", code=3, says="not achieved: invalid"
+    )
     assert answer.row("forged")["plan_valid"] == 0.0

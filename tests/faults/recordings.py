@@ -43,8 +43,15 @@ def count_of(told: str) -> int:
 
 @fault("R01", "SIGKILL while recording, then the file is opened", "3; every whole chunk is read, and what is lost is told")
 def killed_while_recording(bench: Bench) -> None:
-    process = bench.start(*FAKE, "recording=full", "pictures=off", "source.views=2000", "source.image_width=320", "source.delay_s=0.005",
-                          "output=run")
+    process = bench.start(
+        *FAKE,
+        "recording=full",
+        "pictures=off",
+        "source.views=2000",
+        "source.image_width=320",
+        "source.delay_s=0.005",
+        "output=run",
+    )
     bench.wait(lambda: any(path.stat().st_size > 40_000 for path in bench.folder.glob("run/run.mcap*")))
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -58,7 +65,9 @@ def killed_while_recording(bench: Bench) -> None:
 @fault("R02", "a recording cut at any length", "3 (1 below its first bytes); where it was cut, never a MemoryError")
 def cut_recording(bench: Bench) -> None:
     data = recording(bench.folder / "in.mcap", 90)
-    counts = [count_of(converted(bench, data[: len(data) * share // 100], code=3, says="in.mcap")) for share in range(4, 100, 16)]
+    counts = [
+        count_of(converted(bench, data[: len(data) * share // 100], code=3, says="in.mcap")) for share in range(4, 100, 16)
+    ]
     assert counts == sorted(counts) and counts[-1] > 0.5 * count_of(converted(bench, data, code=0))
     converted(bench, data[:5], code=1, says="not an MCAP file")
 
@@ -86,7 +95,11 @@ def flipped_index(bench: Bench) -> None:
         assert count_of(converted(bench, bytes(bad), code=3, says="index")) == whole
 
 
-@fault("R05", "an empty file, 8 bytes, a picture, a folder, a pipe or a device called .mcap", "1 or 2: `not an MCAP file`, a device")
+@fault(
+    "R05",
+    "an empty file, 8 bytes, a picture, a folder, a pipe or a device called .mcap",
+    "1 or 2: `not an MCAP file`, a device",
+)
 def no_recording(bench: Bench) -> None:
     for data in (b"", b"\x89MCAP0\r\n", png(20, 20), b"hello world, this is text" * 10):
         converted(bench, data, code=1, says="not an MCAP file")
@@ -102,8 +115,11 @@ def no_recording(bench: Bench) -> None:
         bench.ask(*SURVEY, f"source.path={name}.mcap", says="a FIFO or a device")
 
 
-@fault("R06", "channels without schema, of an unknown encoding, too few, another profile",
-       "0: copied unread; 2 as a source, which channel is missing")
+@fault(
+    "R06",
+    "channels without schema, of an unknown encoding, too few, another profile",
+    "0: copied unread; 2 as a source, which channel is missing",
+)
 def foreign_recording(bench: Bench) -> None:
     from mcap.writer import Writer
 
@@ -153,9 +169,21 @@ def bombs(bench: Bench) -> None:
         converted(bench, head + b"\x06" + length.to_bytes(8, "little") + bytes(100), code=3, says="is cut")
 
 
-@fault("R10", "recording is on and the run fails at its first view", "1; a finished recording of what there was, that says failed")
+@fault(
+    "R10",
+    "recording is on and the run fails at its first view",
+    "1; a finished recording of what there was, that says failed",
+)
 def recording_of_a_failure(bench: Bench) -> None:
-    bench.ask(*parts(odometry="faulty"), "odometry.how=raise", "odometry.at=1", "recording=full", "pictures=off", "output=run", code=1,
-              says="ValueError at step 0")
+    bench.ask(
+        *parts(odometry="faulty"),
+        "odometry.how=raise",
+        "odometry.at=1",
+        "recording=full",
+        "pictures=off",
+        "output=run",
+        code=1,
+        says="ValueError at step 0",
+    )
     bench.ask("run/run.mcap", "out.mcap", module="rhs.convert", code=0)
     assert b"failed" in (bench.folder / "run" / "run.mcap").read_bytes()

@@ -18,7 +18,9 @@ FAULTY = [*parts(odometry="faulty"), "source.views=3", *LIGHT]
 
 def table_of(bench: Bench, sweep: str) -> str:
     """The canonical table without the hash of the configuration, which knows the path of a flag."""
-    return to_csv(rows([bench.folder / sweep]).drop(columns=["config_hash"]), canonical=True).replace(str(bench.folder / sweep), "")
+    return to_csv(rows([bench.folder / sweep]).drop(columns=["config_hash"]), canonical=True).replace(
+        str(bench.folder / sweep), ""
+    )
 
 
 def under_way(bench: Bench, lines: int = 0) -> bool:
@@ -31,8 +33,10 @@ def under_way(bench: Bench, lines: int = 0) -> bool:
 def jobs_that_fail(bench: Bench) -> None:
     answer = bench.once(bad_company)
     told = accounts(answer.folder / "s")
-    assert told == {path.parent.name: row["status"] for path, row in
-                    ((path, json.loads(path.read_text())) for path in (answer.folder / "s").glob("*/row.json"))}
+    assert told == {
+        path.parent.name: row["status"]
+        for path, row in ((path, json.loads(path.read_text())) for path in (answer.folder / "s").glob("*/row.json"))
+    }
     assert "7 jobs: 2 ok, 2 failed, 2 killed, 1 timeout" in answer.out
     assert len((answer.folder / "s" / "table.csv").read_text().splitlines()) == 8
     log = next((answer.folder / "s").glob("odometry.how=raise_*/job.log")).read_text()
@@ -41,12 +45,30 @@ def jobs_that_fail(bench: Bench) -> None:
 
 @fault("W02", "all jobs fail for one reason", "3; with --fail-fast N stopped after N, the reason told once")
 def all_jobs_fail_alike(bench: Bench) -> None:
-    answer = bench.process("-m", *FAULTY, "seed=range(9)", "odometry.how=raise", "output=s", "--jobs", "1", "--fail-fast", "2", code=3,
-                           says="9 of 9 jobs did not end well")
-    assert "9 jobs: 2 failed, 7 skipped" in answer.out and "stopped after 2 jobs ended alike: failed: odometry=faulty" in answer.out
+    answer = bench.process(
+        "-m",
+        *FAULTY,
+        "seed=range(9)",
+        "odometry.how=raise",
+        "output=s",
+        "--jobs",
+        "1",
+        "--fail-fast",
+        "2",
+        code=3,
+        says="9 of 9 jobs did not end well",
+    )
+    assert (
+        "9 jobs: 2 failed, 7 skipped" in answer.out
+        and "stopped after 2 jobs ended alike: failed: odometry=faulty" in answer.out
+    )
 
 
-@fault("W03", "SIGKILL to the driver of a sweep, then --resume", "0; only what was missing runs, the table is the undisturbed one")
+@fault(
+    "W03",
+    "SIGKILL to the driver of a sweep, then --resume",
+    "0; only what was missing runs, the table is the undisturbed one",
+)
 def killed_driver(bench: Bench) -> None:
     flag = bench.folder / "well"
     words = ["-m", *FAULTY, "seed=range(3)", "odometry.how=sleep", f"odometry.flag={flag}", "--jobs", "1"]
@@ -63,7 +85,9 @@ def killed_driver(bench: Bench) -> None:
 
 
 def interrupted(bench: Bench, number: signal.Signals, code: int) -> None:
-    process = bench.start("-m", *parts(), "seed=range(3)", "source.views=600", "source.delay_s=0.05", "output=s", "--jobs", "1")
+    process = bench.start(
+        "-m", *parts(), "seed=range(3)", "source.views=600", "source.delay_s=0.05", "output=s", "--jobs", "1"
+    )
     bench.wait(lambda: under_way(bench, 3))
     process.send_signal(number)
     answer = bench.ends(process, code, says="interrupted")
@@ -96,13 +120,18 @@ def started_twice(bench: Bench) -> None:
     assert len(list((bench.folder / "results" / "runs").glob("*/row.json"))) == 2
     process = bench.start("-m", *FAULTY, "seed=0", "odometry.how=sleep", "output=s")
     bench.wait(lambda: under_way(bench))
-    bench.ask("-m", *FAULTY, "seed=0", "odometry.how=sleep", "output=s", "--resume", says="is in use by another run",
-              alone=False)
+    bench.ask(
+        "-m", *FAULTY, "seed=0", "odometry.how=sleep", "output=s", "--resume", says="is in use by another run", alone=False
+    )
     process.kill()
     bench.ends(process, -9)
 
 
-@fault("W07", "a sweep resumed with another configuration or version, or with no folder", "2, which key differs; --force goes on")
+@fault(
+    "W07",
+    "a sweep resumed with another configuration or version, or with no folder",
+    "2, which key differs; --force goes on",
+)
 def resumed_with_other_words(bench: Bench) -> None:
     words = ["-m", *FAKE, "output=s", "--jobs", "2"]
     bench.ask(*words, "seed=0,1", code=0)

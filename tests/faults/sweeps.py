@@ -33,15 +33,21 @@ def full_disk_for_a_table(bench: Bench) -> None:
 
 @fault("W09", "the disk is full while a run is recorded", "1, the path; a row that says failed; what is whole can be read")
 def full_disk_for_a_recording(bench: Bench) -> None:
-    bench.process(*parts(), "source.views=60", "recording=full", "output=run", code=1, says="run", limit=lambda: small_files(20_000))
+    bench.process(
+        *parts(), "source.views=60", "recording=full", "output=run", code=1, says="run", limit=lambda: small_files(20_000)
+    )
     for path in (bench.folder / "run").glob("*.json"):
         json.loads(path.read_text())
     if (bench.folder / "run" / "row.json").exists():
         assert json.loads((bench.folder / "run" / "row.json").read_text())["status"] == "failed"
 
 
-@fault("W10", "the output folder is a file, read-only, or of an odd or endless name", "2, before anything runs; odd names work",
-       not_tried="a read-only folder: who tests as root may write into it; /proc/nothing stands for it")
+@fault(
+    "W10",
+    "the output folder is a file, read-only, or of an odd or endless name",
+    "2, before anything runs; odd names work",
+    not_tried="a read-only folder: who tests as root may write into it; /proc/nothing stands for it",
+)
 def odd_output(bench: Bench) -> None:
     bench.file("a file", "keep me")
     for output in ("a file", "a file/run", "/proc/nothing", "x" * 300):
@@ -64,38 +70,71 @@ def half_a_row(bench: Bench) -> None:
     bench.ask("table", "s", code=0)
 
 
-@fault("W12", "no job, one, the same twice, ten thousand million", "2; 0; each once; 2 at once; CPU time of composing below 50 ms a job",
-       not_tried="10,000 jobs run through: 100 in tests/benchmarks/hundred_jobs.py")
+@fault(
+    "W12",
+    "no job, one, the same twice, ten thousand million",
+    "2; 0; each once; 2 at once; CPU time of composing below 50 ms a job",
+    not_tried="10,000 jobs run through: 100 in tests/benchmarks/hundred_jobs.py",
+)
 def numbers_of_jobs(bench: Bench) -> None:
-    for word, says in (("seed=range(0)", "no jobs"), ("seed=range(10000000000)", "1e+10 jobs; at most 100000"),
-                       ("seed=range(1e300)", "at most 100000"), ("seed=range(0,1,0)", "the step not 0"), ("seed=0,-1", "seed=-1 is outside")):
+    for word, says in (
+        ("seed=range(0)", "no jobs"),
+        ("seed=range(10000000000)", "1e+10 jobs; at most 100000"),
+        ("seed=range(1e300)", "at most 100000"),
+        ("seed=range(0,1,0)", "the step not 0"),
+        ("seed=0,-1", "seed=-1 is outside"),
+    ):
         bench.ask("-m", *FAKE, word, says=says)
-    assert "1 combinations gave a configuration that was there already" in bench.ask("-m", *FAKE, "seed=3,3", "output=s", code=0).out
+    assert (
+        "1 combinations gave a configuration that was there already"
+        in bench.ask("-m", *FAKE, "seed=3,3", "output=s", code=0).out
+    )
     answer = bench.ask("-m", *FAKE, "seed=range(300)", "--cfg", code=0)
     assert len(answer.out.splitlines()) == 300 and answer.spent is not None and answer.spent.cpu_s / 300 < 0.05
 
 
-@fault("W13", "values that break a CSV: NA, commas, quotes, formulas, infinity, nothing", "0; read back as they were written")
+@fault(
+    "W13", "values that break a CSV: NA, commas, quotes, formulas, infinity, nothing", "0; read back as they were written"
+)
 def values_that_break_a_table(bench: Bench) -> None:
     texts = ["NA", "a,b", 'say "no"', "=1+1", "two\nlines", "", "None", "-0.0"]
     for number, text in enumerate(texts):
-        row = {"status": "ok", "reason": "", "task": "survey", "world": "w", "planner": text, "seed": number, "ate_rmse_m": 0.5 * number,
-               "views": None if number == 2 else 2**62 + number}
+        row = {
+            "status": "ok",
+            "reason": "",
+            "task": "survey",
+            "world": "w",
+            "planner": text,
+            "seed": number,
+            "ate_rmse_m": 0.5 * number,
+            "missions": None if number == 2 else 2**62 + number,
+        }
         bench.file(f"s/{number}/row.json", json.dumps(row))
-    bench.file("s/8/row.json", '{"status": "ok", "task": "survey", "world": "w", "planner": "p", "seed": 8, "ate_rmse_m": 1e999}')
+    bench.file(
+        "s/8/row.json", '{"status": "ok", "task": "survey", "world": "w", "planner": "p", "seed": 8, "ate_rmse_m": 1e999}'
+    )
     bench.ask("table", "s", "--parquet", "t.parquet", "--csv", "t.csv", code=0)
     table = pandas.read_parquet(bench.folder / "t.parquet").sort_values("seed")
-    assert table["planner"].tolist() == [*texts, "p"] and table["ate_rmse_m"].tolist() == [*(0.5 * n for n in range(8)), float("inf")]
-    assert [None if pandas.isna(value) else int(value) for value in table["views"]] == [
-        *(None if n == 2 else 2**62 + n for n in range(8)), None]
+    assert table["planner"].tolist() == [*texts, "p"] and table["ate_rmse_m"].tolist() == [
+        *(0.5 * n for n in range(8)),
+        float("inf"),
+    ]
+    assert [None if pandas.isna(value) else int(value) for value in table["missions"]] == [
+        *(None if n == 2 else 2**62 + n for n in range(8)),
+        None,
+    ]
     read = pandas.read_csv(bench.folder / "t.csv", keep_default_na=False, dtype=str).sort_values("seed")
     assert [text.removeprefix("'") for text in read["planner"]] == [*texts, "p"]
 
 
-@fault("W14", "more workers than cores, libraries that would take a thread per core", "0; one thread a job, the rows of one worker",
-       not_tried="twice as fast with two workers: needs a machine with nothing else to do")
+@fault(
+    "W14",
+    "more workers than cores, libraries that would take a thread per core",
+    "0; one thread a job, the rows of one worker",
+    not_tried="twice as fast with two workers: needs a machine with nothing else to do",
+)
 def more_workers_than_cores(bench: Bench) -> None:
-    words = ["-m", *parts(), *LIGHT, "source.views=40", "source.delay_s=0.02", "seed=range(4)"]
+    words = ["-m", *parts(), *LIGHT, "source.views=12", "source.delay_s=0.06", "seed=range(4)"]
     process = bench.start(*words, "output=s", "--jobs", "8", OMP_NUM_THREADS="8", OPENBLAS_NUM_THREADS="8")
     found: list[int] = []
 
@@ -112,6 +151,8 @@ def more_workers_than_cores(bench: Bench) -> None:
     bench.ends(process, 0)
     assert found and max(found) <= 3  # its own, the one that watches the sweep, and a reader
     bench.process(*words, "output=t", "--jobs", "1", code=0)
-    tables = [bench.ask("table", name, "--canonical", f"{name}.csv", code=0) and (bench.folder / f"{name}.csv").read_text()
-              for name in ("s", "t")]
+    tables = [
+        bench.ask("table", name, "--canonical", f"{name}.csv", code=0) and (bench.folder / f"{name}.csv").read_text()
+        for name in ("s", "t")
+    ]
     assert tables[0].replace("s/", "t/") == tables[1]

@@ -24,15 +24,18 @@ from faults.catalogue import in_order, table
 README = Path(__file__).resolve().parents[1] / "README.md"
 
 
-@pytest.mark.parametrize("fault", [pytest.param(one, id=one.id, marks=[pytest.mark.slow] if one.slow else [])
-                                   for one in in_order()])
+@pytest.mark.parametrize(
+    "fault", [pytest.param(one, id=one.id, marks=[pytest.mark.slow] if one.slow else []) for one in in_order()]
+)
 def test_fault(fault, bench):
     fault.attempt(bench)
 
 
 def test_the_list_is_whole():
     groups = {"C": 12, "P": 11, "S": 10, "N": 9, "L": 7, "R": 10, "W": 14, "X": 7, "E": 5}
-    assert [one.id for one in in_order()] == [f"{group}{n:02}" for group, count in groups.items() for n in range(1, count + 1)]
+    assert [one.id for one in in_order()] == [
+        f"{group}{n:02}" for group, count in groups.items() for n in range(1, count + 1)
+    ]
 
 
 def test_the_table_of_the_readme_is_the_list():

@@ -32,16 +32,34 @@ class Warm:
     """The process that forks. One per worker of the tests; `close` ends it."""
 
     def __init__(self, environment: dict[str, str]) -> None:
-        self.process = subprocess.Popen([sys.executable, __file__], env=environment, stdin=subprocess.PIPE,
-                                        stdout=subprocess.PIPE, text=True, bufsize=1)
+        self.process = subprocess.Popen(
+            [sys.executable, __file__], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
         self._hear(120.0)
         self.kept: dict[str, Any] = {}  # answers that several tests look at
 
-    def run(self, module: str, words: list[str], folder: Path, *, out: Path, err: Path, timeout_s: float = 120.0,
-            limits: dict[str, int] | None = None, environment: dict[str, str] | None = None) -> Spent:
+    def run(
+        self,
+        module: str,
+        words: list[str],
+        folder: Path,
+        *,
+        out: Path,
+        err: Path,
+        timeout_s: float = 120.0,
+        limits: dict[str, int] | None = None,
+        environment: dict[str, str] | None = None,
+    ) -> Spent:
         """Run a command in `folder`, its words to the files out and err. Raises TimeoutError when it takes too long."""
-        order = {"module": module, "words": words, "folder": str(folder), "out": str(out), "err": str(err),
-                 "limits": limits or {}, "environment": environment or {}}
+        order = {
+            "module": module,
+            "words": words,
+            "folder": str(folder),
+            "out": str(out),
+            "err": str(err),
+            "limits": limits or {},
+            "environment": environment or {},
+        }
         began_s = time.monotonic()
         self.process.stdin.write(json.dumps(order) + "\n")  # type: ignore[union-attr]
         pid = self._hear(10.0)["pid"]
@@ -78,8 +96,16 @@ def _serve() -> None:
             _command(order)
         answers.write(json.dumps({"pid": pid}) + "\n")
         _, status, usage = os.wait4(pid, 0)
-        answers.write(json.dumps({"code": os.waitstatus_to_exitcode(status), "peak_mb": usage.ru_maxrss / 1024,
-                                  "cpu_s": usage.ru_utime + usage.ru_stime}) + "\n")
+        answers.write(
+            json.dumps(
+                {
+                    "code": os.waitstatus_to_exitcode(status),
+                    "peak_mb": usage.ru_maxrss / 1024,
+                    "cpu_s": usage.ru_utime + usage.ru_stime,
+                }
+            )
+            + "\n"
+        )
 
 
 def _import_all() -> None:
@@ -88,9 +114,26 @@ def _import_all() -> None:
 
     from rhs.sweeps.jobs import PRELOAD
 
-    for name in (*PRELOAD[:-1], "rhs.cli.main", "numpy", "scipy.ndimage", "cv2", "numba", "pandas", "hydra", "rhs.config.compose",
-                 "rhs.patrol.run", "rhs.patrol.job", "rhs.metrics.evaluate", "rhs.reports.table", "rhs.cli.convert",
-                 "rhs.cli.evaluate", "rhs.sweeps.sweep", "rhs_sources.replay", "rhs_tasks.planning.settings"):
+    for name in (
+        *PRELOAD[:-1],
+        "rhs.cli.main",
+        "numpy",
+        "scipy.ndimage",
+        "cv2",
+        "numba",
+        "pandas",
+        "hydra",
+        "rhs.config.compose",
+        "rhs.patrol.run",
+        "rhs.patrol.job",
+        "rhs.metrics.evaluate",
+        "rhs.reports.table",
+        "rhs.cli.convert",
+        "rhs.cli.evaluate",
+        "rhs.sweeps.sweep",
+        "rhs_sources.replay",
+        "rhs_tasks.planning.settings",
+    ):
         importlib.import_module(name)
 
 
