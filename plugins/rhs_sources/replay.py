@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.contracts import Source
-from rhs.api.errors import ConfigError
+from rhs.api.errors import ConfigError, RecordingError
 from rhs.api.records import Capture, Twist, WorldFacts
 
 from .replay_bag import is_bag, open_bag
@@ -91,11 +91,14 @@ def open_recording(settings) -> Recording:
         raise ConfigError(f"source.path={settings.path}: no such file or folder")
     if not (path.is_file() or path.is_dir()):
         raise ConfigError(f"source.path={settings.path} is a FIFO or a device; expected a file or a folder")
-    kind = settings.format if settings.format != "auto" else _format_of(path)
-    if kind not in FORMATS:
-        raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM or 7-Scenes folder, run.mcap, a ROS "
-                          "bag or a CARMEN log")
-    return FORMATS[kind][1](path, settings)
+    try:
+        kind = settings.format if settings.format != "auto" else _format_of(path)
+        if kind in FORMATS:
+            return FORMATS[kind][1](path, settings)
+    except RecordingError as error:  # nothing ran yet
+        raise ConfigError(str(error)) from error
+    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM or 7-Scenes folder, run.mcap, a ROS "
+                      "bag or a CARMEN log")
 
 
 def _facts(settings) -> WorldFacts:

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .errors import ConfigError
+
+MOST_CELLS = 50_000_000  # 7000 x 7000: 0.2 GB as float32
 MARGIN_CELLS = 2  # round the area to map: a wall on its border, seen with depth noise, must still fall on the grid
 
 
@@ -19,11 +22,15 @@ def frame_of(
 
     bounds_m: (x_min, y_min, x_max, y_max). Whole multiples of the resolution are cell *centres*: the corner lies half a
     cell off, so a wall that follows the decimetres falls in one row of cells and not on the border between two. The
-    grid reaches MARGIN_CELLS past the bounds on each side.
+    grid reaches MARGIN_CELLS past the bounds on each side. Raises ConfigError for more than MOST_CELLS cells.
     """
     low = np.floor(np.asarray(bounds_m[:2]) / resolution_m + 1e-6) - MARGIN_CELLS
     high = np.ceil(np.asarray(bounds_m[2:]) / resolution_m - 1e-6) + MARGIN_CELLS
     columns, rows = (high - low).astype(int) + 1
+    if columns * rows > MOST_CELLS:
+        raise ConfigError(f"a map of {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} cells of {resolution_m:g} m takes "
+                          f"{4 * columns * rows / 2**30:.1f} GB; expected at most {MOST_CELLS} cells: larger cells or a "
+                          f"smaller area")
     x_m, y_m = (low - 0.5) * resolution_m
     return (int(rows), int(columns)), (float(x_m), float(y_m))
 

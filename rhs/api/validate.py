@@ -19,7 +19,7 @@ import numpy as np
 
 from .errors import ContractError
 from .frozen import freeze
-from .grid import OccupancyGrid
+from .grid import MOST_CELLS, OccupancyGrid
 from .records import (
     Belief,
     BeliefStatus,
@@ -49,7 +49,6 @@ MOST_VARIANCE = 1e12  # m^2 or rad^2
 MOST_REASON = 2000  # characters
 MOST_DETAILS = 1000  # numbers of one step
 MOST_BEAMS = 1_000_000
-MOST_CELLS = 50_000_000  # 7000 x 7000
 MOST_POINTS = 100_000  # of a path
 
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])

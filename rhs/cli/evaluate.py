@@ -3,7 +3,8 @@
     python -m rhs.evaluate RUN_FOLDER            recompute the row's figures and compare them with row.json
     python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM files
 
-Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files.
+Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the
+poses have a partner.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS
-from rhs.base.commands import Arguments, answered, check_regular
+from rhs.base.commands import Arguments, answered, check_regular, complain
 from rhs.base.errors import ConfigError
 from rhs.metrics.evaluate import evaluate_folder, evaluate_pair
+from rhs.metrics.success import HALF
 from rhs.metrics.survey import TOLERANCE_S
 from rhs.runfolder.row import machine_dependent, read_row
 
@@ -48,14 +50,23 @@ def _print(chosen: argparse.Namespace) -> int:
     for path in chosen.paths:
         check_regular(path)
     if len(chosen.paths) == 2:
-        sys.stdout.write(_lines(evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)))
-        return 0
+        values = evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)
+        sys.stdout.write(_lines(values))
+        return _doubted(float(str(values["matched_share"])), chosen.tolerance)
     if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
         raise ConfigError("expected one run folder, or two TUM files: ESTIMATE TRUTH")
     sys.stdout.write(_lines(evaluate_folder(chosen.paths[0])))
     wrong = differences(chosen.paths[0])
     sys.stderr.write("".join(f"{line}\n" for line in wrong))
     return 3 if wrong else 0
+
+
+def _doubted(matched_share: float, tolerance_s: float) -> int:
+    """The exit code for the figures of so many of the poses: 3, and why, where they are of a minority."""
+    if matched_share >= HALF:
+        return 0
+    return complain(f"only {matched_share:.1%} of the poses have a partner within {tolerance_s:g} s, and the figures are of "
+                    f"these alone; expected at least {HALF:.0%}: other files, or --tolerance SECONDS", 3)
 
 
 def _lines(values: Mapping[str, object]) -> str:

@@ -194,8 +194,9 @@ def _run_sweep(plan, folder: Path, limits) -> int:
             raise
     try:
         print(say.of_sweep(folder))
-    except RhsError as error:  # the account below is printed all the same
-        print(f"no table: {error}")
+    except Exception as error:  # the account below is printed all the same
+        said = str(error) if isinstance(error, RhsError) else f"{type(error).__name__}: {error}"
+        print(f"no table: {plain(said)}")
     if plan.repeated:
         print(f"{plan.repeated} combinations gave a configuration that was there already; each ran once")
     print("\n".join(report.lines()))

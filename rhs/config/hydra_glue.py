@@ -126,11 +126,25 @@ def to_plain(config: DictConfig) -> dict[str, Any]:
     except omegaconf.errors.MissingMandatoryValue as error:
         key = getattr(error, "full_key", None) or "?"
         raise ConfigError(f"{key} has no value; give it one on the command line: {key}=VALUE") from error
-    except omegaconf.errors.OmegaConfBaseException as error:
-        raise ConfigError(_in_one_line(error)) from error
-    except RecursionError as error:
-        raise ConfigError("an interpolation refers to itself; write the value out") from error
+    except (omegaconf.errors.OmegaConfBaseException, RecursionError) as error:
+        said = "an interpolation that refers to itself" if "ecursi" in str(error) else _in_one_line(error)
+        raise ConfigError(f"{_unresolved(config)}: {said}; write the value out") from error
     return content  # type: ignore[return-value]
+
+
+def _unresolved(node: DictConfig, owner: str = "") -> str:
+    """`key=value` of the first interpolation that cannot be resolved, for instance seed=${seed}."""
+    for name in map(str, node):
+        key = f"{owner}.{name}" if owner else name
+        below = node._get_node(name)
+        if OmegaConf.is_interpolation(node, name):
+            try:
+                node[name]
+            except (omegaconf.errors.OmegaConfBaseException, RecursionError):
+                return f"{key}={OmegaConf.to_container(node, resolve=False)[name]}"  # type: ignore[call-overload, index]
+        elif isinstance(below, DictConfig) and (found := _unresolved(below, key)):
+            return found
+    return ""
 
 
 @contextmanager

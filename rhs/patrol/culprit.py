@@ -50,8 +50,9 @@ def write_traceback(folder: Path, error: BaseException) -> None:
 
 @contextlib.contextmanager
 def exit_noticed(tell: Callable[[str], None]) -> Iterator[None]:
-    """Inside, a part that ends this process by os._exit(0) does not look like success: `tell(reason)` is called first and
-    the exit code is 1. Forked children, which end that way by right, are let alone."""
+    """Inside, a part that ends this process by os._exit looks neither like success nor like a refusal: `tell(reason)` is
+    called first and the exit code is 1, whatever it was to be. Forked children, which end that way by right, are let
+    alone."""
     process, leave = os.getpid(), os._exit
     told: list[int] = []
 
@@ -62,7 +63,7 @@ def exit_noticed(tell: Callable[[str], None]) -> Iterator[None]:
             with contextlib.suppress(BaseException):
                 tell(reason)
             log.error("rhs: failed: %s", reason)
-        leave(code or (os.getpid() == process))
+        leave(1 if os.getpid() == process else code)
 
     os._exit = noticed  # type: ignore[assignment]
     try:

@@ -77,10 +77,13 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched) -> Gene
 
 
 def finished(run: RunContext, row: Mapping[str, Any], outcome: Mapping[str, str]) -> dict[str, Any]:
-    """The row with what became of the run, written at once; then with the figures. Whatever fails in evaluating costs
-    figures, never the row."""
+    """The row with what became of the run and the figures. Whatever fails in evaluating costs figures, never the row.
+
+    A failure is written at once. A run that went well is `running` until its figures stand: killed before, it is a killed
+    run that `recover` has figures for and a sweep does again, not a finished one without them."""
     row = {**sound(outcome), **row}
-    write_row(run.folder, row | {"metric_failures": "the process ended before the figures were computed"})
+    if outcome["status"] != "ok":
+        write_row(run.folder, row | {"metric_failures": "the process ended before the figures were computed"})
     failures = []
     interrupted: KeyboardInterrupt | None = None
     for compute in (lambda: evaluate(run.folder, run.config.task.name), run.columns):

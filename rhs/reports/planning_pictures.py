@@ -105,7 +105,7 @@ def bars(groups: Sequence[tuple[str, str, float, float, float]], label: str, tar
     axes.set_ylabel(label)
     axes.grid(axis="y", color="#dddddd", zorder=0)
     axes.set_title(title, fontsize=8)
-    if log:
+    if log and any(group[2] > 0.0 for group in groups):
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter("{x:g}")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=7, frameon=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -143,7 +144,9 @@ def embed(path: Path) -> str:
 def embed_figure(figure: Figure) -> str:
     """A figure as a PNG data address."""
     out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph", category=UserWarning)  # a name may hold what no font has
+        figure.savefig(out, format="png", metadata={"Software": None})
     return f"data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}"
 
 

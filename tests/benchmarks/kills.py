@@ -76,7 +76,7 @@ def kill_sweep(rng: random.Random, folder: Path, lasts_s: float, expected: str) 
     process = start(folder, *SWEEP, "output=s")
     once_claimed(process, folder / "s")
     time.sleep(rng.uniform(0.0, lasts_s))
-    kill_something(rng, process)
+    what = kill_something(rng, process)
     if process.poll() is None and not descendants(process.pid):
         process.kill()
     process.wait()
@@ -86,13 +86,16 @@ def kill_sweep(rng: random.Random, folder: Path, lasts_s: float, expected: str) 
         code = start(folder, "--resume", "s", "--jobs", "2").wait()
     else:  # killed before it had said what it is
         code = start(folder, *SWEEP, "output=s").wait()
-    lost = sum(not path.exists() or path.read_text() != text for path, text in done.items())
+    changed = [path.parent.name for path, text in done.items() if not path.exists() or path.read_text() != text]
     same = code == 0 and table_of(folder / "s") == expected
-    return Counter(kills=1, seen=1, lost=lost + (not same))
+    if changed or not same:
+        print(f"{what} killed: rows changed {changed}, resumed with exit code {code}, "
+              f"statuses {[read_row(path)['status'] for path in find_rows([folder / 's'])]}", flush=True)
+    return Counter(kills=1, seen=1, lost=len(changed) + (not same))
 
 
-def kill_something(rng: random.Random, process: subprocess.Popen) -> None:
-    """The whole group, the driver, a child of it (the server that starts the jobs), or a job."""
+def kill_something(rng: random.Random, process: subprocess.Popen) -> str:
+    """The whole group, the driver, a child of it (the server that starts the jobs), or a job; which it was."""
     what = rng.choice(["group", "driver", "server", "job"])
     if what == "group":
         os.killpg(process.pid, signal.SIGKILL)
@@ -107,6 +110,7 @@ def kill_something(rng: random.Random, process: subprocess.Popen) -> None:
                 process.kill()
         else:
             process.kill()
+    return what
 
 
 def table_of(sweep: Path) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import struct
 import subprocess
 import sys
-import zlib
 from functools import cache
 from pathlib import Path
 
 import pytest
+from faults.files import png
 from installing import CHOICE, FAKES, environment
 
 MOST_MB, MOST_S = 500.0, 1.0  # of memory; of CPU time beyond what any refusal takes, which is a second on an idle core
@@ -48,19 +47,6 @@ def refused(folder: Path, *words: str, module: str = "rhs", code: int | tuple[in
     return error
 
 
-def png(width: int, height: int, *, bits: int = 8, colour: int = 0) -> bytes:
-    """A PNG of one colour: 20000 x 20000 in 400 kB."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    packer, row, packed = zlib.compressobj(9), bytes(1 + width * bits // 8), b""
-    for _ in range(height):
-        packed += packer.compress(row)
-    head = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed + packer.flush()) + chunk(b"IEND", b"")
-
-
 # --- words -----------------------------------------------------------------------------------------------------------
 
 
@@ -76,29 +62,7 @@ def test_words(tmp_path, words, says):
     assert list(tmp_path.iterdir()) == []
 
 
-ALIASES = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
-    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 9))
-
-
-@pytest.mark.parametrize(("text", "says"), [
-    (ALIASES, "aliases"), ("world: &a [*a]\n", "aliases"), ("obstacles: " + "[" * 3000 + "]" * 3000, "nested more deeply"),
-    ("seed: " + "9" * 5000, "5000 digits"), ("seed: [1, 2", "expected ',' or ']'"),
-])
-def test_experiments(tmp_path, text, says):
-    (tmp_path / "experiment").mkdir()
-    (tmp_path / "experiment" / "e.yaml").write_text(f"# @package _global_\n{text}\n")
-    assert says in refused(tmp_path, *CHOICE, "--config-dir", ".", "experiment=e")
-
-
 # --- files -----------------------------------------------------------------------------------------------------------
-
-
-def test_maps(tmp_path):
-    (tmp_path / "m.yaml").write_text("image: m.png\nresolution: 0.05\norigin: [0, 0, 0]\n")
-    (tmp_path / "m.png").write_bytes(png(7000, 7000))
-    assert "7000 x 7000 cells" in refused(tmp_path, "task=planning", "world=m.yaml", "start=[1,1]", "goal=[2,2]")
-    (tmp_path / "m.map").write_text(f"type octile\nheight {'9' * 5000}\nwidth 5\nmap\n.....\n")
-    assert "height is '999" in refused(tmp_path, "task=planning", "world=m.map", "start=[1,1]", "goal=[2,2]")
 
 
 def tum(folder: Path, colour: bytes, depth: bytes) -> None:
@@ -115,29 +79,6 @@ def test_images_of_recordings(tmp_path):
     words = ["task=survey", "source=replay", "source.path=bomb", "source.camera=[50,50,32,24]", "output=o"]
     assert "20000 x 20000 pixels" in refused(tmp_path, *words)
     assert not (tmp_path / "o").exists()
-
-
-def chunk_bomb(records: bytes, count: int) -> bytes:
-    """An MCAP file whose chunks all hold these records, packed well."""
-    import zstandard
-
-    packed = zstandard.ZstdCompressor(level=3).compress(records)
-    head = struct.pack("<QQQI", 0, 0, len(records), 0) + struct.pack("<I", 4) + b"zstd"
-    body = head + struct.pack("<Q", len(packed)) + packed
-    header = struct.pack("<BQ", 1, 8) + struct.pack("<II", 0, 0)
-    return b"\x89MCAP0\r\n" + header + (struct.pack("<BQ", 6, len(body)) + body) * count
-
-
-def test_chunks_that_unpack_without_end(tmp_path):
-    (tmp_path / "bomb.mcap").write_bytes(chunk_bomb(bytes(255 << 20), 40))
-    assert "claim to unpack to" in refused(tmp_path, "bomb.mcap", "out.mcap", module="rhs.convert", code=(1, 2))
-    assert not (tmp_path / "out.mcap").exists()
-
-
-def test_a_chunk_of_nothing_but_empty_records_is_damage(tmp_path):
-    (tmp_path / "empty.mcap").write_bytes(chunk_bomb(bytes(9 * 1_000_000), 1))
-    error = refused(tmp_path, "empty.mcap", "out.mcap", module="rhs.convert", code=3)
-    assert "a chunk holds a record of code 0" in error
 
 
 @pytest.mark.parametrize("what", ["fifo", "device"])

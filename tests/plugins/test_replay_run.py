@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.synthetic_run import FACTS, make_steps
 
-from rhs.api.errors import ConfigError, RecordingError
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov
 from rhs.recording.writer import Recorder
 from rhs_sources.replay_config import Replay
@@ -59,7 +59,7 @@ def test_a_cut_recording_says_what_it_lost(run, tmp_path):
 
 def test_what_cannot_be_replayed(run, tmp_path):
     (tmp_path / "empty.mcap").write_bytes(b"")
-    with pytest.raises(RecordingError, match="not an MCAP file"):
+    with pytest.raises(ConfigError, match="not an MCAP file"):
         replay(tmp_path / "empty.mcap")
     recorder = Recorder(tmp_path / "light.mcap", "light", CAMERA, FACTS)
     recorder.step(next(make_steps(1)))
