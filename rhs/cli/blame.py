@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rhs.base.errors import ConfigError
-from rhs.base.strict_yaml import load_yaml
-from rhs.config.compose import TASK, RunConfig
+from rhs.config.compose import TASK, RunConfig, read_values
 from rhs.config.overlay import overlaid
 
 from .one_run import one_run
@@ -31,11 +30,11 @@ def config_of(words: Sequence[str]) -> RunConfig:
     Raises ConfigError."""
     if not words or "=" in words[0]:
         raise ConfigError("blame: which run? type python -m rhs blame FOLDER")
-    path = Path(words[0]) / "config.yaml"
-    if not path.is_file():
-        raise ConfigError(f"blame {words[0]}: no run folder (no config.yaml)")
-    values = load_yaml(path)
-    if not isinstance(values, dict) or values.get(TASK) not in ("patrol", "blame"):
-        raise ConfigError(f"{path}: not the configuration of a patrol; blame takes patrols apart")
+    folder = Path(words[0])
+    if not (folder / "config.yaml").is_file():
+        raise ConfigError(f"blame {folder}: no run folder (no config.yaml)")
+    values = read_values(folder)
+    if values.get(TASK) not in ("patrol", "blame"):
+        raise ConfigError(f"blame {folder}: task={values.get(TASK)}; blame takes patrols apart")
     values |= {TASK: "blame", "output": "", "overwrite": False}
     return overlaid(values, list(words[1:]))

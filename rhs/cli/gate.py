@@ -71,8 +71,7 @@ def _arguments() -> argparse.ArgumentParser:
 
 def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:
     """(old row, new job) for the runs of the folder, all composed before any runs. Raises ConfigError."""
-    from rhs.base.strict_yaml import load_yaml
-    from rhs.config.compose import config_hash
+    from rhs.config.compose import config_hash, read_values
     from rhs.config.overlay import overlaid
     from rhs.config.overrides import Word
     from rhs.reports.table import find_rows
@@ -85,7 +84,7 @@ def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Jo
         raise ConfigError(f"gate {folder}: {len(old)} finished runs; expected at least 4 to compare with")
     pairs: list[tuple[Row, Job]] = []
     for row, where in old[:most]:
-        config = overlaid(load_yaml(where / "config.yaml"), change)
+        config = overlaid(read_values(where), change)
         if config_hash(config) == row.get("config_hash"):
             raise ConfigError(f"gate: {' '.join(change)} changes nothing in {where}")
         pairs.append((row, job_of(config, [Word("seed", config.seed, f"seed={config.seed}")], ["seed"])))

@@ -20,6 +20,7 @@ import threading  # noqa: E402
 import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
+from rhs.base.commands import plain  # noqa: E402
 from rhs.base.errors import ConfigError, RhsError  # noqa: E402
 
 from .commands import command, plugin_files  # noqa: E402

@@ -222,10 +222,25 @@ def write_config(config: RunConfig, folder: Path) -> None:
 
 def read_config(folder: Path) -> RunConfig:
     """The configuration that a run folder remembers, checked like one that was typed."""
+    return from_plain(read_values(folder))
+
+
+def read_values(folder: Path) -> dict[str, Any]:
+    """The plain values that a run folder remembers, in the words of now. Raises ConfigError."""
+    from .overrides import DEPRECATED
+
     values = load_yaml(folder / "config.yaml")
     if not isinstance(values, dict):
         raise ConfigError(f"{folder}/config.yaml: expected `key: value` lines")
-    return from_plain(values)
+    for old, now in DEPRECATED.items():
+        key_of, _, text = old.partition("=")
+        *above, last = key_of.split(".")
+        node: Any = values
+        for key in above:
+            node = node.get(key) if isinstance(node, dict) else None
+        if isinstance(node, dict) and node.get(last) == text:
+            node[last] = now.partition("=")[2]
+    return values
 
 
 def config_hash(config: RunConfig) -> str:
