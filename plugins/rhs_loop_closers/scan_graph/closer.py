@@ -17,7 +17,7 @@ from rhs.estimation.scans.planar_poses import between, composed, flat, lifted
 from .config import ScanGraph, Windows
 from .graph import Graph
 from .keys import Keys, key_scans
-from .refine import refine_pairs, refit
+from .refine import refine_passages, refit
 from .windows import Find, loop_edge, search_loops
 
 
@@ -49,7 +49,7 @@ class ScanGraphCloser:
         for tries in range(1 + self._settings.tries):
             graph = Graph(keys, believed, self._settings)
             refused = search_loops(graph, windows)
-            refine_pairs(graph, self._settings.advanced.refinement)
+            refine_passages(graph, self._settings.advanced.refinement)
             value = keys.inconsistency(graph.poses)
             if best is None or value < best[2]:
                 best = graph, refused, value

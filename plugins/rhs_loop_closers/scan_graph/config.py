@@ -78,10 +78,12 @@ class Refinement:
     """The last rounds: pairs of key scans, then every scan onto the key scans around it."""
 
     rounds: int = 3
-    """of pairs; 0: none"""
-    near_m: float = 5.0
-    """key scans of other passages this near are laid onto one another, metres"""
-    partners: int = 6
+    """of key scans laid onto other passages; 0: none"""
+    map_m: float = 3.0
+    """a passage is the scans of so much way on both sides of the nearest one, metres"""
+    near_m: float = 3.0
+    """a key scan is laid onto other passages this near, metres"""
+    partners: int = 3
     """at most so many of each key scan"""
     least_share: float = 0.35
     """of the points that must find a partner"""
@@ -95,7 +97,7 @@ class Refinement:
     """at most so many"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, rounds=(0, 100), near_m=(0.1, 100.0), partners=(0, 100), least_share=(0.0, 1.0),
+        check_ranges("", self, rounds=(0, 100), map_m=(0.1, 100.0), near_m=(0.1, 100.0), partners=(0, 100), least_share=(0.0, 1.0),
                      reach_m=(0.02, 10.0), shrink=(0.1, 1.0), around_m=(0.1, 100.0), around=(1, 1000))
 
 

@@ -19,19 +19,16 @@ WEAK = np.diag([100.0, 100.0, 400.0])  # of a pair as believed: information, 0.1
 SOLVED_KERNEL = 3.0
 
 
-def refine_pairs(graph: Graph, settings: Refinement) -> None:
-    """Several rounds: overlapping key scans in pairs, and the poses that agree with all of them."""
+def refine_passages(graph: Graph, settings: Refinement) -> None:
+    """Several rounds: key scans laid onto what other passages saw there, and the poses that agree with all of them."""
     keys = graph.keys
-    maps = [PointMap(cloud.points, cloud.normals) for cloud in keys.clouds]
-    steps = graph.odometry.from_from_to
-    weak = np.array([wheel_spread(step, graph.settings) for step in between(graph.poses[:-1], graph.poses[1:])])
-    odometry = edges_of(graph.odometry.from_at, graph.odometry.to_at, np.column_stack(
-        [steps[:, 0, 3], steps[:, 1, 3], np.arctan2(steps[:, 1, 0], steps[:, 0, 0])]),
-        np.maximum(weak, graph.odometry.covariances[:, [[0], [1], [5]], [0, 1, 5]]), robust=True)
     for number in range(settings.rounds):
         reach_m = settings.reach_m * settings.shrink**number
+        maps: dict[int, PointMap] = {}
         first, second, seen, spread = [], [], [], []
-        for j, k in pairs(graph, settings):
+        for j, k in neighbours(graph, settings):
+            if j not in maps:
+                maps[j] = _around(graph, j, settings)
             start = between(graph.poses[j], graph.poses[k])
             fit = maps[j].fit(keys.clouds[k], start, WEAK, graph.settings.points, steps=6, reach=(reach_m, reach_m))
             if fit.share > settings.least_share:
@@ -40,22 +37,29 @@ def refine_pairs(graph: Graph, settings: Refinement) -> None:
                 second.append(k)
                 seen.append(fit.pose)
                 spread.append(np.linalg.inv(information + np.diag([1e-2, 1e-2, 1e-1])) + PAIR_FLOOR)
-        edges = joined(odometry, graph.loop_edges()) if number == 0 and graph.loops else odometry
-        if first:
-            edges = joined(edges, edges_of(np.array(first), np.array(second), np.array(seen), np.array(spread), robust=True))
-        graph.poses = solved(graph.poses, edges, SOLVED_KERNEL)
+        if not first:
+            return
+        fits = edges_of(np.array(first), np.array(second), np.array(seen), np.array(spread), robust=True)
+        edges = joined(graph.odometry, fits)
+        graph.poses = solved(graph.poses, joined(edges, graph.loop_edges()) if graph.loops else edges, SOLVED_KERNEL)
 
 
-def pairs(graph: Graph, settings: Refinement) -> list[tuple[int, int]]:
-    """Key scans that see one place: each with the two before it and with some of other passages near."""
+def _around(graph: Graph, j: int, settings: Refinement) -> PointMap:
+    """What was seen on the way past a key scan, in its frame."""
+    keys = graph.keys
+    chosen = keys.along(j, settings.map_m, settings.map_m)
+    seen_from = between(np.tile(graph.poses[j], (len(chosen), 1)), graph.poses[chosen])
+    return PointMap(*gathered([keys.clouds[n] for n in chosen], seen_from, cell_m=graph.settings.points.cell_m))
+
+
+def neighbours(graph: Graph, settings: Refinement) -> list[tuple[int, int]]:
+    """Of each key scan the nearest ones of other passages, earlier or later."""
     keys, out = graph.keys, []
     near = cKDTree(graph.poses[:, :2]).query_ball_point(graph.poses[:, :2], settings.near_m)
     for k in range(len(keys)):
-        out += [(j, k) for j in (k - 1, k - 2) if j >= 0]
-        others = np.array(sorted(j for j in near[k] if j < k and keys.way_m[k] - keys.way_m[j] > settings.near_m), int)
+        others = np.array(sorted(j for j in near[k] if abs(keys.way_m[k] - keys.way_m[j]) > 2.0 * settings.map_m), int)
         gap_m = np.hypot(*(graph.poses[:, :2] - graph.poses[k, :2]).T)
-        chosen = [int(j) for part in keys.passages(others, settings.near_m / 2)
-                  for j in part[np.argsort(gap_m[part], kind="stable")[:2]]]
+        chosen = [int(part[gap_m[part].argmin()]) for part in keys.passages(others, settings.near_m)]
         out += [(j, k) for j in sorted(chosen, key=lambda j: gap_m[j])[: settings.partners]]
     return out
 

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 class Prediction:
     """Where the next scan is looked for, and how far the wheels are believed. All 1 sigma."""
 
-    least_m: float = 0.02
+    least_m: float = 0.04
     """error of the wheels since the last scan they were held against, metres"""
-    least_rad: float = 0.01
+    least_rad: float = 0.02
     """and of their heading, radians"""
-    share: float = 0.1
+    share: float = 0.2
     """the same as a share of way and turn"""
-    rad_per_m: float = 0.03
+    rad_per_m: float = 0.06
     """and of the heading per metre of way, radians"""
     blind_m: float = 0.15
     """where the wheels say nothing (their reading hangs, leaps, or there is none), metres"""

@@ -127,7 +127,7 @@ class PointSettings:
 
     range_max_m: float = 25.0
     """longer beams have no end, metres"""
-    span_m: float = 0.12
+    span_m: float = 0.2
     """neighbouring ends as near as this tell the direction of a wall, metres"""
     span_steps: float = 2.5
     """or as near as so many gaps between beams"""
@@ -139,7 +139,7 @@ class PointSettings:
     """and in the end"""
     sigma_m: float = 0.04
     """of an end against a wall, metres"""
-    trust: float = 0.15
+    trust: float = 0.4
     """neighbouring beams share their errors, so each counts for so much"""
     lever_m: float = 3.0
     """a heading moves what the scan sees by so much per radian, metres"""
