@@ -93,12 +93,15 @@ class Refinement:
     """... this share of it in each further round"""
     around_m: float = 3.0
     """every scan is laid onto the key scans this near, metres"""
-    around: int = 12
+    around: int = 8
     """at most so many"""
+    cell_m: float = 0.1
+    """whose points are one where they are nearer than this, metres"""
 
     def __post_init__(self) -> None:
         check_ranges("", self, rounds=(0, 100), map_m=(0.1, 100.0), near_m=(0.1, 100.0), partners=(0, 100), least_share=(0.0, 1.0),
-                     reach_m=(0.02, 10.0), shrink=(0.1, 1.0), around_m=(0.1, 100.0), around=(1, 1000))
+                     reach_m=(0.02, 10.0), shrink=(0.1, 1.0), around_m=(0.1, 100.0), around=(1, 1000),
+                     cell_m=(0.005, 2.0))
 
 
 @dataclass

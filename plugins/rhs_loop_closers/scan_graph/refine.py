@@ -78,8 +78,7 @@ def refit(graph: Graph, views: tuple[View, ...], settings: Refinement) -> np.nda
                                    distance_upper_bound=settings.around_m)
         around = np.sort(np.atleast_1d(around)[np.isfinite(np.atleast_1d(gap_m))])
         around = np.unique(np.concatenate([around, np.arange(max(k - 1, 0), min(k + 2, len(keys)))]))
-        walls = PointMap(*gathered([keys.clouds[j] for j in around], graph.poses[around],
-                                   cell_m=graph.settings.points.cell_m))
+        walls = PointMap(*gathered([keys.clouds[j] for j in around], graph.poses[around], cell_m=settings.cell_m))
         for i in mine:
             scan = views[i].scan
             if scan is None:

@@ -17,12 +17,11 @@ from rhs.api.records import Scan
 from .planar_poses import composed
 from .point_kernels import looked_through, moved
 from .point_map import Cloud, cloud_of
-from .settings import PointSettings
+from .settings import SEES_AROUND_RAD, PointSettings
 
 NEAR_M, OTHER_WAY_M = 4.0, 8.0  # a scan of another passage: this near, and so much way apart
 FAR_M, CLEAR_M = 10.0, 0.15
 KEY_M, KEY_RAD, EVERY = 0.3, 0.35, 3
-LEAST_RAD = 2.0  # a scanner that sees less of its surroundings hardly ever sees one wall from two passages
 LEAST_POINTS = 1000  # points that were passed or met; of fewer nothing is said
 
 
@@ -51,7 +50,7 @@ def spaced(poses: np.ndarray, least_m: float, least_rad: float) -> list[int]:
 
 def map_inconsistency(scans: Sequence[Scan | None], poses: np.ndarray) -> float:
     """The figure of measured scans at poses (N, 3); NaN for scanners that see little at once."""
-    seen = [k for k, scan in enumerate(scans) if scan is not None and np.ptp(scan.bearings_rad) >= LEAST_RAD]
+    seen = [k for k, scan in enumerate(scans) if scan is not None and np.ptp(scan.bearings_rad) >= SEES_AROUND_RAD]
     keys = [seen[k] for k in spaced(poses[seen], KEY_M, KEY_RAD)] if seen else []
     clouds = [cloud_of(scan, PointSettings()) for k in keys if (scan := scans[k]) is not None]
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])

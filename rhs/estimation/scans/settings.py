@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 from rhs.api.errors import check_ranges
 
+SEES_AROUND_RAD = 2.0  # a scanner that sees less of its surroundings hardly ever sees one wall from two passages
+
 
 @dataclass(frozen=True)
 class MatchSettings:
