@@ -58,7 +58,7 @@ class ScanToMapOdometry:
         covariance = _carried(self._spread, step) + spread
         self._poses.append(now)
         self._spread = spread
-        self._predictor.moved_to(now, fresh=guess.fresh, good=good)
+        self._predictor.moved_to(now, guess=guess, good=good)
         self._poor = 0 if good else self._poor + 1
         if cloud is not None and (good or self._poor >= self._rescue.patience):
             self._learn(cloud, now, fit.share if good else self._rescue.least_share)
@@ -86,6 +86,8 @@ class ScanToMapOdometry:
             self._map.add(cloud, guess.pose)
             return blind, False, "the first scan that shows something"
         fit = self._fit(cloud, guess.pose, guess.prior)
+        if not guess.measured:
+            fit = self._map.walls.unslid(cloud, fit, guess.pose, self._settings.advanced.points)
         fit = self._doubted(cloud, fit)
         if fit.share >= max(self._rescue.least_share, self._rescue.typical_share * self._usual):
             return fit, True, ""
@@ -136,7 +138,7 @@ class ScanToMapOdometry:
         """Make the scan part of the map, if it is far from the last one."""
         self._usual = share if self._usual == 0.0 else 0.9 * self._usual + 0.1 * share
         if self._poor:
-            self._predictor.moved_to(pose, fresh=True, good=True)
+            self._predictor.anchor_at(pose)
         if self._poor or self._map.far_from_last(pose):
             self._map.add(cloud, pose)
         self._poor = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,11 @@ from rhs.api.records import Observation
 from rhs.estimation.scans.planar_poses import between, composed
 
 from .config import Prediction
+
+MEDIAN_OF = 7
+MOVING_MPS, MOVING_RADPS = 0.15, 0.15
+MOST_HUNG = 10  # readings on end
+UNCHANGED = 1e-8  # metres, radians: what is left of a reading that did not change
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +55,8 @@ class Predictor:
         self._wheel: np.ndarray | None = None
         self._stamp_s, self._elapsed_s, self._usual_s = 0.0, 0.1, 0.0
         self._guessed = np.zeros(3)
+        self._same = 0  # readings on end that did not change
+        self._speeds: deque[np.ndarray] = deque(maxlen=MEDIAN_OF)  # of the last readings: neither hangs nor leaps move their median
 
     def begin(self, observation: Observation) -> None:
         """The first scan."""
@@ -71,15 +79,27 @@ class Predictor:
 
     def _by_wheels(self, coasting: np.ndarray) -> Guess:
         assert self._wheel is not None
-        fresh = bool(self._wheel.any())
+        fresh = bool(np.abs(self._wheel).max() > UNCHANGED)
+        self._same = 0 if fresh else self._same + 1
+        if fresh:
+            self._speeds.append(self._wheel / self._elapsed_s)
+            self._speed = np.median(self._speeds, axis=0)
         self._since = composed(self._since, self._wheel)
         self._since_s += self._elapsed_s
         if not fresh:
-            return Guess(self._last, self.wide, (coasting,), False, False)
+            return self._hung(coasting)
         there = composed(self._anchor, self._since)
         if self._leapt():
             return Guess(coasting, self.wide, (there, self._last), True, False)
         return Guess(there, self._trusted(self._since), (coasting, self._last), True, True)
+
+    def _hung(self, coasting: np.ndarray) -> Guess:
+        """A reading that did not change: the robot stands, or, as nothing stands at once, the reading hangs."""
+        speed = self._speeds[-1] if self._speeds else np.zeros(3)
+        moving = float(np.hypot(*speed[:2])) > MOVING_MPS or abs(float(speed[2])) > MOVING_RADPS
+        if moving and self._same <= MOST_HUNG:
+            return Guess(coasting, self.wide, (self._last,), False, False)
+        return Guess(self._last, self._trusted(np.zeros(3)), (coasting,), False, True)
 
     def _leapt(self) -> bool:
         """Whether no robot can have moved as the wheels say since the anchor."""
@@ -89,16 +109,22 @@ class Predictor:
 
     def stepped(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A pose of the last scan moved on by one reading of the wheels, or the speed of late, and its prior."""
-        if self._wheel is None or not self._wheel.any():
+        if self._wheel is None or self._same:
             return composed(pose, self._speed * self._elapsed_s), self.wide
         return composed(pose, self._wheel), self._trusted(self._wheel)
 
-    def moved_to(self, pose: np.ndarray, *, fresh: bool, good: bool) -> None:
-        """The scan is at `pose`; it fits there or not."""
-        if good:
-            self._speed = between(self._last, pose) / self._elapsed_s
-        if good and fresh:
-            self._anchor, self._since, self._since_s = pose.copy(), np.zeros(3), 0.0
+    def moved_to(self, pose: np.ndarray, *, guess: Guess, good: bool) -> None:
+        """The scan is at `pose`; it fits there or not. Where there are wheels the speed is theirs: where a scan is blind
+        along a corridor, one that came from scans alone would run away."""
+        if good and self._wheel is None:
+            speed = between(self._last, pose) / self._elapsed_s
+            self._speed = speed * min(1.0, self._settings.speed_change_mps / max(float(np.hypot(*speed[:2])), 1e-9))
+        if good and guess.fresh:
+            self.anchor_at(pose)
+
+    def anchor_at(self, pose: np.ndarray) -> None:
+        """Count the wheels from here."""
+        self._anchor, self._since, self._since_s = pose.copy(), np.zeros(3), 0.0
 
     def _clock(self, stamp_s: float) -> None:
         """Stamps may be poor: no interval is taken to be much shorter than usual."""

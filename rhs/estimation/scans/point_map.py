@@ -14,7 +14,7 @@ import numpy as np
 
 from rhs.api.records import Scan
 
-from .planar_poses import composed
+from .planar_poses import between, composed
 from .point_kernels import bucketed, fitted, looked_through, moved, surface_points, thinned
 from .settings import PointSettings
 
@@ -75,6 +75,18 @@ class PointMap:
         pose, information, share = fitted(cloud.points, cloud.normals, self._buckets, np.array(start, float),
                                           np.ascontiguousarray(prior, float), numbers)
         return Fit(pose, information, share)
+
+    def unslid(self, cloud: Cloud, fit: Fit, start: np.ndarray, settings: PointSettings) -> Fit:
+        """The fit without what it moved from `start` (3,) in directions that the scan hardly sees (compare Zhang, Kaess and
+        Singh, On degeneracy of optimization-based state estimation problems, ICRA 2016)."""
+        scale = np.array([1.0, 1.0, settings.lever_m])
+        values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))
+        blind = vectors[:, values <= settings.blind_below * max(values.max(), 1e-9)]
+        if not blind.shape[1]:
+            return fit
+        moved = between(np.asarray(start, float), fit.pose) * scale
+        return self.fit(cloud, composed(np.asarray(start, float), (moved - blind @ (blind.T @ moved)) / scale), np.eye(3),
+                        settings, steps=0)
 
     def seen_through(self, cloud: Cloud, pose: np.ndarray, *, far_m: float, clear_m: float) -> tuple[int, int]:
         """How many points of the map that face the scanner its beams pass through from a pose (3,), and how many they meet."""
