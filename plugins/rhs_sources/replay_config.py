@@ -93,7 +93,7 @@ class Replay:
     def build(self, context: SourceContext) -> Source:
         from .replay import ReplaySource
 
-        return ReplaySource(self, context.folder)
+        return ReplaySource(self, context.folder if context is not None else None)
 
 
 def _check_intrinsics(owner: str, values) -> None:

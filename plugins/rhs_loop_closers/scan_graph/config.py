@@ -77,7 +77,7 @@ class Windows:
 class Refinement:
     """The last rounds: pairs of key scans, then every scan onto the key scans around it."""
 
-    rounds: int = 2
+    rounds: int = 3
     """of key scans laid onto other passages; 0: none"""
     map_m: float = 3.0
     """a passage is the scans of so much way on both sides of the nearest one, metres"""

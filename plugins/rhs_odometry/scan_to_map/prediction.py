@@ -13,7 +13,7 @@ from rhs.estimation.scans.planar_poses import between, composed
 from .config import Prediction
 
 MEDIAN_OF = 7
-MOVING_MPS, MOVING_RADPS = 0.15, 0.15
+MOVING_MPS, MOVING_RADPS = 0.3, 0.3
 MOST_HUNG = 10  # readings on end
 UNCHANGED = 1e-8  # metres, radians: what is left of a reading that did not change
 
@@ -99,7 +99,7 @@ class Predictor:
         moving = float(np.hypot(*speed[:2])) > MOVING_MPS or abs(float(speed[2])) > MOVING_RADPS
         if moving and self._same <= MOST_HUNG:
             return Guess(coasting, self.wide, (self._last,), False, False)
-        return Guess(self._last, self._trusted(np.zeros(3)), (coasting,), False, True)
+        return Guess(self._last, self._trusted(np.zeros(3)), (coasting,), True, True)
 
     def _leapt(self) -> bool:
         """Whether no robot can have moved as the wheels say since the anchor."""
