@@ -42,7 +42,8 @@ def drive(corners, *, step_m=0.15, step_rad=0.15):
         heading = np.arctan2(*(b - a)[::-1])
         if yaw is not None:
             turn = (heading - yaw + np.pi) % (2.0 * np.pi) - np.pi
-            poses += [[*a, yaw + share * turn] for share in np.linspace(0, 1, max(int(abs(turn) / step_rad), 1), endpoint=False)]
+            shares = np.linspace(0.0, 1.0, max(int(abs(turn) / step_rad), 1), endpoint=False)
+            poses += [[*a, yaw + share * turn] for share in shares]
         yaw = heading
         count = max(int(np.hypot(*(b - a)) / step_m), 1)
         poses += [[*(a + share * (b - a)), yaw] for share in np.linspace(0.0, 1.0, count, endpoint=False)]

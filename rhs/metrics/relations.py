@@ -92,9 +92,9 @@ def _places(stamps_s: np.ndarray, asked_s: np.ndarray) -> np.ndarray:
 def relation_values(estimate: Trajectory | None, relations: Relations | None) -> Values:
     """The columns; NaN without relations."""
     if relations is None or not len(relations.stamps_s):
-        return dict.fromkeys(NAMES, NAN)
+        return {**dict.fromkeys(NAMES, NAN)}
     if estimate is None:
-        return dict.fromkeys(NAMES, NAN) | {"relations_share": 0.0}
+        return {**dict.fromkeys(NAMES, NAN), "relations_share": 0.0}
     metres, radians, again = relation_errors(estimate, relations)
     degrees = np.degrees(radians)
     figures = [_of(metres, np.mean), _of(metres, np.std), _of(degrees, np.mean), _of(degrees, np.std), _of(metres, np.max),

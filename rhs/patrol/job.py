@@ -87,7 +87,8 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
     log.recorder.map(grid, float(stamps[-1]))
     if walls:
         write_json(log.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
-    write_json(log.folder / "closure.json", closure_rows(closure) | {"closing_ms": closing_ms, **contradictions(revised, views)})
+    figures = {"closing_ms": closing_ms, **contradictions(revised, views)}
+    write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
 
 

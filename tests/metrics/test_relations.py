@@ -14,7 +14,7 @@ from rhs.metrics.relations import read_relations, relation_values
 # The robot believes it drove 1 m east, turned left by a right angle and drove 2 m north, and was there again 40 s later.
 WAY = Trajectory(np.array([10.0, 11.0, 12.0, 51.0]), np.array([se2(0, 0, 0), se2(1, 0, np.pi / 2), se2(1, 2, np.pi / 2),
                                                                se2(1, 0.3, np.pi / 2)]))
-# True: 1.1 m east (0.1 m wrong); 2 m ahead and 0.2 rad to the left (0.2 rad wrong); the revisit 0.3 m wrong; one scan unknown.
+# True: 1.1 m east (0.1 m wrong); 2 m ahead, 0.2 rad to the left (0.2 rad wrong); the revisit 0.3 m wrong; one scan unknown.
 FILE = f"""10 11 1.1 0 0 0 0 {np.pi / 2}
 11 12 2 0 0 0 0 0.2
 11 51 0 0 0 0 0 0

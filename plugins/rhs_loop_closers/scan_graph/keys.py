@@ -63,10 +63,10 @@ def key_scans(views: Sequence[View], settings: ScanGraph) -> Keys | None:
             clouds.append(cloud)
     if len(chosen) < 2:
         return None
-    view = np.array(chosen)
-    key = np.maximum(np.searchsorted(view, np.arange(len(views)), side="right") - 1, 0)
+    at = np.array(chosen)
+    key = np.maximum(np.searchsorted(at, np.arange(len(views)), side="right") - 1, 0)
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T))])
-    return Keys(view, clouds, way_m[view], key, between(states[view[key]], states))
+    return Keys(at, clouds, way_m[at], key, between(states[at[key]], states))
 
 
 def _far(last: np.ndarray, state: np.ndarray, view: View, settings: ScanGraph) -> bool:

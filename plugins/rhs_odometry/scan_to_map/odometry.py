@@ -13,7 +13,7 @@ import numpy as np
 
 from rhs.api.geometry import se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
-from rhs.estimation.scans.planar_poses import between, composed, lifted
+from rhs.estimation.scans.planar_poses import between, lifted
 from rhs.estimation.scans.point_map import Cloud, Fit, cloud_of, seen_directions
 
 from .config import ScanToMap

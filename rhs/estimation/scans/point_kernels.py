@@ -17,6 +17,8 @@ _FIT = nb.types.Tuple((_NUMBERS, _POINTS, nb.float64))
 _ALIKE = -0.3  # cosine: two normals further apart belong to the two sides of a wall
 _BUCKET_M = 0.25
 _SLOTS = 1 << 17
+Walls = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""what `bucketed` returns"""
 
 
 @typed(_POINTS(_POINTS, _NUMBERS, nb.boolean))
@@ -124,7 +126,7 @@ def bucketed(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 @typed(nb.int64(_MAP, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64))
-def _nearest(walls, x: float, y: float, nx: float, ny: float, reach: float) -> int:
+def _nearest(walls: Walls, x: float, y: float, nx: float, ny: float, reach: float) -> int:
     """Place of the nearest point of the map within reach that is not the other side of a wall; -1: none."""
     p, n, starts, frame = walls
     columns, rows = int(frame[2]), int(frame[3])
@@ -145,7 +147,8 @@ def _nearest(walls, x: float, y: float, nx: float, ny: float, reach: float) -> i
 
 
 @typed(nb.types.Tuple((_POINTS, _NUMBERS, nb.float64))(_POINTS, _POINTS, _MAP, _NUMBERS, nb.float64, nb.float64))
-def linear(q, qn, walls, at, reach, sigma):
+def linear(q: np.ndarray, qn: np.ndarray, walls: Walls, at: np.ndarray, reach: float, sigma: float,
+           ) -> tuple[np.ndarray, np.ndarray, float]:
     """Information (3, 3) of points q with normals qn seen from `at`, its gradient (3,), and the share with a partner."""
     information, gradient, hit = np.zeros((3, 3)), np.zeros(3), 0
     c, s = np.cos(at[2]), np.sin(at[2])
@@ -171,7 +174,8 @@ def linear(q, qn, walls, at, reach, sigma):
 
 
 @typed(_FIT(_POINTS, _POINTS, _MAP, _NUMBERS, _POINTS, _NUMBERS))
-def fitted(q, qn, walls, start, prior, settings):
+def fitted(q: np.ndarray, qn: np.ndarray, walls: Walls, start: np.ndarray, prior: np.ndarray, settings: np.ndarray,
+           ) -> tuple[np.ndarray, np.ndarray, float]:
     """Pose (3,), information (3, 3) of the points alone, share with a partner: q laid onto the map from `start`, which
     `prior` (3, 3) information pulls towards. settings: first and last reach, sigma, trust, steps."""
     first, last, sigma, trust, steps = settings
@@ -198,7 +202,8 @@ def fitted(q, qn, walls, start, prior, settings):
 
 
 @typed(nb.types.UniTuple(nb.int64, 2)(_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _POINTS, nb.float64, nb.float64))
-def looked_through(ranges, bearings, at, m, mn, far, clear):
+def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, mn: np.ndarray, far: float,
+                   clear: float) -> tuple[int, int]:
     """How many points m (normals mn) that face a scanner at `at` its beams pass by more than `clear`, and how many they
     meet. ranges: inf where nothing was hit; bearings ascend in even steps."""
     through, met, n = 0, 0, len(ranges)

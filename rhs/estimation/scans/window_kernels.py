@@ -13,7 +13,8 @@ BLOCK = 5  # cells of the side of a block that one bound speaks for
 
 
 @typed(_FIELD(_POINTS, nb.float64, nb.float64, nb.int64, nb.int64, nb.float64, nb.float64))
-def stamped(points, west, south, rows, columns, cell_m, sigma_m):
+def stamped(points: np.ndarray, west: float, south: float, rows: int, columns: int, cell_m: float,
+            sigma_m: float) -> np.ndarray:
     """(rows, columns) exp(-d^2 / 2 sigma^2) of the nearest point, 0 beyond three sigmas."""
     field = np.zeros((rows, columns), np.float32)
     reach = int(np.ceil(3.0 * sigma_m / cell_m))
@@ -29,7 +30,7 @@ def stamped(points, west, south, rows, columns, cell_m, sigma_m):
 
 
 @typed(_FIELD(_FIELD))
-def bounded(field):
+def bounded(field: np.ndarray) -> np.ndarray:
     """Of each cell the largest of the BLOCK x BLOCK cells from it on to the north and the east."""
     rows, columns = field.shape
     east, out = np.zeros_like(field), np.zeros_like(field)
@@ -48,7 +49,7 @@ def bounded(field):
 
 
 @typed(nb.float64(_FIELD, _POINTS, nb.float64, nb.float64))
-def _mean(field, cells, dx, dy):
+def _mean(field: np.ndarray, cells: np.ndarray, dx: float, dy: float) -> float:
     rows, columns = field.shape
     total = 0.0
     for i in range(len(cells)):
@@ -59,7 +60,8 @@ def _mean(field, cells, dx, dy):
 
 
 @typed(nb.types.Tuple((_POINTS, nb.float64[:, :, ::1]))(_FIELD, _POINTS, _NUMBERS, _NUMBERS, nb.int64))
-def bounds_of(coarse, cells, centre, yaws, blocks):
+def bounds_of(coarse: np.ndarray, cells: np.ndarray, centre: np.ndarray, yaws: np.ndarray, blocks: int,
+              ) -> tuple[np.ndarray, np.ndarray]:
     """Cosine and sine of each yaw (K, 2), and the bound (K, 2 blocks + 1, 2 blocks + 1) of each block of shifts.
     cells: points in cells from the body; centre: where the body is, in cells."""
     turns, out = np.empty((len(yaws), 2)), np.empty((len(yaws), 2 * blocks + 1, 2 * blocks + 1))
@@ -77,7 +79,8 @@ def bounds_of(coarse, cells, centre, yaws, blocks):
 
 
 @typed(_POINTS(_FIELD, _POINTS, _NUMBERS, _POINTS, _POINTS, nb.float64, nb.float64))
-def best_of(field, cells, centre, turns, tries, least, keep):
+def best_of(field: np.ndarray, cells: np.ndarray, centre: np.ndarray, turns: np.ndarray, tries: np.ndarray, least: float,
+            keep: float) -> np.ndarray:
     """(M, 4) shift x and y in cells, place of the yaw, score: the best of each block tried that scores more than `least`
     and than `keep` of the best so far. tries (T, 4): place of the yaw, shift of the block, its bound, best bound first."""
     out, count, best = np.empty((len(tries), 4)), 0, least / keep
