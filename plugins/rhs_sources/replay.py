@@ -38,7 +38,8 @@ class ReplaySource(Source):
             shutil.copyfile(relations, folder / "truth.relations")
         self.stamps_repaired = sum(recording.repaired.values())
         if recording.repaired:
-            log.warning("replay %s: stamps repaired, the order of the file kept: %s", settings.path, _counted(recording.repaired))
+            log.warning("replay %s: stamps repaired, the order of the file kept: %s", settings.path,
+                    _counted(recording.repaired))
         self.camera = recording.camera
         self.views_expected = recording.total  # None when only reading tells
         self.facts = recording.facts or _facts(settings)

@@ -93,12 +93,14 @@ def _way(lasers: list[np.ndarray], odometry: list[np.ndarray]) -> list[np.ndarra
         return odometry
     mounts = inverse(np.array(odometry)) @ np.array(lasers)
     off = inverse(mounts[0]) @ mounts
-    constant = np.abs(off[:, :2, 3]).max() < CONSTANT_M and np.abs(off[:, 1, 0]).max() < CONSTANT_RAD and off[:, 0, 0].min() > 0
+    turned = np.abs(np.arctan2(off[:, 1, 0], off[:, 0, 0]))
+    constant = np.abs(off[:, :2, 3]).max() < CONSTANT_M and turned.max() < CONSTANT_RAD
     return lasers if constant else odometry
 
 
 def _flaser(words: list[str], where: str) -> tuple[np.ndarray, list[float], list[float], float]:
-    """Ranges, poses (x, y, theta) of laser and odometry, and stamp of `FLASER n r1 .. rn x y th ox oy oth stamp host logged`."""
+    """Ranges, poses (x, y, theta) of laser and odometry,
+    and stamp of `FLASER n r1 .. rn x y th ox oy oth stamp host logged`."""
     count = int(number_of(words[1], where)) if len(words) > 1 else 0
     if not 1 <= count <= MAX_BEAMS or len(words) < 2 + count + 7:
         raise ConfigError(f"{where}: found {len(words)} words for {count} beams;"

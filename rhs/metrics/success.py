@@ -1,7 +1,8 @@
 """Did a run do what it was asked to do? Apart from `status`, which only says that the program ended well.
 
 Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: the
-odometry tracked at least half of the views, and the map of a laser does not contradict itself; unrolling: at least half of the strips were registered. A run that was asked
+odometry tracked at least half of the views, and the map of a laser does not contradict itself; unrolling: at least
+half of the strips were registered. A run that was asked
 for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
 

@@ -45,8 +45,9 @@ class ScanGraphCloser:
 
     def _closed(self, keys: Keys, believed: np.ndarray) -> tuple[Graph, list[Find], dict[str, float]]:
         """The graph whose map contradicts itself least, the loops it refused, and figures."""
-        windows, best, tries = self._settings.advanced.windows, None, 0
-        for tries in range(1 + self._settings.tries):
+        windows, best, wider = self._settings.advanced.windows, None, -1
+        while wider < self._settings.tries:
+            wider += 1
             graph = Graph(keys, believed, self._settings)
             refused = search_loops(graph, windows)
             refine_passages(graph, self._settings.advanced.refinement)
@@ -57,7 +58,7 @@ class ScanGraphCloser:
                 break
             windows = self._wider(windows)
         assert best is not None
-        return best[0], best[1], {"key_scans": len(keys), "inconsistency": best[2], "wider_searches": tries,
+        return best[0], best[1], {"key_scans": len(keys), "inconsistency": best[2], "wider_searches": wider,
                                   "inconsistency_before": keys.inconsistency(believed)}
 
     def _wider(self, windows: Windows) -> Windows:

@@ -67,7 +67,8 @@ class Windows:
     def __post_init__(self) -> None:
         check_ranges("", self, every_m=(0.05, 100.0), way_m=(1.0, 1e4), radius_m=(0.05, 100.0), growth=(0.0, 1.0),
                      most_m=(0.1, 100.0), turn_rad=(0.01, 3.2), turn_growth=(0.0, 1.0), turn_most_rad=(0.01, 3.2),
-                     source_m=(0.1, 100.0), target_m=(0.1, 100.0), passages=(1, 100), cell_m=(0.01, 1.0), sigma_m=(0.01, 1.0),
+                     source_m=(0.1, 100.0), target_m=(0.1, 100.0), passages=(1, 100), cell_m=(0.01, 1.0),
+                     sigma_m=(0.01, 1.0),
                      step_rad=(1e-3, 1.0), points=(20, 10_000), least_score=(0.0, 1.0), rival=(0.0, 1.0),
                      least_share=(0.0, 1.0), through=(0.0, 1.0), alone_m=(0.0, 100.0), alone_share=(0.0, 1.0),
                      three_m=(0.0, 100.0), beside_m=(0.1, 1000.0))
@@ -99,7 +100,8 @@ class Refinement:
     """whose points are one where they are nearer than this, metres"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, rounds=(0, 100), map_m=(0.1, 100.0), near_m=(0.1, 100.0), partners=(0, 100), least_share=(0.0, 1.0),
+        check_ranges("", self, rounds=(0, 100), map_m=(0.1, 100.0), near_m=(0.1, 100.0), partners=(0, 100),
+                     least_share=(0.0, 1.0),
                      reach_m=(0.02, 10.0), shrink=(0.1, 1.0), around_m=(0.1, 100.0), around=(1, 1000),
                      cell_m=(0.005, 2.0))
 
@@ -133,7 +135,8 @@ class ScanGraphAdvanced:
 
     def __post_init__(self) -> None:
         check_ranges("", self, map_m=(0.5, 1000.0), odometry_m=(1e-4, 10.0), odometry_rad=(1e-4, 3.0),
-                     odometry_share=(0.0, 10.0), odometry_rad_per_m=(0.0, 10.0), loose_m=(1e-3, 100.0), loose_rad=(1e-3, 3.2),
+                     odometry_share=(0.0, 10.0), odometry_rad_per_m=(0.0, 10.0), loose_m=(1e-3, 100.0),
+                     loose_rad=(1e-3, 3.2),
                      floor_m=(1e-4, 10.0), floor_rad=(1e-4, 3.0))
 
 

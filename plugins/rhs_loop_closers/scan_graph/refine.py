@@ -1,4 +1,5 @@
-"""After the loops: all key scans that overlap laid onto one another in pairs, then every scan onto the key scans around it."""
+"""After the loops: all key scans that overlap laid onto one another in pairs, then every scan onto the key scans
+around it."""
 
 from __future__ import annotations
 

@@ -56,7 +56,8 @@ class Predictor:
         self._stamp_s, self._elapsed_s, self._usual_s = 0.0, 0.1, 0.0
         self._guessed = np.zeros(3)
         self._same = 0  # readings on end that did not change
-        self._speeds: deque[np.ndarray] = deque(maxlen=MEDIAN_OF)  # of the last readings: neither hangs nor leaps move their median
+        # of the last readings: neither hangs nor leaps move their median
+        self._speeds: deque[np.ndarray] = deque(maxlen=MEDIAN_OF)
 
     def begin(self, observation: Observation) -> None:
         """The first scan."""

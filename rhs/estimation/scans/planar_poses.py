@@ -10,8 +10,8 @@ from rhs.api.geometry import wrap
 def composed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Pose b, given in the frame of pose a, in the frame that a is in; many at once, (N, 3)."""
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
-    return np.ascontiguousarray(np.array([a[..., 0] + c * b[..., 0] - s * b[..., 1], a[..., 1] + s * b[..., 0] + c * b[..., 1],
-                     wrap(a[..., 2] + b[..., 2])]).T)
+    x, y = a[..., 0] + c * b[..., 0] - s * b[..., 1], a[..., 1] + s * b[..., 0] + c * b[..., 1]
+    return np.ascontiguousarray(np.array([x, y, wrap(a[..., 2] + b[..., 2])]).T)
 
 
 def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:

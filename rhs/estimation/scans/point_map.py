@@ -89,7 +89,8 @@ class PointMap:
                         settings, steps=0)
 
     def seen_through(self, cloud: Cloud, pose: np.ndarray, *, far_m: float, clear_m: float) -> tuple[int, int]:
-        """How many points of the map that face the scanner its beams pass through from a pose (3,), and how many they meet."""
+        """How many points of the map that face the scanner its beams pass through from a pose (3,),
+        and how many they meet."""
         if not len(self.points):
             return 0, 0
         at = composed(np.asarray(pose, float), cloud.origin)
