@@ -1,10 +1,11 @@
 """Relations: how a laser log is judged whose true poses nobody knows.
 
 A `.relations` file says of pairs of scans how the second is seen from the first, found by people who laid one scan onto the
-other: `stamp1 stamp2 x y z roll pitch yaw`, metres and radians. The error of a pair is the true relation undone by the
-believed one: its length and its turn. Source: Kuemmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss, Kleiner, On
-measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009. Pairs far apart in time are places seen again (revisits):
-they alone tell whether loops were closed; the others are mostly the noise of the relations themselves.
+other: `stamp1 stamp2 x y z roll pitch yaw`, metres and radians. The error of a
+pair is the true relation undone by the believed one: its length and its turn. Source: Kuemmerle, Steder, Dornhege, Ruhnke,
+Grisetti, Stachniss, Kleiner, On measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009. Pairs far apart
+in time are places seen again (revisits): they alone tell whether loops were closed; the others are mostly the noise of the
+relations themselves.
 """
 
 from __future__ import annotations
