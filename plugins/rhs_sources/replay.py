@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import shutil
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -29,8 +30,16 @@ class ReplaySource(Source):
     Reading and decoding overlap with whatever the caller does between two views; the views do not depend on that.
     """
 
-    def __init__(self, settings) -> None:
+    def __init__(self, settings, folder: Path | None = None) -> None:
+        """folder: of the run; relations to judge it by are copied there, for the metrics alone."""
         recording = open_recording(settings)
+        relations = _relations(settings)
+        if relations is not None and folder is not None:
+            shutil.copyfile(relations, folder / "truth.relations")
+        self.stamps_repaired = sum(recording.repaired.values())
+        if recording.repaired:
+            log.warning("replay %s: stamps repaired, the order of the file kept: %s", settings.path,
+                    _counted(recording.repaired))
         self.camera = recording.camera
         self.views_expected = recording.total  # None when only reading tells
         self.facts = recording.facts or _facts(settings)
@@ -54,8 +63,7 @@ class ReplaySource(Source):
         if view is None:
             self._truth = None
             if self.rejected:
-                counts = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items()))
-                log.warning("replay %s: rejected or unpaired: %s", self._path, counts)
+                log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
                 self.rejected = Counter()
             return None
         self._ahead = self._reader.submit(next, self._views, None)
@@ -80,6 +88,22 @@ class ReplaySource(Source):
 
     def close(self) -> None:
         self._reader.shutdown(wait=True, cancel_futures=True)
+
+
+def _counted(counts: Counter) -> str:
+    return ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items()))
+
+
+def _relations(settings) -> Path | None:
+    """The file of true relations: the one that was typed, or the one beside a laser log."""
+    if settings.relations:
+        path = Path(settings.relations).expanduser()
+        if not path.is_file():
+            raise ConfigError(f"source.relations={settings.relations}: no such file")
+        return path
+    log_path = Path(settings.path).expanduser()
+    beside = log_path.parent / f"{log_path.name.split('.')[0]}.relations"
+    return beside if is_carmen(log_path) and beside.is_file() else None
 
 
 def open_recording(settings) -> Recording:

@@ -1,6 +1,9 @@
 """CARMEN logs: FLASER scans with the odometry of the moment they were taken, in metres and radians.
 
 Format: the header of every log. Lines of other kinds (ODOM, PARAM, ...) are not needed: FLASER carries its odometry.
+The scans are taken in the order of the file; stamps that step back are repaired and counted, and the log's own travel with
+the views (`log_stamp_s`), because relations name scans by them. The body is the scanner: where the laser's pose is the
+odometry's moved by a constant, its pose is the way taken; where somebody has corrected it, the odometry is.
 The log of a robot with `.relations` beside it has true relations between stamps (Kuemmerle et al., 2009), not poses.
 """
 
@@ -8,6 +11,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +20,11 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar, se2
 from rhs.api.records import Capture, Scan, WorldFacts
 
-from .replay_stamps import ascending, number_of
+from .replay_stamps import in_file_order, number_of
 from .replay_tum import Recording
 
 SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
+CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to rounding
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
 MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
 MAX_BEAMS = 10_000
@@ -31,21 +36,25 @@ def is_carmen(path: Path) -> bool:
 
 def open_carmen(path: Path, settings) -> Recording:
     """The scans of a CARMEN log with wheel travel between them; the first pose of the odometry is the map's origin."""
-    stamps, poses, scans = _read(path, settings)
-    if not stamps:
+    own, poses, scans = _read(path, settings)
+    if not own:
         raise ConfigError(f"{path}: no FLASER line; expected a CARMEN log with laser scans")
-    kept, rejected = ascending(stamps, settings.max_jump_s)
-    kept = kept[settings.start :: settings.stride][: settings.count or None]
+    stamps, repaired = in_file_order(own, settings.max_jump_s)
+    kept = range(len(own))[settings.start :: settings.stride][: settings.count or None]
     if not kept:
-        raise ConfigError(f"{path}: source.start={settings.start} but the log has {len(stamps)} scans")
+        raise ConfigError(f"{path}: source.start={settings.start} but the log has {len(own)} scans")
+
+    wheels = len(own) == 1 or any((pose != poses[0]).any() for pose in poses)  # readings that never change are none
 
     def views():
         for index, i in enumerate(kept):
-            travel = None if index == 0 else planar(inverse(poses[kept[index - 1]]) @ poses[i])
-            yield Capture(index, stamps[i], travel=travel, scan=scans[i], sensed=True), None
+            travel = None if index == 0 or not wheels else planar(inverse(poses[kept[index - 1]]) @ poses[i])
+            extras = {"log_stamp_s": np.array([own[i]])} if repaired else {}
+            yield Capture(index, float(stamps[i]), travel=travel, scan=scans[i], sensed=True, extras=extras), None
 
     facts = _facts(path, [poses[i] for i in kept], scans[0].max_range_m)
-    return Recording(NO_CAMERA, views(), len(kept), rejected, facts, frozenset({"scan", "wheel"}))
+    provides = frozenset({"scan", *(["wheel"] if wheels else []), *(["log_stamp_s"] if repaired else [])})
+    return Recording(NO_CAMERA, views(), len(kept), Counter(), facts, provides, repaired=repaired)
 
 
 def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFacts:
@@ -58,7 +67,7 @@ def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFact
 
 
 def _read(path: Path, settings) -> tuple[list[float], list[np.ndarray], list[Scan]]:
-    stamps, poses, scans = [], [], []
+    stamps, odometry, lasers, scans = [], [], [], []
     bearings: dict[int, np.ndarray] = {}
     with _opened(path) as file:
         number = 0
@@ -67,18 +76,31 @@ def _read(path: Path, settings) -> tuple[list[float], list[np.ndarray], list[Sca
             if not line.startswith(b"FLASER"):
                 continue
             where = f"{path.name}:{number}"
-            ranges, pose, stamp = _flaser(line.decode("ascii", "replace").split(), where)
+            ranges, laser, pose, stamp = _flaser(line.decode("ascii", "replace").split(), where)
             beams = len(ranges)
             if beams not in bearings:
                 bearings[beams] = _bearings(beams, settings.laser_fov_deg)
             stamps.append(stamp)
-            poses.append(se2(*pose))
+            odometry.append(se2(*pose))
+            lasers.append(se2(*laser))
             scans.append(_scan(bearings[beams], ranges, settings.max_laser_m))
-    return stamps, poses, scans
+    return stamps, _way(lasers, odometry), scans
 
 
-def _flaser(words: list[str], where: str) -> tuple[np.ndarray, list[float], float]:
-    """Ranges, odometry pose (x, y, theta) and stamp of `FLASER n r1 .. rn x y th ox oy oth stamp host logged`."""
+def _way(lasers: list[np.ndarray], odometry: list[np.ndarray]) -> list[np.ndarray]:
+    """The laser's poses where they are the odometry's moved by a constant, else the odometry's."""
+    if not lasers or not np.isfinite(lasers).all():
+        return odometry
+    mounts = inverse(np.array(odometry)) @ np.array(lasers)
+    off = inverse(mounts[0]) @ mounts
+    turned = np.abs(np.arctan2(off[:, 1, 0], off[:, 0, 0]))
+    constant = np.abs(off[:, :2, 3]).max() < CONSTANT_M and turned.max() < CONSTANT_RAD
+    return lasers if constant else odometry
+
+
+def _flaser(words: list[str], where: str) -> tuple[np.ndarray, list[float], list[float], float]:
+    """Ranges, poses (x, y, theta) of laser and odometry,
+    and stamp of `FLASER n r1 .. rn x y th ox oy oth stamp host logged`."""
     count = int(number_of(words[1], where)) if len(words) > 1 else 0
     if not 1 <= count <= MAX_BEAMS or len(words) < 2 + count + 7:
         raise ConfigError(f"{where}: found {len(words)} words for {count} beams;"
@@ -87,7 +109,7 @@ def _flaser(words: list[str], where: str) -> tuple[np.ndarray, list[float], floa
     pose = values[count + 3 : count + 6]
     if not np.all(np.isfinite(pose)):
         raise ConfigError(f"{where}: the odometry holds NaN or infinity; expected finite x y theta")
-    return np.array(values[:count]), pose, values[count + 6]
+    return np.array(values[:count]), values[count : count + 3], pose, values[count + 6]
 
 
 def _bearings(beams: int, fov_deg: float) -> np.ndarray:

@@ -34,6 +34,9 @@ class Replay:
     truth: str = ""
     """File of true camera poses of a TUM folder (stamp tx ty tz qx qy qz qw); empty: its groundtruth.txt or
     *.freiburg."""
+    relations: str = ""
+    """File of true relations between scans (stamp1 stamp2 x y z roll pitch yaw) to judge the way by; empty: LOG.relations
+    beside a laser log."""
     max_difference_s: float = 0.02
     """Colour, depth and true pose belong together when their stamps differ by at most this, seconds (TUM's habit)."""
     max_truth_gap_s: float = 0.1
@@ -90,7 +93,7 @@ class Replay:
     def build(self, context: SourceContext) -> Source:
         from .replay import ReplaySource
 
-        return ReplaySource(self)
+        return ReplaySource(self, context.folder if context is not None else None)
 
 
 def _check_intrinsics(owner: str, values) -> None:

@@ -38,6 +38,24 @@ def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
     return kept, +counts
 
 
+def in_file_order(stamps_s, max_jump_s: float) -> tuple[np.ndarray, Counter]:
+    """Stamps that increase for views that are in order in their file, and how many were repaired and why.
+
+    Some loggers write stamps that step back now and then though the file's order is right. A stamp that `ascending` would
+    reject is put evenly between the ones around it; after the last good one it goes on at the usual pace."""
+    stamps = np.asarray(stamps_s, float)
+    kept, counts = ascending(stamps, max_jump_s)
+    if not kept:
+        return np.arange(len(stamps), dtype=float), Counter(not_finite=len(stamps))
+    good = stamps[kept]
+    pace_s = float(np.median(np.diff(good))) if len(kept) > 1 else 0.1
+    places = np.arange(len(stamps))
+    out: np.ndarray = np.interp(places, kept, good)
+    out[: kept[0]] = good[0] - pace_s * (kept[0] - places[: kept[0]])
+    out[kept[-1] + 1 :] = good[-1] + pace_s * (places[kept[-1] + 1 :] - kept[-1])
+    return out, counts - Counter(jump=counts["jump"])
+
+
 def in_order(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
     """As `ascending` for a list that may have been written in any order: when more than half of it would be rejected as
     backward, it is put in order of time first, and all of it counted as `reordered`."""

@@ -33,6 +33,7 @@ class Recording:
     facts: WorldFacts | None = None
     provides: frozenset[str] = frozenset({"image", "gray", "depth"})
     lost: list[str] = field(default_factory=list)  # filled while reading: what a damaged file no longer holds
+    repaired: Counter = field(default_factory=Counter)  # stamps that were put right, and why; their views are kept
 
 
 def is_tum(path: Path) -> bool:

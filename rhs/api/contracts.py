@@ -104,6 +104,7 @@ class Source(Protocol):
     views_expected: int | None  # length of the survey for the progress bar, None when unknown
     provides: frozenset[str] | None = None  # what it turned out to hold, if that is less than its settings promise
     renderer: str = ""  # for the row: what draws its images, of a simulator
+    stamps_repaired: int = 0  # for the row: stamps of a recording that stepped back and were put right; no view is lost
     lost: str = ""  # for the row: what could not be read, of a damaged recording
 
     def lead(self) -> Capture | None:
@@ -260,7 +261,7 @@ class Localiser(Protocol):
     def update(self, observation: Observation, motion: Motion) -> Belief: ...
 
 
-OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provides", "renderer", "lost")),
+OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provides", "renderer", "stamps_repaired", "lost")),
                                                      "odometry": (Odometry, ("keeps_moving", "scale_from"))}
 
 

@@ -2,6 +2,7 @@
 
     python -m rhs.evaluate RUN_FOLDER            recompute the row's figures and compare them with row.json
     python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM files
+    python -m rhs.evaluate EST --relations FILE  errors of published relations between scans; EST: a TUM file or a run folder
 
 Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the
 poses have a partner.
@@ -18,7 +19,7 @@ from pathlib import Path
 from rhs.api.trajectory import ALIGNMENTS
 from rhs.base.commands import Arguments, answered, check_regular, complain
 from rhs.base.errors import ConfigError
-from rhs.metrics.evaluate import evaluate_folder, evaluate_pair
+from rhs.metrics.evaluate import evaluate_folder, evaluate_pair, evaluate_relations
 from rhs.metrics.success import HALF
 from rhs.metrics.survey import TOLERANCE_S
 from rhs.runfolder.row import machine_dependent, read_row
@@ -42,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                        formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="a run folder, or two TUM files")
     parser.add_argument("--alignment", default="se3", help=f"{', '.join(ALIGNMENTS)} (default se3)")
+    parser.add_argument("--relations", type=Path, help="stamp1 stamp2 x y z roll pitch yaw of pairs of scans, on each line")
     parser.add_argument("--tolerance", type=float, default=TOLERANCE_S, help="between stamps, seconds (default 0.02)")
     return answered(lambda: _print(parser.parse_args(arguments)))
 
@@ -49,6 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _print(chosen: argparse.Namespace) -> int:
     for path in chosen.paths:
         check_regular(path)
+    if chosen.relations is not None:
+        if len(chosen.paths) != 1:
+            raise ConfigError("expected one run folder or one TUM file beside --relations")
+        sys.stdout.write(_lines(evaluate_relations(chosen.paths[0], chosen.relations)))
+        return 0
     if len(chosen.paths) == 2:
         values = evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)
         sys.stdout.write(_lines(values))

@@ -55,6 +55,7 @@ RUN = _rows(
     ("renderer", "", "what drew the views of a simulated run"),
     ("scale_from", "", "what fixes the scale of the odometry: depth, wheel, or a plugin's own words"),
     ("lost", "", "what was lost of a damaged recording"),
+    ("stamps_repaired", "", "stamps of a recording that stepped back and were put right; its own order was kept"),
     ("views", "", "views taken in all"),
     ("metric_failures", "", "metrics that failed, and how"),
     ("picture_failures", "", "pictures that could not be drawn, and why"),
@@ -63,9 +64,10 @@ RUN = _rows(
     ("peak_memory_mb", "MB", "most memory the process held"),
     words=("status", "reason", "failure", "task", "world", *PLUGIN_KINDS, "config_hash", "plugins", "commit", "versions",
            "renderer", "scale_from", "lost", "metric_failures", "picture_failures"),
-    counts=("seed",),
+    counts=("seed", "stamps_repaired"),
 )
-LAST = ("commit", "versions", "renderer", "scale_from", "lost", "views", "metric_failures", "picture_failures", "wall_ms",
+LAST = ("commit", "versions", "renderer", "scale_from", "lost", "stamps_repaired", "views", "metric_failures",
+        "picture_failures", "wall_ms",
         "real_time_factor", "peak_memory_mb")
 RUN_FIRST = tuple(column for column in RUN if column.name not in LAST)
 RUN_LAST = tuple(column for column in RUN if column.name in LAST)
@@ -149,7 +151,8 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
 }
 
 
-GROUPS = ("cause", "blame", "patrol", "calibration", "survey", "map", "planning", "stages")  # ours, in the order of a table
+# ours, in the order of a table
+GROUPS = ("cause", "blame", "patrol", "calibration", "survey", "map", "laser", "planning", "stages")
 
 
 def metrics(task: str = "") -> list[Metric]:

@@ -33,6 +33,7 @@ class ViewCollector:
         self.every, self.settings, self.features = every, settings, features
         self.views: list[View] = []
         self.last: Observation | None = None
+        self.own_stamps_s: list[float] = []  # of a recording whose stamps were repaired: those it came with
 
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
         for step in steps:
@@ -42,6 +43,8 @@ class ViewCollector:
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
                                    belief.map_from_body, belief.covariance, step.scan, features))
             self.last = step.observation
+            if "log_stamp_s" in step.observation.extras:
+                self.own_stamps_s.append(float(step.observation.extras["log_stamp_s"][0]))
             yield step
         if self.views and self.views[-1].features is None and self.last is not None and self.last.image is not None:
             self.views[-1] = replace(self.views[-1], features=freeze(self.features(self.last, self.settings)))

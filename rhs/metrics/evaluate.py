@@ -8,10 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS, read_tum
-from rhs.base.errors import check_choice, check_range
+from rhs.base.errors import ConfigError, check_choice, check_range
 from rhs.config.dictionary import metrics
 from rhs.runfolder.run import Run
 
+from .relations import LOG_WAY, read_relations, relation_values
 from .survey import TOLERANCE_S, trajectory_values
 
 Values = dict[str, float | int | str]
@@ -29,6 +30,16 @@ def evaluate_pair(estimate: Path, truth: Path, *, alignment: str = "se3", tolera
     check_choice("evaluate", "alignment", alignment, ALIGNMENTS)
     check_range("evaluate", "tolerance", tolerance_s, low=0.0, high=10.0, unit="s")
     return trajectory_values(read_tum(estimate), read_tum(truth), alignment=alignment, tolerance_s=tolerance_s)
+
+
+def evaluate_relations(estimate: Path, relations: Path) -> Values:
+    """Errors of published relations: of a TUM file, or of the corrected way of a run folder."""
+    if estimate.is_dir():
+        names = [name for name in (f"{LOG_WAY}.tum", "corrected.tum", "estimate.tum") if (estimate / name).exists()]
+        if not names:
+            raise ConfigError(f"{estimate} holds no corrected.tum; expected a run folder or a TUM file")
+        estimate = estimate / names[0]
+    return relation_values(read_tum(estimate), read_relations(relations))
 
 
 def evaluate(folder: Path, task: str = "patrol") -> Values:

@@ -46,7 +46,21 @@ def map_values(run: RunFiles) -> dict[str, float | int | str]:
     return {**map_agreement(mine, true)}
 
 
+def contradiction_values(run: RunFiles) -> dict[str, float | int | str]:
+    """What the map says against itself, before and after closing; measured when the survey was closed."""
+    known = run.json("closure") or {}
+    return {name: float(known.get(name, float("nan"))) for name in CONTRADICTIONS}
+
+
+CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
 MAP = columns_of(
+    contradiction_values,
+    ("map_inconsistency", "share",
+     "walls that the beams of other passages look through, of those they look through or meet; over 0.1 the map reads wrong",
+     "rhs.estimation.scans.inconsistency"),
+    ("map_inconsistency_before_closing", "share", "the same of the way as believed while the survey went on",
+     "rhs.estimation.scans.inconsistency"),
+) + columns_of(
     map_values,
     ("map_agreement", "share", "cells called occupied or free that have a true cell of that kind within one cell",
      "map.yaml, true_map.yaml"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from rhs.api.trajectory import Trajectory, write_tum
 from rhs.api.validate import reach_of
 from rhs.base.errors import ConfigError, RhsError
 from rhs.estimation import survey as surveying
+from rhs.estimation.scans.settings import SEES_AROUND_RAD
 from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
 from rhs.estimation.views.features import features
@@ -94,12 +95,29 @@ def settle(collected: list[View], parts: Parts, log: RunLog) -> Surveyed:
     closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
     write_tum(log.folder / "corrected.tum", Trajectory(stamps, closure.poses))
+    if len(collector.own_stamps_s) == len(views):
+        write_tum(log.folder / "corrected_log.tum", Trajectory(np.array(collector.own_stamps_s), closure.poses))
     save_map(log.folder / "map", grid)
     log.recorder.map(grid, float(stamps[-1]))
     if walls:
         write_json(log.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
-    write_json(log.folder / "closure.json", closure_rows(closure) | {"closing_ms": closing_ms})
+    figures = {"closing_ms": closing_ms, **contradictions(revised, views)}
+    write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
+
+
+def contradictions(before: Sequence[View], closed: Sequence[View]) -> dict[str, float]:
+    """What the map of a laser says against itself, before and after closing; nothing for a camera, which sees too little at
+    once."""
+    scans = [view.scan if view.motion.scan is None else None for view in closed]
+    if not any(scan is not None and np.ptp(scan.bearings_rad) >= SEES_AROUND_RAD for scan in scans):
+        return {}
+    from rhs.estimation.scans.inconsistency import map_inconsistency  # compiled code
+    from rhs.estimation.scans.planar_poses import flat
+
+    values = {name: map_inconsistency(scans, flat(np.array([view.map_from_body for view in views])))
+              for name, views in (("map_inconsistency", closed), ("map_inconsistency_before_closing", before))}
+    return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
 def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, seed: int) -> Iterator[Step]:

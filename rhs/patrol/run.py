@@ -239,6 +239,7 @@ class RunContext:
             return columns
         if not self.config.driving:
             columns["world"] = parts.source.facts.name  # of the recording
+            columns["stamps_repaired"] = parts.source.stamps_repaired
         columns |= {"renderer": parts.source.renderer, "lost": parts.source.lost}
         if "odometry" in self.config.parts:
             metric = sorted({"depth", "wheel"} & self.config.odometry.settings.needs)

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 from rhs.api.errors import check_ranges
 
+SEES_AROUND_RAD = 2.0  # a scanner that sees less of its surroundings hardly ever sees one wall from two passages
+
 
 @dataclass(frozen=True)
 class MatchSettings:
@@ -119,3 +121,36 @@ class LineSettings:
         check_ranges("", self, sigma_per_m=(1e-6, 1.0), jump_per_m=(1e-6, 10.0), gap_beams=(1, 1000), trim_beams=(0, 1000),
                      least_beams=(11, 100_000), least_m=(0.0, 100.0), range_max_m=(0.1, 1000.0), shared=(1.0, 1e4),
                      corner_deg=(0.0, 90.0), bend_sigma=(0.0, 1000.0))
+
+
+@dataclass(frozen=True)
+class PointSettings:
+    """A scan laid onto points with normals (rhs.estimation.scans.point_map). Tried on two laser logs, ACES and MIT CSAIL."""
+
+    range_max_m: float = 25.0
+    """longer beams have no end, metres"""
+    span_m: float = 0.2
+    """neighbouring ends as near as this tell the direction of a wall, metres"""
+    span_steps: float = 2.5
+    """or as near as so many gaps between beams"""
+    flat: float = 0.12
+    """of a wall's points the variance across is less than this share of that along"""
+    reach_m: float = 0.5
+    """a partner is looked for as far as this at first, metres"""
+    reach_least_m: float = 0.2
+    """and in the end"""
+    sigma_m: float = 0.04
+    """of an end against a wall, metres"""
+    trust: float = 0.4
+    """neighbouring beams share their errors, so each counts for so much"""
+    lever_m: float = 3.0
+    """a heading moves what the scan sees by so much per radian, metres"""
+    blind_below: float = 0.01
+    """directions with less than this share of the information of the best seen one count as unseen"""
+    cell_m: float = 0.05
+    """points of a map nearer than this are one, metres"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, range_max_m=(0.1, 1000.0), span_m=(1e-3, 10.0), span_steps=(1.0, 100.0), flat=(0.0, 1.0),
+                     reach_m=(0.01, 100.0), reach_least_m=(0.01, 100.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
+                     lever_m=(1e-3, 1000.0), blind_below=(0.0, 1.0), cell_m=(0.005, 2.0))

@@ -1,0 +1,1 @@
+"""Laser scans laid onto a map of the last key scans."""

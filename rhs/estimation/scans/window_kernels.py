@@ -1,0 +1,106 @@
+"""Compiled parts of rhs.estimation.scans.window_search: a field of closeness to walls, its bounds, scores. Loads numba."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from rhs.api.jit import typed
+
+_POINTS, _NUMBERS = nb.float64[:, ::1], nb.float64[::1]
+_FIELD = nb.float32[:, ::1]
+BLOCK = 5  # cells of the side of a block that one bound speaks for
+
+
+@typed(_FIELD(_POINTS, nb.float64, nb.float64, nb.int64, nb.int64, nb.float64, nb.float64))
+def stamped(points: np.ndarray, west: float, south: float, rows: int, columns: int, cell_m: float,
+            sigma_m: float) -> np.ndarray:
+    """(rows, columns) exp(-d^2 / 2 sigma^2) of the nearest point, 0 beyond three sigmas."""
+    field = np.zeros((rows, columns), np.float32)
+    reach = int(np.ceil(3.0 * sigma_m / cell_m))
+    for i in range(len(points)):
+        x, y = (points[i, 0] - west) / cell_m, (points[i, 1] - south) / cell_m
+        for row in range(max(int(y) - reach, 0), min(int(y) + reach + 1, rows)):
+            for column in range(max(int(x) - reach, 0), min(int(x) + reach + 1, columns)):
+                d2 = ((row + 0.5 - y) ** 2 + (column + 0.5 - x) ** 2) * cell_m**2
+                value = np.float32(np.exp(-0.5 * d2 / sigma_m**2))
+                if value > field[row, column]:
+                    field[row, column] = value
+    return field
+
+
+@typed(_FIELD(_FIELD))
+def bounded(field: np.ndarray) -> np.ndarray:
+    """Of each cell the largest of the BLOCK x BLOCK cells from it on to the north and the east."""
+    rows, columns = field.shape
+    east, out = np.zeros_like(field), np.zeros_like(field)
+    for row in range(rows):
+        for column in range(columns):
+            most = np.float32(0.0)
+            for k in range(column, min(column + BLOCK, columns)):
+                most = max(most, field[row, k])
+            east[row, column] = most
+    for row in range(rows):
+        for k in range(row, min(row + BLOCK, rows)):
+            for column in range(columns):
+                if east[k, column] > out[row, column]:
+                    out[row, column] = east[k, column]
+    return out
+
+
+@typed(nb.float64(_FIELD, _POINTS, nb.float64, nb.float64))
+def _mean(field: np.ndarray, cells: np.ndarray, dx: float, dy: float) -> float:
+    rows, columns = field.shape
+    total = 0.0
+    for i in range(len(cells)):
+        x, y = int(np.floor(cells[i, 0] + dx)), int(np.floor(cells[i, 1] + dy))
+        if 0 <= x < columns and 0 <= y < rows:
+            total += field[y, x]
+    return total / max(len(cells), 1)
+
+
+@typed(nb.types.Tuple((_POINTS, nb.float64[:, :, ::1]))(_FIELD, _POINTS, _NUMBERS, _NUMBERS, nb.int64))
+def bounds_of(coarse: np.ndarray, cells: np.ndarray, centre: np.ndarray, yaws: np.ndarray, blocks: int,
+              ) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and sine of each yaw (K, 2), and the bound (K, 2 blocks + 1, 2 blocks + 1) of each block of shifts.
+    cells: points in cells from the body; centre: where the body is, in cells."""
+    turns, out = np.empty((len(yaws), 2)), np.empty((len(yaws), 2 * blocks + 1, 2 * blocks + 1))
+    turned = np.empty_like(cells)
+    for k in range(len(yaws)):
+        c, s = np.cos(yaws[k]), np.sin(yaws[k])
+        turns[k, 0], turns[k, 1] = c, s
+        for i in range(len(cells)):
+            turned[i, 0] = centre[0] + c * cells[i, 0] - s * cells[i, 1]
+            turned[i, 1] = centre[1] + s * cells[i, 0] + c * cells[i, 1]
+        for row in range(2 * blocks + 1):
+            for column in range(2 * blocks + 1):
+                out[k, row, column] = _mean(coarse, turned, float((column - blocks) * BLOCK), float((row - blocks) * BLOCK))
+    return turns, out
+
+
+@typed(_POINTS(_FIELD, _POINTS, _NUMBERS, _POINTS, _POINTS, nb.float64, nb.float64))
+def best_of(field: np.ndarray, cells: np.ndarray, centre: np.ndarray, turns: np.ndarray, tries: np.ndarray, least: float,
+            keep: float) -> np.ndarray:
+    """(M, 4) shift x and y in cells, place of the yaw, score: the best of each block tried that scores more than `least`
+    and than `keep` of the best so far. tries (T, 4): place of the yaw, shift of the block, its bound, best bound first."""
+    out, count, best = np.empty((len(tries), 4)), 0, least / keep
+    turned = np.empty_like(cells)
+    for t in range(len(tries)):
+        if tries[t, 3] < keep * best:
+            break
+        k = int(tries[t, 0])
+        c, s = turns[k, 0], turns[k, 1]
+        for i in range(len(cells)):
+            turned[i, 0] = centre[0] + c * cells[i, 0] - s * cells[i, 1]
+            turned[i, 1] = centre[1] + s * cells[i, 0] + c * cells[i, 1]
+        top, top_x, top_y = -1.0, 0.0, 0.0
+        for dy in range(BLOCK):
+            for dx in range(BLOCK):
+                score = _mean(field, turned, tries[t, 1] + dx, tries[t, 2] + dy)
+                if score > top:
+                    top, top_x, top_y = score, tries[t, 1] + dx, tries[t, 2] + dy
+        if top >= keep * best:
+            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = top_x, top_y, float(k), top
+            count += 1
+            best = max(best, top)
+    return out[:count].copy()

@@ -1,0 +1,132 @@
+"""Relations: how a laser log is judged whose true poses nobody knows.
+
+A `.relations` file says of pairs of scans how the second is seen from the first, found by people who laid one scan onto the
+other: `stamp1 stamp2 x y z roll pitch yaw`, metres and radians. The error of a
+pair is the true relation undone by the believed one: its length and its turn. Source: Kuemmerle, Steder, Dornhege, Ruhnke,
+Grisetti, Stachniss, Kleiner, On measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009. Pairs far apart
+in time are places seen again (revisits): they alone tell whether loops were closed; the others are mostly the noise of the
+relations themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rhs.api.geometry import inverse
+from rhs.api.metric import RunFiles, columns_of
+from rhs.api.trajectory import Trajectory, read_tum
+from rhs.base.commands import check_regular
+from rhs.base.errors import RecordingError
+
+NAN = float("nan")
+REVISIT_S = 30.0  # pairs further apart in time are places seen again
+SAME_S = 1e-3  # stamps of a relation and of a pose that are one scan's: files round them
+FILE, LOG_WAY = "truth.relations", "corrected_log"  # of a run folder
+Values = dict[str, float | int | str]
+
+
+@dataclass(frozen=True, eq=False)
+class Relations:
+    """stamps_s (N, 2) of the two scans; first_from_second (N, 4, 4)."""
+
+    stamps_s: np.ndarray
+    first_from_second: np.ndarray
+
+
+def read_relations(path: Path) -> Relations:
+    """Raises RecordingError naming file and line of what is no relation."""
+    check_regular(path)
+    rows = []
+    try:
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            words = line.split("#", 1)[0].split()
+            if words:
+                rows.append(_numbers(words, f"{path}:{number}"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"cannot read {path} as relations: {error}") from error
+    table = np.array(rows).reshape(-1, 8)
+    poses = np.tile(np.eye(4), (len(table), 1, 1))
+    if len(table):
+        poses[:, :3, :3] = Rotation.from_euler("xyz", table[:, 5:8]).as_matrix()
+    poses[:, :3, 3] = table[:, 2:5]
+    return Relations(table[:, :2], poses)
+
+
+def _numbers(words: list[str], where: str) -> list[float]:
+    try:
+        row = [float(word) for word in words]
+    except ValueError:
+        row = []
+    if len(row) != 8 or not np.isfinite(row).all():
+        raise RecordingError(f"{where}: found '{' '.join(words)[:60]}', expected 8 finite numbers: "
+                             "stamp1 stamp2 x y z roll pitch yaw")
+    return row
+
+
+def relation_errors(estimate: Trajectory, relations: Relations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Metres (M,), radians (M,), and whether it is a revisit (M,), of the relations both of whose scans have a pose.
+
+    estimate: sorted by time."""
+    places = [_places(estimate.stamps_s, relations.stamps_s[:, k]) for k in (0, 1)]
+    both = (places[0] >= 0) & (places[1] >= 0)
+    first, second = estimate.poses[places[0][both]], estimate.poses[places[1][both]]
+    wrong = inverse(relations.first_from_second[both]) @ inverse(first) @ second
+    turn = Rotation.from_matrix(wrong[:, :3, :3]).magnitude() if len(wrong) else np.empty(0)
+    apart_s = np.abs(relations.stamps_s[both, 1] - relations.stamps_s[both, 0])
+    return np.linalg.norm(wrong[:, :3, 3], axis=1), turn, apart_s > REVISIT_S
+
+
+def _places(stamps_s: np.ndarray, asked_s: np.ndarray) -> np.ndarray:
+    """Place of the pose with each asked stamp; -1 where there is none."""
+    if not len(stamps_s):
+        return np.full(len(asked_s), -1)
+    right = np.clip(np.searchsorted(stamps_s, asked_s), 1, max(len(stamps_s) - 1, 1))
+    near = np.where(np.abs(stamps_s[right - 1] - asked_s) <= np.abs(stamps_s[right % len(stamps_s)] - asked_s), right - 1,
+                    right % len(stamps_s))
+    return np.where(np.abs(stamps_s[near] - asked_s) <= SAME_S, near, -1)
+
+
+def relation_values(estimate: Trajectory | None, relations: Relations | None) -> Values:
+    """The columns; NaN without relations."""
+    if relations is None or not len(relations.stamps_s):
+        return {**dict.fromkeys(NAMES, NAN)}
+    if estimate is None:
+        return {**dict.fromkeys(NAMES, NAN), "relations_share": 0.0}
+    metres, radians, again = relation_errors(estimate, relations)
+    degrees = np.degrees(radians)
+    figures = [_of(metres, np.mean), _of(metres, np.std), _of(degrees, np.mean), _of(degrees, np.std), _of(metres, np.max),
+               len(metres) / len(relations.stamps_s), float(again.sum()), _of(metres[again], np.mean),
+               _of(metres[again], np.std), _of(degrees[again], np.mean), _of(degrees[again], np.std)]
+    return dict(zip(NAMES, figures, strict=True))
+
+
+def _of(values: np.ndarray, function) -> float:
+    return float(function(values)) if len(values) else NAN
+
+
+def _run_values(run: RunFiles) -> Values:
+    path = run.folder / FILE
+    own, way = run.folder / f"{LOG_WAY}.tum", run.trajectory("corrected")
+    return relation_values(read_tum(own) if own.exists() else way, read_relations(path) if path.exists() else None)
+
+
+_SOURCE = "Kuemmerle et al. 2009"
+_COLUMNS = (
+    ("relations_trans_m", "m", "error of the published relations between scans, translation, mean", _SOURCE),
+    ("relations_trans_sd_m", "m", "the same, standard deviation", _SOURCE),
+    ("relations_rot_deg", "degrees", "error of the relations, rotation, mean", _SOURCE),
+    ("relations_rot_sd_deg", "degrees", "the same, standard deviation", _SOURCE),
+    ("relations_trans_max_m", "m", "the largest error of a relation", _SOURCE),
+    ("relations_share", "share", "relations both of whose scans have a pose", _SOURCE),
+    ("revisits", "", "relations between scans more than 30 s apart: places seen again", "rhs.metrics.relations"),
+    ("revisits_trans_m", "m", "error of these, translation, mean", _SOURCE),
+    ("revisits_trans_sd_m", "m", "the same, standard deviation", _SOURCE),
+    ("revisits_rot_deg", "degrees", "error of these, rotation, mean", _SOURCE),
+    ("revisits_rot_sd_deg", "degrees", "the same, standard deviation", _SOURCE),
+)
+NAMES = tuple(column[0] for column in _COLUMNS)
+RELATIONS = columns_of(_run_values, *_COLUMNS, counts=("revisits",))

@@ -1,0 +1,50 @@
+"""Errors of relations between scans, by cases computed by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rhs.api.geometry import se2
+from rhs.api.trajectory import Trajectory, write_tum
+from rhs.base.errors import RecordingError
+from rhs.cli.evaluate import main
+from rhs.metrics.relations import read_relations, relation_values
+
+# The robot believes it drove 1 m east, turned left by a right angle and drove 2 m north, and was there again 40 s later.
+WAY = Trajectory(np.array([10.0, 11.0, 12.0, 51.0]), np.array([se2(0, 0, 0), se2(1, 0, np.pi / 2), se2(1, 2, np.pi / 2),
+                                                               se2(1, 0.3, np.pi / 2)]))
+# True: 1.1 m east (0.1 m wrong); 2 m ahead, 0.2 rad to the left (0.2 rad wrong); the revisit 0.3 m wrong; one scan unknown.
+FILE = f"""10 11 1.1 0 0 0 0 {np.pi / 2}
+11 12 2 0 0 0 0 0.2
+11 51 0 0 0 0 0 0
+# a comment
+11 99 0 0 0 0 0 0
+"""
+
+
+def written(tmp_path, text=FILE):
+    path = tmp_path / "walk.relations"
+    path.write_text(text)
+    return path
+
+
+def test_errors_of_three_relations_computed_by_hand(tmp_path):
+    values = relation_values(WAY, read_relations(written(tmp_path)))
+    assert values["relations_trans_m"] == pytest.approx((0.1 + 0.0 + 0.3) / 3)
+    assert values["relations_trans_max_m"] == pytest.approx(0.3)
+    assert values["relations_rot_deg"] == pytest.approx(np.degrees(0.2) / 3, abs=1e-5)
+    assert values["relations_share"] == pytest.approx(3 / 4)
+    assert values["revisits"] == 1 and values["revisits_trans_m"] == pytest.approx(0.3)
+
+
+def test_the_command_prints_them(tmp_path, capsys):
+    write_tum(tmp_path / "est.tum", WAY)
+    assert main([str(tmp_path / "est.tum"), "--relations", str(written(tmp_path))]) == 0
+    lines = dict(line.split() for line in capsys.readouterr().out.splitlines())
+    assert float(lines["relations_trans_m"]) == pytest.approx(0.4 / 3, rel=1e-5)
+
+
+def test_a_line_that_is_no_relation_is_refused_with_its_place(tmp_path):
+    with pytest.raises(RecordingError, match=r"walk\.relations:1: found '1 2 three'"):
+        read_relations(written(tmp_path, "1 2 three\n"))

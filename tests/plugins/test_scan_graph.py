@@ -1,0 +1,69 @@
+"""The loop closer of laser scans on hand-made corridors that come back to where they began."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from laser_rooms import box, drive, observed, true_wheels, views_of
+
+from rhs.api.records import Motion, Tracking
+from rhs.estimation.scans.inconsistency import map_inconsistency
+from rhs.estimation.scans.planar_poses import between, composed, flat
+from rhs_loop_closers.scan_graph.config import ScanGraph
+
+# a square of corridors 2 m wide, 16 m a side, with niches so that no two stretches are alike
+WALLS = np.concatenate([box(0, 0, 16, 16), box(2, 2, 14, 14), box(5, 1.7, 5.6, 2), box(9, 0, 10, 0.3), box(15.6, 4, 16, 5),
+                        box(13.7, 9, 14, 9.5), box(6, 15.7, 6.5, 16), box(10, 13.8, 11, 14), box(0, 9, 0.4, 9.8),
+                        box(1.8, 4, 2, 5.2)])
+WAY = drive([(1, 1), (15, 1), (15, 15), (1, 15), (1, 1), (15, 1), (15, 6)], step_m=0.2, step_rad=0.2)
+
+
+@cache
+def survey(turn_rad=0.0007):
+    """Views whose odometry turns too far by so much in every step."""
+    observations = observed(WALLS, WAY)
+    steps = true_wheels(WAY) + [0.0, 0.0, turn_rad]
+    believed = [WAY[0]]
+    for step in steps[1:]:
+        believed.append(composed(believed[-1], step))
+    motion = Motion(np.eye(4), np.diag([0.02, 0.02, 1e-3, 1e-3, 1e-3, 0.01]) ** 2, Tracking.OK)
+    return views_of(observations, [motion] * len(observations), np.array(believed))
+
+
+def error_m(poses):
+    """Largest distance from the truth, the start made to agree."""
+    states = flat(poses)
+    off = between(np.tile(states[0], (len(states), 1)), states) - between(np.tile(WAY[0], (len(WAY), 1)), WAY)
+    return float(np.hypot(off[:, 0], off[:, 1]).max())
+
+
+def test_a_round_that_ends_metres_off_is_closed():
+    views = survey()
+    before = error_m(np.array([view.map_from_body for view in views]))
+    closure = ScanGraph().build(None).close(views)
+    assert before > 2.0
+    assert error_m(closure.poses) < 0.25
+    accepted = [edge for edge in closure.edges if edge.accepted]
+    assert accepted
+    for edge in accepted:
+        off = between(between(WAY[edge.earlier], WAY[edge.later]), flat(edge.earlier_from_later[None])[0])
+        assert np.hypot(*off[:2]) < 0.15 and abs(off[2]) < 0.05
+
+
+def test_the_map_says_itself_which_way_is_wrong():
+    """Walls of the second lap stand where the first one drove, until the loop is closed."""
+    views = survey()
+    scans = [view.scan for view in views]
+    wrong = map_inconsistency(scans, flat(np.array([view.map_from_body for view in views])))
+    right = map_inconsistency(scans, WAY)
+    assert right < 0.03 and wrong > 0.1
+
+
+def test_where_no_place_is_seen_twice_nothing_is_said_and_nothing_moves_far():
+    views = survey(0.0)[:60]
+    closure = ScanGraph().build(None).close(views)
+    assert not any(edge.accepted for edge in closure.edges)
+    assert np.isnan(map_inconsistency([view.scan for view in views], WAY[:60]))
+    shift = np.linalg.norm(closure.poses[:, :2, 3] - np.array([v.map_from_body for v in views])[:, :2, 3], axis=1)
+    assert shift.max() < 0.05
