@@ -19,11 +19,11 @@ from rhs.api.contracts import Context
 from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
-from rhs.api.records import View
 from rhs.api.task import Parts
 from rhs.base.processes import die_with_parent
 from rhs.config import registry
 from rhs.config.parts import Chosen, build_part
+from rhs.estimation.survey import ViewCollector
 from rhs.metrics.evaluate import evaluate
 from rhs.patrol.gate import gated
 from rhs.patrol.job import collect, patrol, settle
@@ -76,8 +76,8 @@ def _survey(chain: Chain, state: frozenset[str], wanted: Sequence[frozenset[str]
             parts = _estimating(chain, state)
             log = _log(chain, parts, chain.folder / f"survey_{label(state)}")
             leading = collect(parts, chain.context, chain.settings, log)
-            views = _result(leading)
-        patrols = [OF.Process(target=_patrol, args=(chain, parts, views, log, links, at_once)) for links in wanted]
+            collected = _result(leading)
+        patrols = [OF.Process(target=_patrol, args=(chain, parts, collected, log, links, at_once)) for links in wanted]
         for one in patrols:
             one.start()
         for one in patrols:
@@ -88,7 +88,7 @@ def _survey(chain: Chain, state: frozenset[str], wanted: Sequence[frozenset[str]
             _write(chain, links, {"status": "failed", "reason": f"{type(error).__name__}: {error}"})
 
 
-def _patrol(chain: Chain, parts: Parts, views: list[View], led: RunLog, links: frozenset[str], at_once: Any) -> None:
+def _patrol(chain: Chain, parts: Parts, collected: ViewCollector, led: RunLog, links: frozenset[str], at_once: Any) -> None:
     """In a process: settle the survey, patrol, evaluate."""
     die_with_parent()
     with at_once:
@@ -97,7 +97,7 @@ def _patrol(chain: Chain, parts: Parts, views: list[View], led: RunLog, links: f
             folder = chain.context.folder if not links else chain.folder / label(links)
             log = _log(chain, parts, folder)
             log.table.copy_from(led.table)  # type: ignore[arg-type]
-            surveyed = settle(views, parts, log)
+            surveyed = settle(collected, parts, log)
             for _ in patrol(parts, chain.settings, surveyed, log, seed=chain.context.seed):
                 pass
             log.table.close()

@@ -72,31 +72,31 @@ def with_obstacles(world: World, boxes: list[list[float]]) -> World:
 def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog,
                 ) -> Generator[Step, None, Surveyed]:
     """Lead, settle, close the loop, draw the map; the files of the survey are written here."""
-    views = yield from collect(parts, context, settings, log)
-    return settle(views, parts, log)
+    collected = yield from collect(parts, context, settings, log)
+    return settle(collected, parts, log)
 
 
-def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog) -> Generator[Step, None, list[View]]:
+def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog) -> Generator[Step, None, ViewCollector]:
     """Lead the camera along its route; the views as they were believed on the way."""
     collector = ViewCollector(settings.places.every, context.features, features)
     yield from collector.watch(log.follow(context.lead(parts), "survey", parts.source.views_expected))
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")
-    return collector.views
+    return collector
 
 
-def settle(collected: list[View], parts: Parts, log: RunLog) -> Surveyed:
+def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
     """What the odometry settles on, the loop closed, the map drawn, and their files."""
     begin = time.perf_counter()
     reach_m, who = reach_of(parts.source.facts), parts.who
-    revised, walls = surveying.revise(collected, parts.odometry, who=who["odometry"], reach_m=reach_m)
+    revised, walls = surveying.revise(collected.views, parts.odometry, who=who["odometry"], reach_m=reach_m)
     views, closure = surveying.close(revised, parts.loop_closer, who=who["loop_closer"], reach_m=reach_m)
     grid = surveying.draw(views, parts.mapper, who=who["mapper"])
     closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
     write_tum(log.folder / "corrected.tum", Trajectory(stamps, closure.poses))
-    if len(collector.own_stamps_s) == len(views):
-        write_tum(log.folder / "corrected_log.tum", Trajectory(np.array(collector.own_stamps_s), closure.poses))
+    if len(collected.own_stamps_s) == len(views):
+        write_tum(log.folder / "corrected_log.tum", Trajectory(np.array(collected.own_stamps_s), closure.poses))
     save_map(log.folder / "map", grid)
     log.recorder.map(grid, float(stamps[-1]))
     if walls:
