@@ -47,7 +47,7 @@ def _shape(rng: np.random.Generator, image: np.ndarray) -> None:
         cv2.ellipse(image, tuple(map(int, centre)), axes, float(rng.uniform(0, 180)), 0, 360, colour, -1, cv2.LINE_AA)
     elif kind == 3:
         ends = np.clip(centre + rng.uniform(-2.5, 2.5, (2, 2)) * reach, 0, (w, h)).astype(int)
-        cv2.line(image, ends[0].tolist(), ends[1].tolist(), colour, int(rng.integers(2, 2 + h // 16)), cv2.LINE_AA)
+        cv2.line(image, ends[0].tolist(), ends[1].tolist(), colour, int(rng.integers(2, max(3, 2 + h // 16))), cv2.LINE_AA)
     else:
         corners = centre + rng.uniform(-1, 1, (int(rng.integers(3, 7)), 2)) * reach * 1.4
         cv2.fillPoly(image, [corners.astype(np.int32)], colour, cv2.LINE_AA)
