@@ -114,7 +114,9 @@ class Composer:
             values = hydra_glue.with_values(tree, [word for word in words if not word.is_group])
             _check_names(values, tree.choices)
             _check_replaced(values, [word.key for word in options])
-            return from_plain(values)
+            config = from_plain(values)
+            _check_of_use(config, words)
+            return config
         except ConfigError as error:
             raise hydra_glue.located(error, tree, words) from error
 
@@ -126,6 +128,20 @@ def _check_names(values: dict[str, Any], choices: dict[str, str | None]) -> None
         name = node.get("name") if isinstance(node, dict) else node
         if node is not None and choice in registry.names(kind) and name != choice:
             raise ConfigError(f"{kind}={name}: in a YAML file this is chosen by `override /{kind}: {name}` under defaults")
+
+
+OF_A_DRIVE = ("planner", "localiser", "replan", "mission", "obstacles", "world")  # words that a recording has no use for
+
+
+def _check_of_use(config: RunConfig, words: Sequence[Any]) -> None:
+    """Refuse what was typed for a robot that is driven, where a recording is read: nothing typed is silently ignored."""
+    if "source" not in config.parts or config.driving or not hasattr(config.source.settings, "path"):
+        return
+    for word in words:
+        kind = word.key.partition(".")[0]
+        if kind in OF_A_DRIVE:
+            raise ConfigError(f"{word.text}: source={config.source.name} is a recording, which nobody drives: there is "
+                              f"nothing for {kind} to do; leave it out")
 
 
 def _check_replaced(values: dict[str, Any], typed: Sequence[str]) -> None:

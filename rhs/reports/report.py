@@ -20,6 +20,7 @@ from rhs.base.commands import INTERRUPTED, Arguments, answered, check_regular
 from rhs.base.errors import ConfigError, RhsError
 from rhs.plots import new_figure, save
 from rhs.runfolder.row import KEYS, read_row
+from rhs.runfolder.run import Run
 
 from .charts import bars, errors_over_time, stage_times
 from .drawing import draw_run, json_of, title
@@ -80,6 +81,7 @@ def motion(folder: Path) -> Path | None:
     import numpy as np
 
     from .charts import errors_by_axis
+    from .frames import truth_in_map
 
     folder = Path(folder)
     if not (folder / "steps.csv").exists():
@@ -89,10 +91,16 @@ def motion(folder: Path) -> Path | None:
     names = ("x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad")
     steps = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
     steps["trusted"] = np.array([row["motion_status"] == "ok" for row in rows], bool)
+    recorded = not (folder / "true_map.yaml").exists()
+    if recorded:
+        laid = truth_in_map(Run(folder))
+        true = np.array([laid.get(float(row["stamp_s"]), np.full(3, np.nan)) for row in rows]).reshape(-1, 3)
+        steps |= dict(zip(("true_x_m", "true_y_m", "true_yaw_rad"), true.T, strict=True))
     figure = errors_by_axis(steps) if rows else None
     if figure is None:
         return None
-    figure.suptitle(title(json_of(folder / "row.json") or {}), fontsize=10)
+    note = "\n(the truth is laid onto the belief by a rigid motion, as for the ATE)" if recorded else ""
+    figure.suptitle(f"{title(json_of(folder / 'row.json') or {})}{note}", fontsize=10)
     return write_whole(folder / "motion.png", lambda path: save(figure, path))
 
 
