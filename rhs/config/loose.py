@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,9 +22,11 @@ from rhs.base.errors import PluginError
 from . import registry
 
 
-def carried() -> list[dict[str, str]]:
-    """What another process needs to register the plugins that were registered by hand in this one."""
-    return [{"kind": one.kind, "name": one.name, "class": one.value, "file": one.file} for one in registry.by_hand()]
+def carried(chosen: Collection[tuple[str, str]]) -> list[dict[str, str]]:
+    """What another process needs to register those of the chosen (kind, name) that were registered by hand in this one, and
+    the metrics that were."""
+    return [{"kind": one.kind, "name": one.name, "class": one.value, "file": one.file} for one in registry.by_hand()
+            if (one.kind, one.name) in chosen or one.kind == "metric"]
 
 
 def loose_names() -> list[str]:
@@ -37,25 +39,34 @@ def take_over(carried: Sequence[Mapping[str, str]]) -> None:
     """Register what `carried` of another process names; what is registered here already stays.
 
     Raises PluginError for a class that stands in no file, or in one that cannot be run."""
-    known = {(one.kind, one.name) for one in registry.by_hand()}
     for one in carried:
-        if (one["kind"], one["name"]) not in known:
-            registry.register(one["kind"], one["name"], _found(one))
+        if not _known(one):
+            found = _found(one)
+            if not _known(one):  # its file may have done it
+                registry.register(one["kind"], one["name"], found)
 
 
-def _found(one: Mapping[str, str]) -> type:
-    """The class, from its module where one can import it, else from its file."""
-    who, (module_name, _, qualname) = f"{one['kind']}={one['name']}", one["class"].partition(":")
-    if "<locals>" in qualname or not Path(one["file"]).is_file():
-        raise PluginError(f"{who}: {qualname} stands in no file, so another process cannot have it; "
-                          f"write it at the top of a .py file")
+def _known(one: Mapping[str, str]) -> bool:
+    return any((one["kind"], one["name"]) == (other.kind, other.name) for other in registry.by_hand())
+
+
+def _found(one: Mapping[str, str]) -> Any:
+    """The class, from its module where one can import it, else from its file, which may also register it itself."""
+    module_name, _, qualname = one["class"].partition(":")
+    if not Path(one["file"]).is_file():
+        raise _nowhere(one, qualname)
     here = sys.modules.get(module_name) if module_name != "__main__" else None
     found: Any = here or (_load(Path(one["file"])) if module_name == "__main__" else _imported(module_name, one["file"]))
     for part in qualname.split("."):
         found = getattr(found, part, None)
-    if found is None:
-        raise PluginError(f"{who}: {one['file']} holds no {qualname} any more")
+    if found is None and not _known(one):
+        raise _nowhere(one, qualname)
     return found
+
+
+def _nowhere(one: Mapping[str, str], qualname: str) -> PluginError:
+    return PluginError(f"{one['kind']}={one['name']}: {qualname} does not stand at the top of a file, so another process "
+                       f"cannot have it; write it at the top of a .py file")
 
 
 def _imported(name: str, file: str) -> ModuleType:

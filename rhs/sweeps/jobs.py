@@ -178,7 +178,8 @@ class _Pool:
             shutil.rmtree(earlier, ignore_errors=True)
         folder.mkdir(parents=True)
         ours, theirs = self.context.Pipe(duplex=False)
-        task = Task(to_plain(job.config), identity(job.config), carried())
+        chosen = {(kind, one.name) for kind, one in {"task": job.config.task, **job.config.parts}.items()}
+        task = Task(to_plain(job.config), identity(job.config), carried(chosen))
         arguments = (task, str(folder), self.lifeline, theirs)
         process = self.context.Process(target=work, args=arguments, daemon=False)
         with _as_on_the_command_line():

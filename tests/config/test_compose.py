@@ -250,8 +250,8 @@ def test_a_stack_may_change_the_cores_own_settings(tmp_path):
     assert config.task.settings.mission.step_m == 0.1
 
 
-@pytest.mark.parametrize("word", ["world=square", "localiser=odometry_only", "planner.start_radius_m=0.2", "mission.kidnap=true",
-                                  "obstacles=[[1,1,1,1]]"])
+@pytest.mark.parametrize("word", ["world=square", "localiser=odometry_only", "planner.start_radius_m=0.2",
+                                  "mission.kidnap=true", "obstacles=[[1,1,1,1]]"])
 def test_what_is_typed_for_a_drive_is_refused_where_a_recording_is_read(word):
     words = ["source=replay", "source.path=log.clf", "sensor=laser"]
     assert compose_config(words).source.name == "replay"

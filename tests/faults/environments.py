@@ -28,7 +28,7 @@ def no_display(bench: Bench) -> None:
     answer = bench.ask(
         *words, code=(0, 3), says=None, DISPLAY="", WAYLAND_DISPLAY="", CUDA_VISIBLE_DEVICES="", EGL_PLATFORM="none"
     )
-    assert answer.row()["renderer"] == "tiny" and answer.row()["status"] == "ok"
+    assert answer.row()["renderer"] == "raster" and answer.row()["status"] == "ok"
 
 
 @fault(

@@ -169,7 +169,8 @@ def plugin_leaks(bench: Bench) -> None:
 
     bench.wait(over, 200.0)
     answer = bench.ends(process, 3, says="30 of 30 jobs did not end well")
-    assert {row["status"] for row in answer.rows().values()} == {"ok"}  # that went well, and found no valid path
+    ended = {(row["status"], row["reason"]) for row in answer.rows().values()}
+    assert ended == {("ok", "")}  # that went well, and found no valid path
     middle, late = ([one for one in held if low <= one[0] < low + 10] for low in (5, 20))
     for column in (1, 2):
         assert max(one[column] for one in late) <= 1.1 * max(one[column] for one in middle), held

@@ -89,7 +89,7 @@ def test_a_registered_class_goes_with_a_sweep_from_python(file, tmp_path):
 
 def test_a_class_that_stands_in_no_file_is_refused_in_the_job_with_what_to_do(file):
     rhs.register("planner", "local", _local())
-    sent = carried()
+    sent = carried([("planner", "local")])
     registry._by_hand.clear()
     with pytest.raises(PluginError, match="write it at the top of a .py file"):
         take_over(sent)
