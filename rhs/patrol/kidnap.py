@@ -9,18 +9,20 @@ import numpy as np
 from rhs.api.contracts import Source
 from rhs.api.geometry import se2
 from rhs.api.records import Event, View
+from rhs.base.errors import RhsError
 
 from .mission import Logbook
 
 SOONEST, LATEST = 4, 16  # commands of a mission before the robot is carried away
+DRAWS = 50
 SIDEWAYS_M, TURNED_RAD = 0.3, np.radians(40.0)
 
 
 class Kidnapper:
     """Once per mission, at a seeded moment, puts the robot near a seeded view of the survey.
 
-    The new pose is drawn round the surveyed views (up to 0.3 m to the side, 40 degrees turned), so that it is free, and
-    in half of the cases turned round.
+    The new pose is drawn round the surveyed views (up to 0.3 m to the side, 40 degrees turned) until the source has room for
+    the robot there, in half of the cases turned round. Where it never has, the robot stays.
     """
 
     def __init__(self, rng: np.random.Generator, views: Sequence[View]) -> None:
@@ -34,8 +36,17 @@ class Kidnapper:
         mission = book.missions[-1]
         if mission.mission > self.done_for and mission.steps >= self.moment:
             self.done_for, self.moment = mission.mission, self._draw_moment()
-            source.teleport(self._draw_pose())
-            self.fresh = True
+            self.fresh = self._carried_off(source)
+
+    def _carried_off(self, source: Source) -> bool:
+        """Whether a place with room was found; a surveyed pose may be wrong, and something may stand there since."""
+        for _ in range(DRAWS):
+            try:
+                source.teleport(self._draw_pose())
+            except RhsError:
+                continue
+            return True
+        return False
 
     def news(self) -> list[Event]:
         """[KIDNAPPED] once after each kidnap, for the step's event."""
