@@ -24,8 +24,8 @@ class Narrow:
 
 
 def kidnapped(y_m, seed):
-    motion = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
-    view = View(0, 0.0, camera_from_fov(32, 24, 57.0, height_m=1.0), motion, se2(2.0, 1.0, 0.0), 1e-6 * np.eye(6), None, None)
+    motion, camera = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK), camera_from_fov(32, 24, 57.0, height_m=1.0)
+    view = View(0, 0.0, camera, motion, se2(2.0, 1.0, 0.0), 1e-6 * np.eye(6), None, None)
     source, kidnapper, book = Narrow(y_m), Kidnapper(np.random.default_rng(seed), [view]), Logbook((("there", 1.0, 1.0),))
     book.open(np.zeros(2)).steps = LATEST
     kidnapper.maybe(source, book)
