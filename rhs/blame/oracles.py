@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import Localiser, Mapper, Odometry, Source
+from rhs.api.errors import RhsError
 from rhs.api.floorplan import World, truth_grid
 from rhs.api.frozen import freeze
 from rhs.api.geometry import inverse, planar, se2
@@ -75,7 +76,7 @@ class TrueDrive:
         travel = arc(command)
         try:
             self._source.teleport(se2(*planar(truth)) @ se2(*travel))
-        except Exception:  # no room there: contact is the source's business
+        except RhsError:  # no room there: contact is the source's business
             return self._source.drive(command)
         seen = self._source.drive(Twist(0.0, 0.0, command.duration_s))
         return replace(seen, command=command, travel=freeze(travel))

@@ -73,6 +73,8 @@ def plan(words: Sequence[str]) -> Plan:
     for combination in sweep_words(overrides, most=MOST_COMBINATIONS):
         name = " ".join(word.text for word in combination if word.key in swept) or "this configuration"
         config = composer.config(combination)
+        if _setting(config, dial.key) is None:
+            composer.config([*combination, _word(dial.key, dial.low)])  # says which setting was meant
         dial = replace(dial, whole=_is_whole(config, dial.key))
         for level in (0.0, 1.0):
             composer.config([*combination, _word(dial.key, dial.value(level))])
@@ -81,11 +83,17 @@ def plan(words: Sequence[str]) -> Plan:
     return Plan(dial, searches, composer, output, seed)
 
 
-def _is_whole(config: RunConfig, key: str) -> bool:
-    """Whether a setting takes whole numbers, as its default does."""
+def _setting(config: RunConfig, key: str) -> Any:
+    """The plain value of a setting; None where there is none."""
     value: Any = to_plain(config)
     for part in key.split("."):
         value = value.get(part) if isinstance(value, dict) else None
+    return value
+
+
+def _is_whole(config: RunConfig, key: str) -> bool:
+    """Whether a setting takes whole numbers, as its default does."""
+    value = _setting(config, key)
     if not isinstance(value, int | float) or isinstance(value, bool):
         raise ConfigError(f"break: {key} is no numeric setting here (it is {value!r}); see python -m rhs --help")
     return isinstance(value, int)

@@ -13,7 +13,6 @@ import rhs
 from rhs.api.belief import moved
 from rhs.api.geometry import se2
 from rhs.api.records import Belief, Motion, Path, PlanReason, Tracking
-from rhs.base.errors import ConfigError
 from rhs.config import registry
 from rhs.runfolder.row import read_row
 
@@ -118,17 +117,65 @@ def test_the_row_is_that_of_the_patrol_with_nothing_replaced_and_counterfactuals
     assert not (tmp_path / "blame" / "counterfactuals").exists()
 
 
+@dataclass
+class CarriedSource(Plain):
+    """The fakes' room, whose robot can be put elsewhere."""
+
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "driving", "command", "wheel", "teleport"})
+    image_width: int = 32
+    views: int = 6
+    delay_s: float = 0.0
+
+    def build(self, context):
+        from rhs_fakes.room import Room
+
+        class Carried(Room):
+            def teleport(self, world_from_body):
+                self.pose = world_from_body
+
+        return Carried(self, context)
+
+
+@dataclass
+class QuietSensor(Plain):
+    """The fakes' sensor, whose noise can be switched off."""
+
+    noise: bool = True
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "scan", "wheel", "command"})
+
+    def build(self, context):
+        from rhs_fakes.room import Wheel
+
+        sensor = Wheel(context)
+        sensor.rng = sensor.rng if self.noise else Silent()
+        return sensor
+
+
+class Silent:
+    def standard_normal(self, count):
+        return np.zeros(count)
+
+
 def test_more_than_five_links_are_sampled_with_their_errors(tmp_path):
-    rhs.register("localiser", "wrong", HalfLocaliser)
-    words = [word for word in CHOICE if not word.startswith("localiser=")]
-    links = "[odometry,closing,map,localise,plan,drive]"
-    with pytest.raises(ConfigError, match="cannot teleport"):
-        rhs.run(["task=blame", *words, "localiser=wrong", f"links={links}", f"output={tmp_path / 'run'}"], quiet=True)
+    for kind, name, cls in (("localiser", "half", HalfLocaliser), ("source", "carried", CarriedSource),
+                            ("sensor", "quiet", QuietSensor)):
+        rhs.register(kind, name, cls)
+    words = [word for word in CHOICE if word.partition("=")[0] not in ("localiser", "source", "sensor")]
+    links = ["sense", "odometry", "closing", "localise", "plan", "drive"]
+    row = rhs.run(["task=blame", *words, "localiser=half", "source=carried", "sensor=quiet", f"links=[{','.join(links)}]",
+                   "orders=3", "mission.views_max=60", f"output={tmp_path / 'run'}"], quiet=True)
+    told = json.loads((tmp_path / "run" / "blame.json").read_text())
+    assert row["blame_link"] == "localise" and row["blame_runs"] <= 3 * 7
+    belief = told["shares"]["belief"]
+    assert sum(belief.values()) == pytest.approx(told["loss"]["belief"] - told["rest"]["belief"], abs=1e-9)
+    assert set(told["standard_errors"]["belief"]) == set(links) and told["standard_errors"]["belief"]["localise"] >= 0
+    assert belief["localise"] > 0.9 * told["loss"]["belief"]
 
 
 @pytest.mark.parametrize(("words", "says"), [
     (["links=[]"], "expected one or more"), (["links=[map,map]"], "different words"), (["links=[mapp]"], "map"),
-    (["links=[sense]"], "no setting `noise`"), (["slam=wheel_slam"], "nothing to replace|brings its own|no such")])
+    (["links=[sense]"], "no setting `noise`"), (["links=[drive]"], "cannot teleport"), (["slam=wheel_slam"], "nothing to replace|brings its own|no such")])
 def test_what_cannot_be_blamed_is_refused(words, says, tmp_path):
     chosen = CHOICE if not words[0].startswith("slam") else [w for w in CHOICE if w.split("=")[0] in (
         "source", "sensor", "planner")]

@@ -17,7 +17,7 @@ PLANNING = ["task=planning", "world=map1"]
     (["planner.iterations=1..9", "planner.goal_bias=0..1"], "found 2 dials"),
     (["planner.iterations=1..9", "planner=rrt", "seed=1,2"], "a seed of its own"),
     (["planner.goal_bias=0..7", "planner=rrt"], "goal_bias"),
-    (["planner.nonsense=0..7", "planner=rrt"], "no numeric setting"),
+    (["planner.iteration=0..7", "planner=rrt"], "did you mean planner.iterations"),
     (["world=1..9"], "no numeric setting")])
 def test_what_is_no_dial_is_refused(words, says):
     with pytest.raises(ConfigError, match=says):
