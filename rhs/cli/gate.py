@@ -128,7 +128,7 @@ def _number(row: Row, name: str) -> float:
 def in_words(found: Verdict, measure: str, margin: float) -> str:
     """One line: the verdict, the change with its interval, the successes."""
     word = f"no worse than {100 * margin:g} %" if found.word == "no worse" else found.word
-    told = (f"{measure} {100 * found.change:+.2g} % ({100 * found.low:+.2g} to {100 * found.high:+.2g} %), "
+    told = (f"{measure} {100 * found.change:+.3g} % ({100 * found.low:+.3g} to {100 * found.high:+.3g} %), "
             f"{found.pairs} pairs")
     if found.pairs < 4:
         told = f"{measure} is known in {found.pairs} pairs"

@@ -18,7 +18,7 @@ from rhs.api.metric import RunFiles, columns_of
 LINKS = ("sense", "odometry", "closing", "map", "localise", "plan", "drive")
 # measure -> (unit, what is lost)
 MEASURES = {"places": ("", "places missed"), "belief": ("m", "error of the belief in the patrol"),
-            "ate": ("m", "error of the survey's trajectory"), "way": ("m", "way driven per place visited")}
+            "ate": ("m", "error of the survey's trajectory"), "way": ("m", "way driven beyond the shortest")}
 OFF_M = 0.5  # the belief is somewhere else: the distance within which a place counts as visited
 SMALL = 0.05  # of the loss: a link that cost less is not named
 NAN = float("nan")
@@ -31,9 +31,8 @@ def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
         value = columns.get(name)
         return float(value) if isinstance(value, int | float) else NAN
 
-    visited = number("places_visited")
-    return {"places": number("places_total") - visited, "belief": number("patrol_rmse_m"),
-            "ate": number("ate_unaligned_m"), "way": number("path_length_m") / visited if visited > 0 else NAN}
+    return {"places": number("places_total") - number("places_visited"), "belief": number("patrol_rmse_m"),
+            "ate": number("ate_unaligned_m"), "way": number("path_length_m") - number("path_optimal_informed_m")}
 
 
 def subsets(links: Sequence[str]) -> list[frozenset[str]]:
@@ -84,7 +83,7 @@ def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Loss
     nothing: frozenset[str] = frozenset()
     places = losses["places"][nothing]
     measure, lost = ("places", f"{places:.0f} missed places") if places > 0 else (
-        "belief", f"{losses['belief'][nothing]:.2f} m error of belief")
+        "belief", f"{losses['belief'][nothing]:.2g} m error of belief")
     if math.isnan(losses[measure][nothing]):
         return "nothing is known of what was lost"
     if measure == "belief" and losses["belief"][nothing] <= 0.0:

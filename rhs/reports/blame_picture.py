@@ -32,8 +32,10 @@ def blame_picture(folder: Path) -> Path | None:
         axes.axvline(0.0, color=LOSS, linewidth=0.8)
         if loss is not None:
             axes.axvline(loss, color=LOSS, linewidth=1.0, linestyle=":")
-        axes.set_title("unknown: no place was visited" if loss is None else f"{what}: {loss:.3g} {unit}", fontsize=8)
+        axes.set_title(f"{what}: unknown" if loss is None else f"{what}: {loss:.3g} {unit}", fontsize=8)
         axes.set_xlabel(f"cost of the link{f' [{unit}]' if unit else ''}", fontsize=8)
+        if not any(values) and not loss:
+            axes.set_xlim(0.0, 1.0)
         axes.tick_params(labelsize=8)
     panels[0].set_yticks(places, names)
     figure.suptitle("\n".join(textwrap.wrap(told["verdict"], 110)) + "\n(dotted: the whole loss)", fontsize=10)

@@ -81,11 +81,12 @@ def test_the_sentence_names_links_by_what_they_cost():
 def test_a_patrol_that_missed_nothing_is_told_by_its_belief():
     shares = {"places": {"map": 0.0}, "belief": {"map": 0.15}}
     told = verdict(shares, {"places": {frozenset(): 0.0}, "belief": {frozenset(): 0.2}}, since=-1)
-    assert told == "every place was visited; of 0.20 m error of belief map cost 0.15 m, 0.05 m no link that was tried"
+    assert told == "every place was visited; of 0.2 m error of belief map cost 0.15 m, 0.05 m no link that was tried"
 
 
 def test_losses_are_unknown_where_the_row_does_not_know():
     found = losses_of({"places_total": 4, "places_visited": 0, "path_length_m": 3.0, "patrol_rmse_m": float("nan")})
+    assert losses_of({"path_length_m": 12.5, "path_optimal_informed_m": 10.0})["way"] == 2.5
     assert found["places"] == 4 and np.isnan(found["way"]) and np.isnan(found["belief"])
 
 
