@@ -15,7 +15,7 @@ from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import inverse, log_se3, orthonormal
 from rhs.api.records import Motion, Observation, Tracking
 
-from ..features.procrustes import on_floor
+from ..features.floor import on_floor
 from ..fused.fallback import guess_motion
 from .clouds import Cloud, CloudMaker, observability
 from .settings import CloudAdvanced
