@@ -114,7 +114,9 @@ class CloudOdometry(Odometry):
         a = self._advanced
         look = second_look(before, cloud, self._maker, motion.previous_from_body, a.sure_sigmas)
         off = float(look.better @ np.linalg.solve(motion.covariance, look.better))
-        if not look.cost - look.best > a.misfit or off < gate(6, a.gate_probability):
+        if np.isnan(look.cost):
+            return replace(motion, status=Tracking.DEGENERATE, reason=motion.reason or "hardly anything is seen twice")
+        if look.cost - look.best < a.misfit or off < gate(6, a.gate_probability):
             return motion
         covariance = motion.covariance + np.outer(look.better, look.better)
         metres, radians = (float(np.linalg.norm(part)) for part in (look.better[:3], look.better[3:]))

@@ -1,9 +1,9 @@
 """A second look at an alignment: do the surfaces of two views lie on each other?
 
-A library aligns a cloud with its own map by the nearest points; where a narrow view turns, the new points at its rim have no
-partners and pull the others along, and the result is as smooth as a right one. The view before was measured, too: its surface
-under each point of this view gives the point-to-plane distance (Chen and Medioni 1992, with the partner along the ray, Blais
-and Levine 1995), and Gauss-Newton on it says which other motion would fit, and how much better.
+A library aligns a cloud with its own map by the nearest points; where a narrow view turns, the new points at its rim have
+no partners and pull the others along, and the result is as smooth as a right one. The view before was measured, too: its
+surface under each point of this view gives the point-to-plane distance (Chen and Medioni 1992, with the partner along the
+ray, Blais and Levine 1995), and Gauss-Newton on it says which other motion would fit, and how much better.
 """
 
 from __future__ import annotations
@@ -55,7 +55,9 @@ def _cost(left: np.ndarray, cut: float) -> float:
     return float(np.minimum(left**2, cut**2).mean()) if len(left) else float("nan")
 
 
-def _distances(previous: Cloud, maker: CloudMaker, motion: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _distances(
+    previous: Cloud, maker: CloudMaker, motion: np.ndarray, points: np.ndarray, normals: np.ndarray
+) -> np.ndarray:
     """(N,) distance of each point to the surface that the previous view saw on its ray, along its normal, in sigmas."""
     pose = maker.camera.body_from_camera
     local = (transform(motion, points) - pose[:3, 3]) @ pose[:3, :3]
