@@ -18,13 +18,14 @@ import numpy as np
 from rhs.api.floorplan import World
 from rhs.base.commands import Arguments
 from rhs.base.errors import check_range
-from rhs.worlds.random.names import FAMILIES, PREFIX, parse
-from rhs.worlds.world import find_world, is_random, load_world, world_names
+from rhs.worlds.random.names import FAMILIES, PREFIX, is_random, parse
+from rhs.worlds.world import find_world, load_world, world_names
 
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    parser = Arguments(prog="python -m rhs worlds", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Arguments(prog="python -m rhs worlds", description=__doc__,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER")
     parser.add_argument("--buildings", type=int, default=4, metavar="N")
@@ -56,7 +57,8 @@ def listed(worlds: Sequence[tuple[str, World]]) -> list[str]:
     for name, world in worlds:
         x0, y0, x1, y1 = world.bounds_m
         way = float(np.hypot(*np.diff(world.route_m, axis=0).T).sum())
-        lines.append(f"{name:<{wide}} {f'{x1 - x0:.1f} x {y1 - y0:.1f}':>11} {len(world.places):>6} {way:>8.0f}  {_said(name)}")
+        size = f"{x1 - x0:.1f} x {y1 - y0:.1f}"
+        lines.append(f"{name:<{wide}} {size:>11} {len(world.places):>6} {way:>8.0f}  {_said(name)}")
     return lines
 
 

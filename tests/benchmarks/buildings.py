@@ -3,8 +3,8 @@
     python tests/benchmarks/buildings.py --seeds 0-99 --out runs/buildings
     python tests/benchmarks/buildings.py --families office home --seeds 10000-10019 planner=theta_star
 
-A sweep of `world=random:FAMILY` over seeds, each its own building; further words are those of a run. Killed, it goes on where
-it stopped when the same command is given again. `reachable`: places that a disc of the robot's radius and 5 cm gets to from
+A sweep of `world=random:FAMILY` over seeds, each its own building; further words are those of a run. Killed, it goes on
+where it stopped when the same command is given again. `reachable`: places that a disc of the robot's radius and 5 cm gets to from
 the end of the survey with the obstacles in place, on the true plan. `clean`: every reachable place visited, nothing touched.
 The mean of wrong_sure (belief_wrong_sure_share) is over runs, collisions are summed; `no row`: failed or killed. Writes
 buildings.csv beside the runs. Seeds below 10000 are for building and tuning, those from 10000 on for judging only.
@@ -44,7 +44,7 @@ def main() -> int:
     command = [sys.executable, "-m", "rhs", "-m", *words, f"output={options.out}", "recording=off", "pictures=off"]
     limits = [f"--jobs={options.jobs}", f"--timeout={options.timeout:g}"]
     resume = ["--resume"] if (options.out / "sweep.json").exists() else []
-    subprocess.run([*command, *limits, *resume], check=False)  # noqa: S603
+    subprocess.run([*command, *limits, *resume], check=False)
     found = rows(options.out)
     if not found:
         sys.stderr.write(f"no rows in {options.out}\n")
@@ -82,10 +82,10 @@ def table(found: list[dict[str, Any]]) -> list[str]:
         some = [row for row in found if family in (row["family"], "all")]
         done = [row for row in some if row["status"] == "ok"]
         total = {key: np.nansum([row[key] for row in done]) for key in ("visited", "reachable", "collisions")}
-        mean = {key: np.nanmean([row[key] for row in done]) if done else np.nan for key in ("wrong_sure", "success", "clean")}
+        mean = {key: np.nanmean([row[key] for row in done] or [np.nan]) for key in ("wrong_sure", "success", "clean")}
         touched = sum(row["collisions"] > 0 for row in done)
-        lines.append(f"{family:<22}{len(some):>5}{len(some) - len(done):>7}{total['visited']:>9.0f}{total['reachable']:>10.0f}"
-                     f"{total['collisions']:>11.0f}{touched:>8}{mean['wrong_sure']:>11.4f}{mean['success']:>8.2f}"
+        lines.append(f"{family:<22}{len(some):>5}{len(some) - len(done):>7}{total['visited']:>9.0f}"
+                     f"{total['reachable']:>10.0f}{total['collisions']:>11.0f}{touched:>8}{mean['wrong_sure']:>11.4f}{mean['success']:>8.2f}"
                      f"{mean['clean']:>7.2f}")
     causes = {row["building"]: row["cause"] for row in found if row["cause"]}
     return [*lines, *(f"  {building}: {json.dumps(cause)[1:-1][:150]}" for building, cause in causes.items())]

@@ -105,6 +105,7 @@ def draw_skew_rooms(sketch: Sketch) -> None:
     for name, p, q in (("divide", south, cross), ("divide", cross, north), ("across", west, cross)):
         length = float(np.hypot(*(q - p)))
         sketch.wall_with_doors(name, (p, q), [Door(length * sketch.draw(0.35, 0.65), sketch.door_m(), sketch.chance(0.3))])
+    sketch.hang_leaves()
     for name, floor in (("south_west", [a, south, cross, west]), ("east", [south, b, c, north]),
                         ("north_west", [west, cross, north, d])):
         room = sketch.room(name, floor, kind="office")

@@ -33,7 +33,7 @@ FREE_STANDING = ("coffee table", "chair", "crate", "plant", "bin", "bench")
 BY_KIND: Mapping[str, Sequence[str]] = {
     "corridor": ("cabinet", "bench", "plant", "bin", "shelf", "wall shelf", "crate"),
     "office": ("desk", "shelf", "cabinet", "chair", "desk", "bin", "table", "wall shelf", "sideboard"),
-    "living": ("sofa", "coffee table", "sideboard", "shelf", "table", "plant", "chair"),
+    "living": ("sofa", "coffee table", "sideboard", "shelf", "table", "plant", "chair", "wall shelf"),
     "kitchen": ("counter", "fridge", "table", "chair", "wall shelf"),
     "bed": ("bed", "wardrobe", "cabinet", "chair", "shelf"),
     "bath": ("bathtub", "cabinet", "bin", "wall shelf"),

@@ -17,6 +17,7 @@ def draw_hall(sketch: Sketch) -> None:
         first, second = deep * sketch.draw(0.18, 0.32), deep * sketch.draw(0.68, 0.82)
         doors = [Door(first, sketch.door_m(), sketch.chance(0.3)), Door(second, sketch.door_m() * 1.5)]
         sketch.wall_with_doors("screen", ((0.0, deep), (0.0, 0.0)), doors[: 1 if sketch.chance(0.4) else 2])
+        sketch.hang_leaves()
         sketch.room("lobby", [(-lobby, 0.0), (0.0, 0.0), (0.0, deep), (-lobby, deep)])
     hall = sketch.room("hall", [(0.0, 0.0), (wide, 0.0), (wide, deep), (0.0, deep)], kind="hall")
     _pillars(sketch, wide, deep)

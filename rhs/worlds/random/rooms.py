@@ -59,6 +59,7 @@ def draw_office(sketch: Sketch) -> None:
     outline(sketch, length, south + wide + north)
     for wall in shared:
         inner_wall(sketch, wall, wall in of_corridor or wall in joined)
+    sketch.hang_leaves()
     sketch.room("corridor", rects[0].corners, spot=(length * sketch.draw(0.2, 0.8), south + 0.5 * wide))
     for number, rect in enumerate(rects[1:], 1):
         sketch.room(f"room_{number}", rect.corners, kind="office")
@@ -79,6 +80,7 @@ def draw_home(sketch: Sketch) -> None:
     for wall in shared_walls(rects):
         wide = wall in opened and sketch.chance(0.2) and wall.length_m > 2.4
         inner_wall(sketch, wall, wall in opened, sketch.draw(1.1, min(2.0, wall.length_m - 0.6)) if wide else None)
+    sketch.hang_leaves()
     named: dict[str, int] = {}
     for rect, kind in zip(rects, KINDS, strict=False):
         named[kind] = named.get(kind, 0) + 1
@@ -87,7 +89,7 @@ def draw_home(sketch: Sketch) -> None:
     for room in sketch.rooms:
         for name in {"bed": ("bed",), "living": ("sofa",), "kitchen": ("counter",)}.get(room.kind, ()):
             put(sketch, room, name)
-        furnish(sketch, room, int(sketch.rng.integers(1, 5)))
+        furnish(sketch, room, int(sketch.rng.integers(2, 7)))
 
 
 def outline(sketch: Sketch, length_m: float, top_m: float) -> None:

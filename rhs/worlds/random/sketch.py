@@ -52,6 +52,7 @@ class Sketch:
     boxes: list[Box] = field(default_factory=list)
     rooms: list[Room] = field(default_factory=list)
     doors_m: list[tuple[float, float]] = field(default_factory=list)
+    leaves: list[tuple[np.ndarray, np.ndarray, float]] = field(default_factory=list)  # hinge, direction of the wall, width
 
     @property
     def gap_m(self) -> float:
@@ -81,7 +82,7 @@ class Sketch:
         self.walls.append(Wall(self._own(name, self.walls), corners, self.looks.wall_height_m, kind, paintings))
 
     def wall_with_doors(self, name: str, ends: Sequence[Sequence[float]], doors: Sequence[Door]) -> None:
-        """A straight wall with openings; a leaf stands open on the left-hand side of the wall's direction."""
+        """A straight wall with openings; a leaf opens to the left-hand side of the wall's direction (`hang_leaves`)."""
         a, b = np.array(ends, float)
         length = float(np.hypot(*(b - a)))
         way, at = (b - a) / length, 0.0
@@ -92,20 +93,24 @@ class Sketch:
             middle = a + way * door.at_m
             self.doors_m.append((float(middle[0]), float(middle[1])))
             if door.leaf:
-                self._leaf(a + way * low, way, door.width_m)
+                self.leaves.append((a + way * low, way, door.width_m))
             at = high
         if length - at > 0.02:
             self.wall(name, [a + way * at, b])
 
-    def _leaf(self, hinge: np.ndarray, way: np.ndarray, width_m: float) -> None:
-        """An open door: a thin box that stands beside the opening."""
-        swing = np.radians(self.draw(85.0, 120.0))
-        c, s = float(np.cos(swing)), float(np.sin(swing))
-        along = np.array([c * way[0] - s * way[1], s * way[0] + c * way[1]])
-        middle = hinge + along * 0.5 * width_m - way * 0.5 * LEAF_M
-        self.boxes.append(Box(self._own("door", self.boxes), (float(middle[0]), float(middle[1])),
-                              (width_m, LEAF_M, min(2.0, self.looks.wall_height_m - 0.05)),
-                              float(np.arctan2(along[1], along[0])), 0.0, furniture_surface(self.rng)))
+    def hang_leaves(self) -> None:
+        """Put in the leaves of the doors drawn so far, open by about a right angle: when all walls stand, before there is
+        furniture. One that would swing into another wall is left out."""
+        for hinge, way, width in self.leaves:
+            swing = np.radians(self.draw(85.0, 120.0))
+            c, s = float(np.cos(swing)), float(np.sin(swing))
+            along = np.array([c * way[0] - s * way[1], s * way[0] + c * way[1]])
+            middle = hinge + along * (0.5 * width + 0.015) - way * 0.5 * LEAF_M
+            yaw, look = float(np.arctan2(along[1], along[0])), furniture_surface(self.rng)
+            if polygon_gaps_m(rectangle(middle, (width, LEAF_M), yaw), self.segments_m()).min() > 0.0:
+                size = (width, LEAF_M, min(2.0, self.looks.wall_height_m - 0.05))
+                self.box("door", middle, size, yaw_rad=yaw, surface=look)
+        self.leaves.clear()
 
     def _own(self, name: str, others: Sequence[Wall] | Sequence[Box]) -> str:
         """The name with the next free number: names are unique, and textures hang on them."""
