@@ -63,7 +63,8 @@ def outlines(room: np.ndarray) -> list[np.ndarray]:
             if at == first:
                 break
         corners = np.array([*loop, first], float)
-        if len(corners) > 3 and np.cross(corners[1] - corners[0], corners[-2] - corners[0]) == 0:
+        first_way, last_way = corners[1] - corners[0], corners[0] - corners[-2]
+        if first_way[0] * last_way[1] == first_way[1] * last_way[0]:
             corners = np.vstack([corners[1:-1], corners[1]])  # the trace began in the middle of a side
         loops.append(corners)
     return loops
