@@ -1,37 +1,33 @@
-"""Somebody else's building: a flat map or a drawn plan pulled up into walls. Where the robot starts, what it visits and how
-it is led are proposed where nobody says."""
+"""Somebody else's building: a flat map or a drawn plan pulled up into walls, a mesh, a scene. Where the robot starts, what
+it visits and how it is led are proposed where nobody says."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from rhs.api.floorplan import Wall, World, truth_grid
+from rhs.api.floorplan import World, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
-from .map_walls import room_of, walls_of
+from .map_walls import Building, no_room, room_of, roomiest_m, walls_of
 from .maps import load_map
+from .mesh_files import MESHES
+from .mesh_world import read_solid
+from .scene_files import SCENES
 from .tour import Tour, propose
 from .world_yaml import Section
 
 log = logging.getLogger("rhs.worlds")
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
+FOREIGN = (*PICTURES, *MESHES, *SCENES)
 MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
 LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
-
-
-@dataclass(frozen=True, eq=False)
-class Building:
-    """What a file of somebody else holds. stand_m: (2,) a point in its room, far from everything."""
-
-    walls: tuple[Wall, ...]
-    stand_m: np.ndarray
 
 
 def read_building(path: Path, file: Section) -> Building:
@@ -39,11 +35,15 @@ def read_building(path: Path, file: Section) -> Building:
     if not path.is_file():
         raise ConfigError(f"{file.where('building')}: building: there is no file {path}")
     radius_m = file.number("robot_radius_m", RADIUS_M, low=0.05, high=2.0)
+    start_m = np.array(file.numbers("start", count=3)[:2]) if "start" in file.nodes else None
+    if path.suffix.lower() in (*MESHES, *SCENES):
+        return read_solid(path, file, radius_m, start_m)
     if path.suffix.lower() in PICTURES:
         path = _yaml_of(path)
-    grid = load_map(path, origin=(0.0, 0.0, 0.0))
-    start_m = np.array(file.numbers("start", count=3)[:2]) if "start" in file.nodes else None
-    return building_of(grid, radius_m, start_m, str(path))
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
+                          f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
+    return building_of(load_map(path, origin=(0.0, 0.0, 0.0)), radius_m, start_m, str(path))
 
 
 def _yaml_of(picture: Path) -> Path:
@@ -57,20 +57,14 @@ def _yaml_of(picture: Path) -> Path:
 
 def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, name: str) -> Building:
     """The room of a flat map that holds the start, or the roomiest one. Raises ConfigError where the robot does not fit."""
-    from scipy.ndimage import distance_transform_edt
-
     room = room_of(grid, radius_m, start_m)
     if not room.any():
-        where = "has no free cell at the start" if start_m is not None else \
-            f"has no room for a robot of radius {radius_m:g} m (found {int(grid.free().sum())} free cells of " \
-            f"{grid.resolution_m:g} m); correct its resolution or thresholds, or give robot_radius_m"
-        raise ConfigError(f"{name}: the map {where}")
+        raise no_room(name, grid, radius_m, start_m)
     walls = walls_of(grid, room)
     pieces = sum(len(wall.points_m) - 1 for wall in walls)
     if pieces > MOST_PIECES:
         raise ConfigError(f"{name}: {pieces} pieces of wall, at most {MOST_PIECES} are pulled up; clean the map of specks")
-    space = distance_transform_edt(np.pad(room, 1))[1:-1, 1:-1]
-    return Building(walls, grid.centres(np.array([np.unravel_index(np.argmax(space), room.shape)]))[0])
+    return Building(walls, roomiest_m(grid, room))
 
 
 def settled(world: World, building: Building, file: Section) -> World:

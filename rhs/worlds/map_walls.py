@@ -8,18 +8,33 @@ again, and no point of a wall is further than a cell from where the map has it. 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from rhs.api.floorplan import Wall
+from rhs.api.floorplan import Mesh, Wall
 from rhs.api.grid import OccupancyGrid, configuration_space
+from rhs.base.errors import ConfigError
 
 TOLERANCE_CELLS = 0.99  # a straight wall drawn in cells strays from its line by less than one
 HEIGHT_M = 2.6
+INDOORS = 0.1  # least share of the roomiest room that one indoors must have to be preferred: no cupboard
+
+
+@dataclass(frozen=True, eq=False)
+class Building:
+    """What a file of somebody else holds. stand_m: (2,) a point in its room, far from everything. camera_height_m: of a robot
+    that sees its walls."""
+
+    walls: tuple[Wall, ...]
+    stand_m: np.ndarray
+    mesh: Mesh | None = None
+    camera_height_m: float = 1.2
 
 
 def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = None) -> np.ndarray:
     """(H, W) bool: the free cells of one room: the one with the start (2,), or else the one that gives a robot of that
-    radius most space. A room that reaches the border of the image counts only where there is no other: round a drawn plan
+    radius most space. A room that reaches the border counts only where there is no other of some size: round a drawn plan
     lies white paper. Nothing where the robot fits nowhere."""
     from scipy.ndimage import label
 
@@ -38,7 +53,7 @@ def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = N
     owner[stands[fits]] = rooms[fits]
     edge = np.unique(np.concatenate([rooms[0], rooms[-1], rooms[:, 0], rooms[:, -1]]))
     indoors = ~np.isin(owner[1:], edge)
-    ranked = np.where(indoors, sizes, 0) if (sizes[indoors] * grid.resolution_m**2 >= 1.0).any() else sizes
+    ranked = np.where(indoors, sizes, 0) if np.any(sizes[indoors] >= INDOORS * sizes.max()) else sizes
     return np.asarray(rooms == owner[1 + int(np.argmax(ranked))])
 
 
@@ -102,3 +117,20 @@ def walls_of(grid: OccupancyGrid, room: np.ndarray) -> tuple[Wall, ...]:
     loops = sorted(map(simplified, outlines(room)), key=lambda loop: -float(np.abs(np.diff(loop, axis=0)).sum()))
     return tuple(Wall(f"wall {number}", loop * grid.resolution_m + np.asarray(grid.origin_m), HEIGHT_M)
                  for number, loop in enumerate(loops, 1))
+
+
+def no_room(name: str, grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None) -> ConfigError:
+    """What to say of a building in which the robot does not fit."""
+    if start_m is not None:
+        return ConfigError(f"{name}: no free space at the start ({start_m[0]:g}, {start_m[1]:g})")
+    return ConfigError(f"{name}: no room for a robot of radius {radius_m:g} m (found {int(grid.free().sum())} free cells of "
+                       f"{grid.resolution_m:g} m); correct the scale, or give robot_radius_m in a world file")
+
+
+def roomiest_m(grid: OccupancyGrid, room: np.ndarray) -> np.ndarray:
+    """(2,) the middle of the cell of a room that is furthest from its edge."""
+    from scipy.ndimage import distance_transform_edt
+
+    space = distance_transform_edt(np.pad(room, 1))[1:-1, 1:-1]
+    middle: np.ndarray = grid.centres(np.array([np.unravel_index(np.argmax(space), room.shape)]))[0]
+    return middle

@@ -22,7 +22,7 @@ from rhs.api.floorplan import (
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
-from .buildings import PICTURES, RADIUS_M, Building, read_building, settled
+from .buildings import FOREIGN, RADIUS_M, Building, read_building, settled
 from .world_checks import check_extent, check_world
 from .world_yaml import Section, no_keys, read_yaml
 
@@ -79,7 +79,7 @@ def _is_flat_map(file: Section) -> bool:
 def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
     """The file of a world: a name is looked for in `beside` and worlds/; anything with a slash or .yaml is a path."""
     text = str(name_or_path)
-    if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *PICTURES):
+    if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *FOREIGN):
         path = Path(text).expanduser()
         if not path.is_file():
             raise ConfigError(f"world={text}: there is no such file")
@@ -105,7 +105,7 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         path=path,
         start=(x_m, y_m, float(np.radians(yaw_deg))),
         robot_radius_m=file.number("robot_radius_m", 0.3 if building is None else RADIUS_M, low=0.05, high=2.0),
-        camera_height_m=file.number("camera_height_m", 1.2, low=0.1, high=3.0),
+        camera_height_m=file.number("camera_height_m", 1.2 if building is None else building.camera_height_m, low=0.1, high=3.0),
         walls=walls,
         boxes=tuple(b for _, boxes in walls_and_pilasters for b in boxes) + _boxes(file, "boxes"),
         obstacles=_boxes(file, "obstacles"),
@@ -115,6 +115,7 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         floor=_surface(file.section("floor"), FLOOR),
         ceiling=_surface(file.section("ceiling"), CEILING),
         seed=file.whole("seed", 0),
+        mesh=None if building is None else building.mesh,
     )
     file.finish()
     return world
