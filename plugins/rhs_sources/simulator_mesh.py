@@ -30,10 +30,11 @@ def building(world: World, px_per_m: float) -> Iterator[Painted]:
             yield wall_faces(wall, number), painter.texture(wall, number)
     yield from furniture(world, world.boxes, px_per_m)
     x0, y0, x1, y1 = world.bounds_m
-    quads = floor_and_ceiling(world.bounds_m, max((wall.height_m for wall in world.walls), default=0.0))
-    if world.mesh is not None:  # it has its own; ours shows where it has none
-        quads = ((quads[0][0] - [0.0, 0.0, UNDER_M], quads[0][1]),)
-    for name, look, quad in zip(("floor", "ceiling"), (world.floor, world.ceiling), quads, strict=False):
+    below, above = floor_and_ceiling(world.bounds_m, max((wall.height_m for wall in world.walls), default=0.0))
+    surfaces = [("floor", world.floor, below), ("ceiling", world.ceiling, above)]
+    if world.mesh is not None:  # it has its own floor, and ours shows where it has none
+        surfaces = [("floor", world.floor, (below[0] - [0.0, 0.0, UNDER_M], below[1]))]
+    for name, look, quad in surfaces:
         image = surface(generator(world.seed, name), look, (x1 - x0, y1 - y0), FLOOR_PX_PER_M)
         yield [quad], image
 

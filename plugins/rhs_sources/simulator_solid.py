@@ -72,7 +72,7 @@ class Solid:
                 break
             for contact in pybullet.getClosestPoints(self.robot, self.bodies[number], nearest, physicsClientId=self.client):
                 nearest = min(nearest, contact[8])
-        return nearest if self.world.mesh is None else min(nearest, self._from_mesh(x_m, y_m, within_m))
+        return min(nearest, self._from_mesh(x_m, y_m, within_m))
 
     def _gaps_at_least(self, x_m: float, y_m: float) -> np.ndarray:
         """(N,) metres from the robot's side that no body is nearer than: seen from above, a body lies in a circle."""
@@ -81,8 +81,10 @@ class Solid:
         return away - middles[:, 2] - self.world.robot_radius_m - SLACK_M
 
     def _from_mesh(self, x_m: float, y_m: float, within_m: float) -> float:
-        """The same to the mesh of somebody else's building, seen from above: the robot is upright and so is what is in its
-        way, cut at its height."""
+        """The same to the mesh of somebody else's building if there is one, seen from above: what is in the way of an
+        upright robot, cut at its height."""
+        if self.world.mesh is None:
+            return within_m
         from rhs.api.footprints import nearest_m
 
         radius_m = self.world.robot_radius_m

@@ -94,9 +94,9 @@ class Paintings:
 class Mesh:
     """A building as somebody else drew it, in metres, floor at z = 0.
 
-    corners_m (N, 3, 3): triangles, seen from both sides; uv (N, 3, 2): u right, v up, 0..1 over the image and on in copies of
-    it; texture (N,): which of images, each (H, W, 3) uint8 RGB. solid_m (P, 5, 2): convex outlines, seen from above, of what
-    stands in a robot's way (rhs.api.footprints)."""
+    corners_m (N, 3, 3): triangles, seen from both sides; uv (N, 3, 2): u right, v up, 0..1 over the image and on in copies
+    of it; texture (N,): which of images, each (H, W, 3) uint8 RGB. solid_m (P, 5, 2): convex outlines, seen from above, of
+    what stands in a robot's way (rhs.api.footprints)."""
 
     corners_m: np.ndarray
     uv: np.ndarray

@@ -1,8 +1,8 @@
 """Compiled: what stands of a triangle mesh between two heights, seen from above, as convex outlines; and the plan that they
 make. Imported only where a world has a mesh.
 
-An outline is (5, 2) corners x, y in metres: a triangle cut by two level planes has five at most; fewer are filled up with the
-last one. Cut after Sutherland and Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974.
+An outline is (5, 2) corners x, y in metres: a triangle cut by two level planes has five at most; fewer are filled up with
+the last one. Cut after Sutherland and Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CELLS = nb.types.Array(nb.boolean, 2, "C")
 
 
 @typed(I64(TABLE, I64, I64, F64, TABLE))
-def _cut(polygon, count, sign, height_m, out):
+def _cut(polygon: np.ndarray, count: int, sign: int, height_m: float, out: np.ndarray) -> int:
     """Corners of the polygon (N, 3) on one side of a level plane (sign 1: above, -1: below), to out; how many."""
     kept = 0
     for i in range(count):
@@ -39,7 +39,7 @@ def _cut(polygon, count, sign, height_m, out):
 
 
 @typed(I64(SOLID, F64, F64, SOLID))
-def _between(triangles_m, low_m, high_m, out):
+def _between(triangles_m: np.ndarray, low_m: float, high_m: float, out: np.ndarray) -> int:
     """Outlines of what lies between the heights, to out; how many."""
     found = 0
     above, both = np.empty((6, 3)), np.empty((6, 3))
@@ -54,7 +54,7 @@ def _between(triangles_m, low_m, high_m, out):
 
 
 @typed(nb.boolean(TABLE, F64, F64, F64))
-def _meets(corners, x, y, half_m):
+def _meets(corners: np.ndarray, x: float, y: float, half_m: float) -> bool:
     """Whether no side of the outline parts it from the square about (x, y); the square's own sides are not asked."""
     for k in range(CORNERS):
         ax, ay = corners[k]
@@ -74,7 +74,7 @@ def _meets(corners, x, y, half_m):
 
 
 @typed(nb.void(SOLID, F64, F64, F64, CELLS))
-def touch(solid_m, resolution_m, x0_m, y0_m, touched):
+def touch(solid_m: np.ndarray, resolution_m: float, x0_m: float, y0_m: float, touched: np.ndarray) -> None:
     """Set the cells (H, W) whose inside an outline meets, by separating axes; origin (x0_m, y0_m). An outline without
     thickness that runs along the border between two rows of cells touches both."""
     height, width = touched.shape
@@ -97,7 +97,7 @@ def touch(solid_m, resolution_m, x0_m, y0_m, touched):
 
 
 @typed(F64(SOLID, F64, F64, F64))
-def nearest_m(solid_m, x, y, within_m):
+def nearest_m(solid_m: np.ndarray, x: float, y: float, within_m: float) -> float:
     """Metres from a point to the nearest outline, 0 inside one; within_m when none is nearer than that."""
     best = within_m * within_m
     for n in range(len(solid_m)):
@@ -122,7 +122,7 @@ def nearest_m(solid_m, x, y, within_m):
             turns_right |= side < 0.0
         if turns_left != turns_right:
             return 0.0
-    return np.sqrt(best)
+    return float(np.sqrt(best))
 
 
 def outlines_between(triangles_m: np.ndarray, low_m: float, high_m: float) -> np.ndarray:

@@ -74,16 +74,30 @@ def settled(world: World, building: Building, file: Section) -> World:
         raise ConfigError(f"{file.where('route_m')}: route_m without start; write start: [x, y, degrees] where it begins")
     if given == {"start", "places", "route_m"}:
         return world
-    start = world.start if "start" in given else None
-    stand = (float(building.stand_m[0]), float(building.stand_m[1]), 0.0)
-    inside = replace(world, start=start or stand)
+    x, y = (round(float(value), 4) for value in building.stand_m)
+    inside = world if "start" in given else replace(world, start=(x, y, 0.0))
+    start = world.start if "start" in given else (x, y)
     tour = short_tour(truth_grid(inside), world.robot_radius_m, start, world.name)
     return replace(world, start=world.start if "route_m" in given else tour.start,
-                   places=world.places if "places" in given else tour.places,
+                   places=world.places if "places" in given else on_route(tour.places, tour.route_m),
                    route_m=world.route_m if "route_m" in given else tour.route_m)
 
 
-def short_tour(grid: OccupancyGrid, radius_m: float, start: tuple[float, float, float] | None, name: str) -> Tour:
+def on_route(places: tuple[tuple[str, float, float], ...], route_m: np.ndarray) -> tuple[tuple[str, float, float], ...]:
+    """Each place moved to the nearest point of the route (N, 2): a camera that looks ahead has not seen all that lies beside
+    its way."""
+    a, along = route_m[:-1], np.diff(route_m, axis=0)
+    squared = np.maximum((along * along).sum(axis=1), 1e-12)
+    moved = []
+    for name, x, y in places:
+        share = np.clip((((x, y) - a) * along).sum(axis=1) / squared, 0.0, 1.0)
+        feet = a + share[:, None] * along
+        foot = feet[np.argmin(np.hypot(*(feet - (x, y)).T))].round(4)
+        moved.append((name, float(foot[0]), float(foot[1])))
+    return tuple(moved)
+
+
+def short_tour(grid: OccupancyGrid, radius_m: float, start: tuple[float, ...], name: str) -> Tour:
     """A tour of what lies near its start, in a large building; says so. LONGEST_ROUTE_M bounds its length."""
     tour = propose(grid, radius_m, start=start)
     whole_m = length_m(tour.route_m)

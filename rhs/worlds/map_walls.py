@@ -23,8 +23,8 @@ INDOORS = 0.1  # least share of the roomiest room that one indoors must have to 
 
 @dataclass(frozen=True, eq=False)
 class Building:
-    """What a file of somebody else holds. stand_m: (2,) a point in its room, far from everything. camera_height_m: of a robot
-    that sees its walls."""
+    """What a file of somebody else holds. stand_m: (2,) a point in its room, far from everything. camera_height_m: of a
+    robot that sees its walls."""
 
     walls: tuple[Wall, ...]
     stand_m: np.ndarray

@@ -114,7 +114,7 @@ def _resolver(path: Path) -> Any:
     """What finds the pictures and materials that a mesh names: beside it, or in ../materials/textures as Gazebo does."""
     from trimesh.resolvers import FilePathResolver
 
-    class Beside(FilePathResolver):  # type: ignore[misc]  # trimesh is not typed where it is not installed
+    class Beside(FilePathResolver):
         missing: list[str] = []
 
         def get(self, name: str) -> bytes:
@@ -142,7 +142,8 @@ def _part(geometry: Any) -> Part:
             colours = np.asarray(visual.face_colors)[:, :3]
             out = Part(corners, colours.astype(np.uint8))
         return out
-    uv = None if visual.uv is None or len(visual.uv) != len(geometry.vertices) else np.asarray(visual.uv, float)[geometry.faces]
+    whole = visual.uv is not None and len(visual.uv) == len(geometry.vertices)
+    uv = np.asarray(visual.uv, float)[geometry.faces] if whole else None
     image, colour = _material(visual.material)
     out = part(corners, uv)
     out = out if colour is None else out.coloured(colour)

@@ -19,13 +19,16 @@ from .world_yaml import Section
 
 log = logging.getLogger("rhs.worlds")
 
+DOORS_M, LEAST_INDOORS_M2 = 1.4, 2.0  # wider than most doors; smaller than most rooms, less what is near their walls
 STEP_M = 0.04  # what is lower than this is driven over: carpets, thresholds
 PAD_M = 1.0  # free ground round a building that is open to the outside
 LEAST_M, MOST_M = 2.0, 300.0  # of a building's longer side in metres
 LEVEL, UPRIGHT = 0.99, 0.3  # least |z| of a level face's normal, most of a wall's
 BIN_M, SPOT_M = 0.02, 0.25  # heights of one floor differ by less; squares in which its area is counted
+TALL_M = 0.3  # of a wall's triangle; the rim of a slab is lower
+MOST_LEVELS = 40  # heights that are looked at, the largest first: a floor is among them
 COVERED_M = 1.0  # what has so little room above it is no floor: the underside of a slab, the ground below it
-CAMERA_M = 1.2
+CAMERA_M = 0.4  # of a household robot: it sees a wastepaper basket, and drives under what is higher
 
 
 def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray | None) -> Building:
@@ -87,7 +90,8 @@ def _thinnest(size: np.ndarray, said: list[str]) -> str:
 
 
 def _unit_m(mesh: MeshFile, size: np.ndarray, path: Path, said: list[str], *, given: bool) -> float:
-    """Metres of the file's unit: as it says; else metres, or the larger of centimetre and millimetre that makes a building."""
+    """Metres of the file's unit: as it says; else metres, or the smaller of millimetre and centimetre that makes a
+    building."""
     unit = mesh.unit_m or 1.0
     longest = float(size.max()) * unit
     found = f"its extents are {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g}"
@@ -116,23 +120,20 @@ def floor_m(corners: np.ndarray, on_ground: bool) -> float:
     if on_ground and low <= 0.1 and high >= 0.3:
         return 0.0
     steep, area = _normals_z(corners)
-    walls = corners[steep < UPRIGHT] if (steep < UPRIGHT).any() else corners
-    x0, y0, x1, y1 = *walls[..., :2].min(axis=(0, 1)), *walls[..., :2].max(axis=(0, 1))
+    tall = (steep < UPRIGHT) & (np.ptp(corners[..., 2], axis=1) > TALL_M)
+    walls = corners[tall] if tall.any() else corners
+    (x0, y0), (x1, y1) = walls[..., :2].min(axis=(0, 1)).tolist(), walls[..., :2].max(axis=(0, 1)).tolist()
     shape = (max(1, int(np.ceil((y1 - y0) / SPOT_M))), max(1, int(np.ceil((x1 - x0) / SPOT_M))))
-    flat = steep > LEVEL
-    level = np.round(corners[flat, 0, 2] / BIN_M).astype(int)
-    bins = np.unique(level)
-    covered = dict.fromkeys(bins.tolist()) if len(bins) else {}
-    largest = sorted(bins.tolist(), key=lambda b: -float(area[flat][level == b].sum()))[:40]
-    spots = {b: _spots(corners[flat][level == b], shape, (x0, y0)) for b in largest}
-    if not covered or max(map(np.sum, spots.values()), default=0) == 0:
-        return low
-    most = max(int(s.sum()) for s in spots.values())
+    flat, areas = corners[steep > LEVEL], area[steep > LEVEL]
+    level = np.round(flat[:, 0, 2] / BIN_M).astype(int)
+    largest = sorted(np.unique(level).tolist(), key=lambda b: -float(areas[level == b].sum()))[:MOST_LEVELS]
+    spots = {b: _spots(flat[level == b], shape, (x0, y0)) for b in largest}
+    most = max((int(s.sum()) for s in spots.values()), default=0)
     for b in sorted(spots):
         above = [s for c, s in spots.items() if STEP_M < (c - b) * BIN_M < COVERED_M]
         roofed = spots[b] & np.logical_or.reduce(above) if above else np.zeros(shape, bool)
         if spots[b].sum() >= 0.25 * most and roofed.sum() < 0.5 * spots[b].sum():
-            return float(np.median(corners[flat, 0, 2][level == b]))
+            return float(np.median(flat[level == b, 0, 2]))
     return low
 
 
@@ -146,7 +147,7 @@ def _spots(triangles: np.ndarray, shape: tuple[int, int], origin: tuple[float, f
 
 
 def camera_m(corners: np.ndarray) -> float:
-    """Height of the camera where nobody says: 1.2 m, or lower where the walls are: six tenths of what nine tenths of them
+    """Height of the camera where nobody says: CAMERA_M, or lower where the walls are: six tenths of what nine tenths of them
     reach."""
     steep, area = _normals_z(corners)
     upright = (steep < UPRIGHT) & (corners[..., 2].max(axis=1) > STEP_M)
@@ -174,7 +175,7 @@ def _enclosed(solid: np.ndarray, radius_m: float, start_m: np.ndarray | None,
     """A fence if the robot could leave, and a point with room round it."""
     from rhs.api.footprints import touch
 
-    x0, y0, x1, y1 = (*solid.min(axis=(0, 1)) - PAD_M, *solid.max(axis=(0, 1)) + PAD_M)
+    (x0, y0), (x1, y1) = (solid.min(axis=(0, 1)) - PAD_M).tolist(), (solid.max(axis=(0, 1)) + PAD_M).tolist()
     step = 0.1 if (x1 - x0) * (y1 - y0) < 40_000.0 else 1.0  # larger worlds are refused by their checks
     shape, origin = frame_of((x0, y0, x1, y1), step)
     touched = np.zeros(shape, bool)
@@ -186,5 +187,20 @@ def _enclosed(solid: np.ndarray, radius_m: float, start_m: np.ndarray | None,
     outside = room[0].any() or room[-1].any() or room[:, 0].any() or room[:, -1].any()
     x0, y0, x1, y1 = np.floor(10 * x0) / 10, np.floor(10 * y0) / 10, np.ceil(10 * x1) / 10, np.ceil(10 * y1) / 10
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]])
-    return ((Wall("fence", corners, HEIGHT_M),) if outside else ()), roomiest_m(grid, room)
+    if not outside:
+        return (), roomiest_m(grid, room)
+    return (Wall("fence", corners, HEIGHT_M),), roomiest_m(grid, _indoors(grid, room))
+
+
+def _indoors(grid: OccupancyGrid, room: np.ndarray) -> np.ndarray:
+    """(H, W) bool: the cells of a room that is open to the outside which lie behind its doors: where something wider than a
+    door does not get to from outside. The room itself where there is no such place of some size."""
+    from scipy.ndimage import distance_transform_edt, label
+
+    wide = round(DOORS_M / grid.resolution_m)
+    around = np.pad(~grid.occupied(), 2 * wide, constant_values=True)
+    spaces, _ = label(distance_transform_edt(around) >= 0.5 * DOORS_M / grid.resolution_m)
+    cut = spaces[2 * wide:-2 * wide, 2 * wide:-2 * wide]
+    inside = room & (cut > 0) & (cut != spaces[0, 0])
+    return inside if inside.sum() * grid.resolution_m**2 >= LEAST_INDOORS_M2 else room
 

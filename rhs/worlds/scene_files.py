@@ -1,8 +1,9 @@
 """Gazebo worlds and models (SDF) and robot descriptions used as buildings (URDF): links with their poses, what is drawn and
 what is solid. Written after the SDFormat specification 1.4 to 1.11 (http://sdformat.org/spec) and the ROS wiki's urdf/XML.
 
-`model://NAME` and `package://NAME` are looked up beside the file and above it. What is missing is left out and named. A link
-that draws nothing shows what is solid of it. Deviations: joints stand at zero; lights, plugins, sensors and physics are left.
+`model://NAME` and `package://NAME` are looked up beside the file and above it. What is missing is left out and named. A
+link that draws nothing shows what is solid of it. Deviations: joints stand at zero; lights, plugins, sensors and physics are
+left.
 """
 
 from __future__ import annotations
@@ -123,7 +124,8 @@ def _poses(parent: Element) -> dict[int, np.ndarray]:
         base = named.get((pose.get("relative_to") or pose.get("frame") or "") if pose is not None else "")
         if base is None or base is child or above > DEEPEST:
             return _pose(child)
-        return stands(base, above + 1) @ _pose(child)
+        own: np.ndarray = stands(base, above + 1) @ _pose(child)
+        return own
 
     return {id(child): stands(child, 0) for child in parent if child.tag in ("model", "link", "include", "frame")}
 
@@ -221,7 +223,8 @@ def _urdf_shape(scene: Scene, shape: Element, path: Path) -> Iterator[Part]:
         if kind.tag == "box":
             yield box(_values(kind.get("size"), 3, "size", path))
         elif kind.tag in ("cylinder", "capsule"):
-            yield cylinder(_values(kind.get("radius"), 1, "radius", path)[0], _values(kind.get("length"), 1, "length", path)[0])
+            radius, length = (_values(kind.get(key), 1, key, path)[0] for key in ("radius", "length"))
+            yield cylinder(radius, length + (2 * radius if kind.tag == "capsule" else 0.0))
         elif kind.tag == "sphere":
             yield sphere(_values(kind.get("radius"), 1, "radius", path)[0])
         elif kind.tag == "mesh":

@@ -127,7 +127,8 @@ def _shaded(one: Part) -> np.ndarray:
     shade = 0.55 + 0.45 * np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT)))
     step = 256.0 / LEVELS
     levels = np.minimum(np.floor(one.colours * shade[:, None] / step), LEVELS - 1)
-    return (levels * step + 0.5 * step).astype(np.uint8)
+    shaded: np.ndarray = (levels * step + 0.5 * step).astype(np.uint8)
+    return shaded
 
 
 def _smaller(image: np.ndarray) -> np.ndarray:

@@ -22,7 +22,8 @@ from rhs.api.floorplan import (
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
-from .buildings import FOREIGN, RADIUS_M, Building, read_building, settled
+from .buildings import FOREIGN, RADIUS_M, read_building, settled
+from .map_walls import Building
 from .world_checks import check_extent, check_world
 from .world_yaml import Section, no_keys, read_yaml
 
@@ -77,9 +78,10 @@ def _is_flat_map(file: Section) -> bool:
 
 
 def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
-    """The file of a world: a name is looked for in `beside` and worlds/; anything with a slash or .yaml is a path."""
+    """The file of a world: a name is looked for in `beside` and worlds/; anything with a slash or a file's ending is a
+    path."""
     text = str(name_or_path)
-    if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *FOREIGN):
+    if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *FOREIGN) or ("." in text and Path(text).is_file()):
         path = Path(text).expanduser()
         if not path.is_file():
             raise ConfigError(f"world={text}: there is no such file")
@@ -105,7 +107,8 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         path=path,
         start=(x_m, y_m, float(np.radians(yaw_deg))),
         robot_radius_m=file.number("robot_radius_m", 0.3 if building is None else RADIUS_M, low=0.05, high=2.0),
-        camera_height_m=file.number("camera_height_m", 1.2 if building is None else building.camera_height_m, low=0.1, high=3.0),
+        camera_height_m=file.number("camera_height_m", 1.2 if building is None else building.camera_height_m,
+                                    low=0.1, high=3.0),
         walls=walls,
         boxes=tuple(b for _, boxes in walls_and_pilasters for b in boxes) + _boxes(file, "boxes"),
         obstacles=_boxes(file, "obstacles"),

@@ -32,15 +32,15 @@ class Mesh:
 
     @classmethod
     def of_triangles(cls, corners_m: np.ndarray, uv: np.ndarray, texture: np.ndarray, images: Sequence[np.ndarray]) -> Mesh:
-        """From triangles (N, 3, 3) that are seen from both sides, texture corners (N, 3, 2) (u right, v up, 0..1 over the image
-        and on in copies of it), and which of the images (H, W, 3) each wears."""
+        """From triangles (N, 3, 3) that are seen from both sides, texture corners (N, 3, 2) (u right, v up, 0..1 over the
+        image and on in copies of it), and which of the images (H, W, 3) each wears."""
         count = len(corners_m)
         texels, levels = pyramids(images)
         front = np.column_stack([np.arange(3 * count).reshape(-1, 3), np.full(count, -1), texture])
         places = np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1) * levels[texture, 0, 1:][:, None]
         faces = np.concatenate([front, front[:, [0, 2, 1, 3, 4]]]).astype(np.int32)
-        return cls(corners_m.reshape(-1, 3).astype(float), faces, np.concatenate([places, places[:, [0, 2, 1]]]), texels, levels,
-                   np.ones(len(images), bool))
+        return cls(corners_m.reshape(-1, 3).astype(float), faces, np.concatenate([places, places[:, [0, 2, 1]]]), texels,
+                   levels, np.ones(len(images), bool))
 
     @classmethod
     def of_quads(cls, painted: Iterable[tuple[list[Quad], np.ndarray]]) -> Mesh:

@@ -101,7 +101,8 @@ def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m)
     """Image (H, W, 3) and depth_m (H, W) of the faces seen; white and NaN where there is none.
 
     seen, planes: of `find_visible`. textures (N,): the texture of each row of planes. levels (T, L, 3): where each level
-    of a texture begins in texels, its width and height. repeats (T,): whether it goes on in copies of itself. most: probes at most; 0: the nearest texel, unfiltered."""
+    of a texture begins in texels, its width and height. repeats (T,): whether it goes on in copies of itself.
+    most: probes at most; 0: the nearest texel, unfiltered."""
     height, width = seen.shape
     us, vs = np.empty(BLOCK), np.empty(BLOCK)
     for y in range(height):
