@@ -28,7 +28,7 @@ BIN_M, SPOT_M = 0.02, 0.25  # heights of one floor differ by less; squares in wh
 TALL_M = 0.3  # of a wall's triangle; the rim of a slab is lower
 MOST_LEVELS = 40  # heights that are looked at, the largest first: a floor is among them
 COVERED_M = 1.0  # what has so little room above it is no floor: the underside of a slab, the ground below it
-CAMERA_M = 0.4  # of a household robot: it sees a wastepaper basket, and drives under what is higher
+CAMERA_M = 0.25  # of a household robot: it sees what is taller, also a coffee table, and drives under what is higher
 
 
 def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray | None) -> Building:

@@ -9,8 +9,10 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.api.floorplan import distance_m, truth_grid
+from rhs.cli.main import main
 from rhs.worlds.buildings import on_route
 from rhs.worlds.mesh_world import camera_m, floor_m
+from rhs.worlds.planning_question import load_arena
 from rhs.worlds.scene_files import read_scene
 from rhs.worlds.soup import box, cylinder, dressed, sphere
 from rhs.worlds.world import load_world
@@ -25,8 +27,9 @@ BOXES = {"south": ((6.4, 0.2, 2.0), (0.0, -2.1, 1.0)), "north": ((6.4, 0.2, 2.0)
 
 
 def sdf_of(boxes: dict[str, tuple], extra: str = "") -> str:
-    links = "".join(f"<link name='{name}'><pose>{x} {y} 0 0 0 0</pose><visual name='v'><pose>0 0 {z} 0 0 0</pose><geometry><box>"
-                    f"<size>{a} {b} {c}</size></box></geometry></visual></link>" for name, ((a, b, c), (x, y, z)) in boxes.items())
+    links = "".join(f"<link name='{name}'><pose>{x} {y} 0 0 0 0</pose><visual name='v'><pose>0 0 {z} 0 0 0</pose><geometry>"
+                    f"<box><size>{a} {b} {c}</size></box></geometry></visual></link>"
+                    for name, ((a, b, c), (x, y, z)) in boxes.items())
     return f"<?xml version='1.0'?><sdf version='1.6'><model name='room'><pose>0 0 0 0 0 0</pose>{links}{extra}</model></sdf>"
 
 
@@ -42,7 +45,7 @@ def write(path: Path, text: str) -> Path:
 
 
 def assert_room(world, *, at_m=(0.0, 0.0)):
-    """The true plan is that of BOXES, cell for cell: free where the robot's middle may be, and no wall further than a cell."""
+    """The true plan is that of BOXES: all walls where they stand, free up to a cell from them and nowhere else."""
     x, y = at_m
     for point, metres in (((2.0, -1.5), 0.5), ((-2.9, 0.0), 0.1), ((-1.2, 1.2), 0.5), ((0.0, 1.0), 1.0)):
         assert distance_m(world, np.array(point) + (x, y))[0] == pytest.approx(metres, abs=1e-3)
@@ -51,14 +54,14 @@ def assert_room(world, *, at_m=(0.0, 0.0)):
     inside = (np.abs(centres[..., 0]) < 3.0) & (np.abs(centres[..., 1]) < 2.0)
     chest = (np.abs(centres[..., 0] + 2.0) < 0.3 + 0.1) & (np.abs(centres[..., 1] - 1.2) < 0.25 + 0.1)
     deep = (np.abs(centres[..., 0]) < 3.0 - 0.1) & (np.abs(centres[..., 1]) < 2.0 - 0.1) & ~chest
-    assert (grid.probability[deep] == 0.0).all()  # under the table too: a robot of 0.4 m fits
+    assert (grid.probability[deep] == 0.0).all()  # under the table too: a robot of 0.25 m fits
     assert not (grid.probability[~inside] == 0.0).any()
 
 
 def test_a_room_of_sdf_boxes_has_its_walls_where_they_stand(tmp_path):
     world = load_world(write(tmp_path / "room.sdf", sdf_of(BOXES)))
     assert_room(world)
-    assert world.camera_height_m == 0.4 and not world.walls and len(world.places) >= 2
+    assert world.camera_height_m == 0.25 and not world.walls and len(world.places) >= 2
     assert world.bounds_m == pytest.approx((-3.2, -2.2, 3.2, 2.2))
 
 
@@ -129,20 +132,21 @@ def test_pictures_of_an_obj_are_kept_and_repeat(tmp_path):
     Image.fromarray(np.tile(np.array([[[255, 0, 0], [0, 0, 255]]], np.uint8), (2, 1, 1))).save(tmp_path / "two.png")
     write(tmp_path / "room.mtl", "newmtl two\nmap_Kd two.png\n")
     lines = ["mtllib room.mtl", "usemtl two"]
-    for number, (size, at) in enumerate(BOXES.values()):
+    for size, at in BOXES.values():
         for triangle in box(np.array(size)).corners_m + np.array(at):
             lines += [f"v {x} {y} {z}" for x, y, z in triangle]
             lines += ["vt 0 0", "vt 3 0", "vt 3 3"]
     count = sum(line.startswith("v ") for line in lines)
     lines += [f"f {i}/{i} {i + 1}/{i + 1} {i + 2}/{i + 2}" for i in range(1, count, 3)]
     world = load_world(write(tmp_path / "room.obj", "\n".join(lines) + "\n"))
-    assert world.mesh is not None and len(world.mesh.images) == 1 and number == 5
+    assert world.mesh is not None and len(world.mesh.images) == 1
     np.testing.assert_array_equal(world.mesh.images[0][0], [[255, 0, 0], [0, 0, 255]])
     assert world.mesh.uv.max() == 3.0
 
 
 def test_solids_have_the_extent_that_they_say():
-    for part, size in ((box(np.array([1.0, 2.0, 3.0])), (1, 2, 3)), (cylinder(0.5, 2.0), (1, 1, 2)), (sphere(0.5), (1, 1, 1))):
+    sized = ((box(np.array([1.0, 2.0, 3.0])), (1, 2, 3)), (cylinder(0.5, 2.0), (1, 1, 2)), (sphere(0.5), (1, 1, 1)))
+    for part, size in sized:
         np.testing.assert_allclose(np.ptp(part.corners_m.reshape(-1, 3), axis=0), size, rtol=1e-9)
     corners, uv, texture, images = dressed([box(np.ones(3)).coloured((200, 100, 50))])
     assert corners.shape == (12, 3, 3) and uv.shape == (12, 3, 2) and len(images) == 3 and texture.max() == 2
@@ -179,7 +183,7 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("j.stl", "", "j.stl"),
     ("k.ply", "ply\nformat ascii 1.0\nelement vertex 9999999999\n", "k.ply"),
     ("l.obj", "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n", "which is no building of 2 to 300 m; give unit_m"),
-    ("m.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n", "nothing stands between 0.04 and 0.4 m above the floor"),
+    ("m.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n", "nothing stands between 0.04 and 0.25 m above the floor"),
     ("n.wrl", "#VRML V2.0\n", "no building is read from .wrl files"),
 ])
 def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, name, content, words):
@@ -187,6 +191,18 @@ def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, name, content, wor
     with pytest.raises(ConfigError) as caught:
         load_world(write(tmp_path / "world.yaml", f"building: {name}\n") if name == "n.wrl" else path)
     assert words in str(caught.value) and "\n" not in str(caught.value) and name in str(caught.value)
+
+
+def test_a_broken_building_ends_the_program_with_code_2_and_one_line(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "house.sdf", "<sdf><model></sdf>")
+    assert main(["world=house.sdf"]) == 2
+    assert len(capfd.readouterr().err.strip().splitlines()) == 1 and not list(tmp_path.glob("results/**/row.json"))
+
+
+def test_a_planner_alone_plans_in_a_building(tmp_path):
+    arena = load_arena(str(write(tmp_path / "room.sdf", sdf_of(BOXES))))
+    assert arena.start_m is not None and arena.goal_m is not None and arena.robot_radius_m == 0.2
 
 
 @pytest.mark.parametrize("name", ["turtlebot3/turtlebot3_gazebo/models/turtlebot3_world/model.sdf",
