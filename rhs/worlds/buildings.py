@@ -18,7 +18,7 @@ from .maps import load_map
 from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .scene_files import SCENES
-from .tour import Tour, propose
+from .tour import Place, Tour, propose
 from .world_yaml import Section
 
 log = logging.getLogger("rhs.worlds")
@@ -77,13 +77,14 @@ def settled(world: World, building: Building, file: Section) -> World:
     x, y = (round(float(value), 4) for value in building.stand_m)
     inside = world if "start" in given else replace(world, start=(x, y, 0.0))
     start = world.start if "start" in given else (x, y)
-    tour = short_tour(truth_grid(inside), world.robot_radius_m, start, world.name)
+    places: int | tuple[Place, ...] = world.places if "places" in given else 4
+    tour = short_tour(truth_grid(inside), world.robot_radius_m, start=start, places=places, name=world.name)
     return replace(world, start=world.start if "route_m" in given else tour.start,
                    places=world.places if "places" in given else on_route(tour.places, tour.route_m),
                    route_m=world.route_m if "route_m" in given else tour.route_m)
 
 
-def on_route(places: tuple[tuple[str, float, float], ...], route_m: np.ndarray) -> tuple[tuple[str, float, float], ...]:
+def on_route(places: tuple[Place, ...], route_m: np.ndarray) -> tuple[Place, ...]:
     """Each place moved to the nearest point of the route (N, 2): a camera that looks ahead has not seen all that lies beside
     its way."""
     a, along = route_m[:-1], np.diff(route_m, axis=0)
@@ -97,18 +98,20 @@ def on_route(places: tuple[tuple[str, float, float], ...], route_m: np.ndarray) 
     return tuple(moved)
 
 
-def short_tour(grid: OccupancyGrid, radius_m: float, start: tuple[float, ...], name: str) -> Tour:
-    """A tour of what lies near its start, in a large building; says so. LONGEST_ROUTE_M bounds its length."""
-    tour = propose(grid, radius_m, start=start)
+def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...], places: int | tuple[Place, ...],
+               name: str) -> Tour:
+    """A tour of what lies near its start, in a large building; says so. LONGEST_ROUTE_M bounds its length where no places
+    (name, x, y) are given that it must pass."""
+    tour = propose(grid, radius_m, start=start, places=places)
     whole_m = length_m(tour.route_m)
-    if whole_m <= LONGEST_ROUTE_M:
+    if whole_m <= LONGEST_ROUTE_M or not isinstance(places, int):
         return tour
     ways_m = ways_from(grid, np.array(tour.start[:2]))
     reach_m, found_m = float(ways_m[np.isfinite(ways_m)].max()), whole_m
     while found_m > LONGEST_ROUTE_M:
         reach_m *= max(0.5, min(0.9, LONGEST_ROUTE_M / found_m))
         near = np.where(ways_m <= reach_m, grid.probability, np.nan).astype(np.float32)
-        tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start)
+        tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start, places=places)
         found_m = length_m(tour.route_m)
     log.warning("%s: a route through all of it would be %.0f m long; proposed is one of %.0f m, within %.0f m of the start "
                 "(for another give start, places and route_m: worlds/README.md)", name, whole_m, found_m, reach_m)

@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from rhs.api.floorplan import truth_grid
+from rhs.api.floorplan import World, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
@@ -50,11 +50,11 @@ def load_arena(name_or_path: str, *, scenario: int = 0) -> Arena:
     if path.suffix == ".map":
         return Arena(path.stem, load_movingai_map(path))
     if path.suffix.lower() in FOREIGN:
-        return _world(path)
+        return _world(load_world(path))
     keys = read_yaml(path)
     if "image" in keys:
         return _map_server(path, keys.get("planning", {}))
-    return _world(path)
+    return _world(load_world(path))
 
 
 def class_of(points_m: np.ndarray, classes: tuple[tuple[str, np.ndarray], ...]) -> str:
@@ -118,9 +118,8 @@ def _points(path: FilePath, key: str, values: object, count: int) -> np.ndarray:
     return points
 
 
-def _world(path: FilePath) -> Arena:
+def _world(world: World) -> Arena:
     """The true plan of a world; from its start to its first place."""
-    world = load_world(path)
     goal = np.array(world.places[0][1:]) if world.places else None
     return Arena(world.name, truth_grid(world), np.array(world.start[:2]), goal, world.robot_radius_m)
 

@@ -1,14 +1,15 @@
 """Where to lead a camera through free space that nobody has written a survey for: start, places, and a round tour.
 
-The tour sees every part of the free space that the robot can get to from `SIGHT_M` at most, keeps to the middle of what
-it passes, and ends a little way past where it began, so that the survey's loop can be closed. Steps: viewpoints by greedy
-cover (the art gallery as set cover: Gonzalez-Banos and Latombe 2001), their order as a travelling salesman (farthest
-insertion, then 2-opt: Croes 1958, and Or-opt: Or 1976) over shortest ways on the clearance map, bends pulled straight
-(Douglas and Peucker 1973) where that costs no clearance. No chance: equal grids give equal tours.
+The tour sees every part of the free space that the robot can get to, with a camera that looks ahead (what little it misses
+is less than a square metre in one piece), keeps to the middle of what it passes, and ends a little way past where it began,
+so that the survey's loop can be closed. Steps: viewpoints by greedy cover (the art gallery as set cover: Gonzalez-Banos and
+Latombe 2001), their order as a travelling salesman over shortest ways on the clearance map, bends pulled straight (Douglas
+and Peucker 1973) where that costs no clearance. No chance: equal grids give equal tours.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,9 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
+from .clearance import clearance_of, coarser
+from .round_trip import round_trip
+
 SIGHT_M = 2.5  # the survey sees every free spot from so near at least; grows with the building, see `_sight_m`
 SPARE_M = 0.02  # more clearance than asked for: what lies between the middles of two cells may be this much nearer
 PAST_M = 1.0  # the tour goes on so far past its start, that the last views are like the first
@@ -24,68 +28,61 @@ BEND_M = 0.3  # a bend flatter than this is pulled straight
 ROOMY_M = 0.5  # clearance beyond what is needed that a detour is worth
 MOST_CELLS = 250_000  # of the grid that is searched; finer grids are searched with larger cells
 RAYS = 72
+PLACE_M = 1.3  # a known place may be moved so far
+VIEW_RAD = np.radians(50.0)  # what a camera sees at once; a Kinect sees 57 degrees
+VIEW_M = 4.0  # and so far
+LOOKS = 4  # rounds in which the tour is led to what a camera that looks ahead has missed
+MISSED = 8  # squares of 0.3 m that are worth a detour
+
+
+Place = tuple[str, float, float]  # name, x, y
 
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """start: x, y in metres and yaw in radians along the first leg. places: (name, x, y) along the way, the last one is
-    `home`, the start. route_m (N, 2): the survey, its first point is the start. All in the frame of the grid."""
+    """start: x, y in metres and yaw in radians along the first leg. places: along the way, or in the order given; the last
+    one is `home`, the start. route_m (N, 2): the survey, its first point is the start. All in the frame of the grid."""
 
     start: tuple[float, float, float]
-    places: tuple[tuple[str, float, float], ...]
+    places: tuple[Place, ...]
     route_m: np.ndarray
 
 
 def propose(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...] | None = None, margin_m: float = 0.1,
-            places: int = 4) -> Tour:
+            places: int | Sequence[Place] = 4) -> Tour:
     """A survey of the free space of a grid (unknown is not free) for a robot of that radius.
 
     start: (x, y) or (x, y, yaw) metres; without one, the roomiest spot of the largest space the robot fits into. The route
-    keeps radius_m + margin_m from what is not free. places: how many, `home` included. Raises ConfigError where the robot
-    does not fit."""
+    keeps radius_m + margin_m from what is not free. places: how many to choose, `home` included; or those that are known,
+    (name, x, y): the tour passes them all, moved by up to PLACE_M to where the robot can stand. Raises ConfigError where the
+    robot does not fit."""
     coarse = coarser(grid, MOST_CELLS)
     return tour_on(coarse, clearance_of(coarse), radius_m + margin_m, start=start, places=places)
 
 
 def tour_on(grid: OccupancyGrid, clearance_m: np.ndarray, need_m: float, *, start: tuple[float, ...] | None = None,
-            places: int = 4) -> Tour:
+            places: int | Sequence[Place] = 4) -> Tour:
     """The same over a clearance map (H, W): metres from the middle of each cell to the nearest thing that is not free."""
     ground = Ground(grid, clearance_m, need_m, start)
     views = ground.viewpoints()
-    stops = np.array([ground.home, *([node for node in views if node != ground.home] or [ground.farthest()])])
-    order = round_trip(ground.ways_m(stops))
-    nodes = ground.walk(thinned(ground, stops[order]))
-    route = ground.straightened(nodes)
+    stops = [ground.home, *([node for node in views if node != ground.home] or [ground.farthest()])]
+    known = [] if isinstance(places, int) else [ground.standing(place) for place in places]
+    more = [*known]
+    for _ in range(LOOKS):
+        nodes = ground.tour(stops, more)
+        route = ground.straightened(nodes)
+        missed = ground.missed(route)
+        if not missed:
+            break
+        more += missed
     yaw = _heading(route) if start is None or len(start) < 3 else float(start[2])
     if start is not None:
         route[0] = start[:2]
     route = past_start(route)
     x, y = float(route[0, 0]), float(route[0, 1])
-    return Tour((x, y, yaw), (*ground.places(nodes, places - 1), ("home", x, y)), route)
-
-
-def clearance_of(grid: OccupancyGrid) -> np.ndarray:
-    """(H, W) metres from the middle of each cell to the nearest edge of a cell that is not free; the outside is not."""
-    from scipy.ndimage import distance_transform_edt
-
-    free = np.pad(grid.free(), 1)
-    nearest = distance_transform_edt(free, return_distances=False, return_indices=True)
-    gaps = np.maximum(np.abs(nearest - np.indices(free.shape)) - 0.5, 0.0)
-    clearance: np.ndarray = np.sqrt(gaps[0] ** 2 + gaps[1] ** 2)[1:-1, 1:-1] * grid.resolution_m
-    return clearance
-
-
-def coarser(grid: OccupancyGrid, most_cells: int) -> OccupancyGrid:
-    """The grid with cells so large that there are at most that many; a cell is free where all it covers is."""
-    factor = int(np.ceil(np.sqrt(grid.probability.size / most_cells)))
-    if factor <= 1:
-        return grid
-    rows, columns = (-(-size // factor) for size in grid.shape)
-    free = np.zeros((rows * factor, columns * factor), bool)
-    free[: grid.shape[0], : grid.shape[1]] = grid.free()
-    whole = free.reshape(rows, factor, columns, factor).all(axis=(1, 3))
-    probability = np.where(whole, 0.0, 1.0).astype(np.float32)
-    return OccupancyGrid(probability, grid.resolution_m * factor, grid.origin_m)
+    named = ground.places(nodes, places - 1) if isinstance(places, int) else tuple(
+        (place[0], *ground.point(node)) for place, node in zip(places, known, strict=True))
+    return Tour((x, y, yaw), (*named, ("home", x, y)), route)
 
 
 def _heading(route_m: np.ndarray) -> float:
@@ -103,6 +100,7 @@ class Ground:
         from scipy.ndimage import label
 
         self.grid, self.clearance_m, self.need_m = grid, clearance_m, need_m + SPARE_M
+        self.open_ = grid.free()
         wide = clearance_m >= self.need_m
         if not wide.any():
             raise ConfigError(f"a robot that needs {need_m:.2f} m to each side fits nowhere in this free space; "
@@ -187,20 +185,50 @@ class Ground:
         return max(SIGHT_M, float(np.sqrt(area_m2)) / 8.0)
 
     def _seen_from(self, nodes: np.ndarray) -> np.ndarray:
-        """(K, squares) bool: some ray from the node meets the square of about 0.3 m before anything that is not free."""
-        step, sight = self.grid.resolution_m, self._sight_m()
-        turn = 2.0 * np.pi * (np.arange(RAYS) + 0.37) / RAYS
-        along = np.arange(0.0, sight, step) / step
+        """(K, squares) bool: some ray from the node meets the square before anything that is not free."""
+        everywhere, sight = np.ones(RAYS, bool), self._sight_m()
+        return np.array([self._seen(cell, everywhere, sight) for cell in self.cells[nodes]])
+
+    def _seen(self, cell: np.ndarray, rays: np.ndarray, sight_m: float) -> np.ndarray:
+        """(squares,) bool: squares of about 0.3 m that these of the RAYS meet before anything that is not free."""
+        step = self.grid.resolution_m
+        turn = 2.0 * np.pi * (np.arange(RAYS)[rays] + 0.37) / RAYS
+        along = np.arange(0.0, sight_m, step) / step
         offsets = (np.stack([np.sin(turn), np.cos(turn)])[:, :, None] * along).round().astype(int)  # (2, rays, steps)
         size = max(1, round(0.3 / step))
         columns = -(-self.grid.shape[1] // size)
-        seen = np.zeros((len(nodes), columns * -(-self.grid.shape[0] // size)), bool)
-        free, limit = self.grid.free(), np.array(self.grid.shape) - 1
-        for index, (row, column) in enumerate(self.cells[nodes]):
-            r, c = np.clip(row + offsets[0], 0, limit[0]), np.clip(column + offsets[1], 0, limit[1])
-            open_ = np.logical_and.accumulate(free[r, c], axis=1)
-            seen[index, (r[open_] // size) * columns + c[open_] // size] = True
+        seen = np.zeros(columns * -(-self.grid.shape[0] // size), bool)
+        limit = np.array(self.grid.shape) - 1
+        r, c = np.clip(cell[0] + offsets[0], 0, limit[0]), np.clip(cell[1] + offsets[1], 0, limit[1])
+        open_ = np.logical_and.accumulate(self.open_[r, c], axis=1)
+        seen[(r[open_] // size) * columns + c[open_] // size] = True
         return seen
+
+    def seen_ahead(self, route_m: np.ndarray) -> np.ndarray:
+        """(squares,) bool: seen by a camera that looks ahead along the route and turns on the spot in its corners."""
+        legs = np.diff(route_m, axis=0)
+        headings = np.arctan2(legs[:, 1], legs[:, 0])
+        seen = np.zeros(self.needed.shape, bool)
+        for number, (a, leg, heading) in enumerate(zip(route_m[:-1], legs, headings, strict=True)):
+            before = headings[number - 1] if number else heading
+            swept = _rays_between(before, (heading - before + np.pi) % (2.0 * np.pi) - np.pi)
+            ahead = _rays_between(heading, 0.0)
+            for share in np.arange(0.0, 1.0, 0.4 / max(float(np.hypot(*leg)), 0.01)):
+                cell = self.grid.cells(a + share * leg)[0]
+                seen |= self._seen(cell, swept if share == 0.0 else ahead, max(VIEW_M, self._sight_m()))
+        return seen
+
+    def missed(self, route_m: np.ndarray) -> list[int]:
+        """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed."""
+        missing = self.needed & ~self.seen_ahead(route_m)
+        chosen: list[int] = []
+        while True:
+            gain = (self.sees & missing).sum(axis=1)
+            best = int(np.argmax(np.where(gain >= MISSED, gain / self.price[self.reached][self.spots], 0.0)))
+            if gain[best] < MISSED:
+                return chosen
+            chosen.append(int(self.spots[best]))
+            missing &= ~self.sees[best]
 
     def seen_by(self, nodes: np.ndarray) -> np.ndarray:
         """(squares,) bool: seen from a way through these nodes."""
@@ -225,6 +253,13 @@ class Ground:
             nodes.append(b)
             b = int(before[b])
         return nodes[::-1]
+
+    def tour(self, stops: Sequence[int], more: Sequence[int]) -> np.ndarray:
+        """(N,) nodes of a round trip from the first stop by all of `more`, and by as many of the others as it takes to see
+        everything."""
+        every = np.array([*stops, *(node for node in more if node not in stops)])
+        order = round_trip(self.ways_m(every))
+        return self.walk(thinned(self, every[order], set(more)))
 
     def walk(self, stops: np.ndarray) -> np.ndarray:
         """(N,) nodes of the round trip through the stops, from the first one and back to it."""
@@ -267,6 +302,20 @@ class Ground:
         price = 1.0 + 1.5 * np.clip(1.0 - (clear - self.need_m) / ROOMY_M, 0.0, 1.0)
         return float(price.mean()) * length <= most
 
+    def point(self, node: int) -> tuple[float, float]:
+        """x, y of a node in metres."""
+        x, y = self.points_m[node].round(4)
+        return float(x), float(y)
+
+    def standing(self, place: Place) -> int:
+        """The node nearest to a place. Raises ConfigError if that is far."""
+        gaps = ((self.points_m - np.array(place[1:])) ** 2).sum(axis=1).round(9)
+        node = int(np.argmin(gaps))
+        if gaps[node] > PLACE_M**2:
+            raise ConfigError(f"place '{place[0]}' ({place[1]:g}, {place[2]:g}): the robot gets no nearer than "
+                              f"{float(np.sqrt(gaps[node])):.1f} m to it")
+        return node
+
     def farthest(self) -> int:
         """The node farthest from the start. Raises ConfigError where there is no other."""
         from scipy.sparse.csgraph import dijkstra
@@ -276,7 +325,7 @@ class Ground:
             raise ConfigError("the free space leaves the robot no room to move; a survey needs some way to go")
         return node
 
-    def places(self, walked: np.ndarray, count: int) -> tuple[tuple[str, float, float], ...]:
+    def places(self, walked: np.ndarray, count: int) -> tuple[Place, ...]:
         """Places far from one another and from the start by the way between them, in the order in which the tour passes."""
         from scipy.sparse.csgraph import dijkstra
 
@@ -288,12 +337,19 @@ class Ground:
             gaps = np.minimum(gaps, dijkstra(self.graph, indices=chosen[-1])[self.spots])
         passed = [int(np.argmin(np.abs(self.points_m[walked] - self.points_m[node]).sum(axis=1))) for node in chosen]
         ordered = [chosen[index] for index in np.argsort(passed, kind="stable")]
-        return tuple((f"place_{number}", round(float(x), 4), round(float(y), 4))
-                     for number, (x, y) in enumerate(self.points_m[ordered], 1))
+        return tuple((f"place_{number}", *self.point(node)) for number, node in enumerate(ordered, 1))
 
 
-def thinned(ground: Ground, stops: np.ndarray) -> np.ndarray:
-    """The stops without those that the way between the others sees enough for; the first one stays."""
+def _rays_between(heading: float, turn: float) -> np.ndarray:
+    """(RAYS,) bool: within the view of a camera that turns from a heading by so much."""
+    angle = 2.0 * np.pi * (np.arange(RAYS) + 0.37) / RAYS
+    low, high = heading + min(turn, 0.0) - 0.5 * VIEW_RAD, heading + max(turn, 0.0) + 0.5 * VIEW_RAD
+    between: np.ndarray = (angle - low) % (2.0 * np.pi) <= high - low
+    return between
+
+
+def thinned(ground: Ground, stops: np.ndarray, keep: set[int]) -> np.ndarray:
+    """The stops without those that the way between the others sees enough for; the first one and `keep` stay."""
     kept = [int(stop) for stop in stops]
     legs = {(a, b): ground.way(a, b) for a in kept for b in kept if a != b}
 
@@ -304,61 +360,9 @@ def thinned(ground: Ground, stops: np.ndarray) -> np.ndarray:
     enough = seen(kept)
     for stop in reversed(kept[1:]):
         fewer = [other for other in kept if other != stop]
-        if seen(fewer) >= enough - 1:
+        if stop not in keep and seen(fewer) >= enough - 1:
             kept = fewer
     return np.array(kept)
-
-
-def round_trip(costs: np.ndarray) -> np.ndarray:
-    """(S,) order of a cheap round trip that begins with 0: farthest insertion, then 2-opt and moves of up to three stops
-    until nothing gains."""
-    order, left = [0], list(range(1, len(costs)))
-    while left:
-        stop = left.pop(int(np.argmax(costs[np.ix_(order, left)].min(axis=0))))
-        order = _inserted(order, [stop], costs)
-    while True:
-        cost = _length(order, costs)
-        order = _moved(_uncrossed(order, costs), costs)
-        if _length(order, costs) >= cost - 1e-6:
-            return np.array(order)
-
-
-def _length(order: list[int], costs: np.ndarray) -> float:
-    return float(costs[order, [*order[1:], order[0]]].sum())
-
-
-def _inserted(order: list[int], piece: list[int], costs: np.ndarray) -> list[int]:
-    """The trip with the piece put in where it costs least, either way round, never before the first stop."""
-    ends = [*order[1:], order[0]]
-    ways = [(costs[order, way[0]] + costs[ends, way[-1]] - costs[order, ends], way) for way in (piece, piece[::-1])]
-    extra, way = ways[0] if ways[0][0].min() <= ways[1][0].min() else ways[1]
-    at = int(np.argmin(extra)) + 1
-    return order[:at] + way + order[at:]
-
-
-def _uncrossed(order: list[int], costs: np.ndarray) -> list[int]:
-    """2-opt: pieces turned round as long as that gains."""
-    better = True
-    while better:
-        better = False
-        for i in range(1, len(order) - 1):
-            for j in range(i + 1, len(order)):
-                a, b, c, d = order[i - 1], order[i], order[j], order[(j + 1) % len(order)]
-                if costs[a, c] + costs[b, d] < costs[a, b] + costs[c, d] - 1e-6:
-                    order[i : j + 1] = order[i : j + 1][::-1]
-                    better = True
-    return order
-
-
-def _moved(order: list[int], costs: np.ndarray) -> list[int]:
-    """Or-opt: pieces of up to three stops taken out and put in elsewhere where that gains (Or 1976)."""
-    for size in (3, 2, 1):
-        for i in range(1, len(order) - size + 1):
-            rest = order[:i] + order[i + size :]
-            other = _inserted(rest, order[i : i + size], costs)
-            if _length(other, costs) < _length(order, costs) - 1e-6:
-                order = other
-    return order
 
 
 def past_start(route_m: np.ndarray) -> np.ndarray:

@@ -6,7 +6,9 @@ import pytest
 from rhs.api.errors import ConfigError
 from rhs.api.floorplan import distance_m, truth_grid
 from rhs.api.grid import OccupancyGrid
-from rhs.worlds.tour import clearance_of, coarser, propose, round_trip
+from rhs.worlds.clearance import clearance_of, coarser
+from rhs.worlds.round_trip import round_trip
+from rhs.worlds.tour import propose
 from rhs.worlds.world import load_world
 
 
@@ -63,6 +65,16 @@ def test_places_are_as_many_as_asked_for_and_end_at_home():
     tour = propose(truth_grid(load_world("square_small")), 0.3, places=6)
     assert [name for name, _, _ in tour.places] == ["place_1", "place_2", "place_3", "place_4", "place_5", "home"]
     np.testing.assert_allclose(tour.places[-1][1:], tour.start[:2])
+
+
+def test_known_places_are_passed_and_one_behind_a_wall_refused():
+    world = load_world("home")
+    tour = propose(truth_grid(world), world.robot_radius_m, places=world.places)
+    assert [name for name, _, _ in tour.places] == [*(place[0] for place in world.places), "home"]
+    for name, x, y in tour.places:
+        assert np.hypot(*(along(tour.route_m) - (x, y)).T).min() < 0.4, name
+    with pytest.raises(ConfigError, match=r"place 'yard' \(15, 4\): the robot gets no nearer than 5.4 m to it"):
+        propose(truth_grid(world), world.robot_radius_m, places=[("yard", 15.0, 4.0)])
 
 
 def test_clearance_is_measured_to_the_edge_of_the_nearest_cell_that_is_not_free():
