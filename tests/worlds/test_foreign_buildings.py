@@ -177,6 +177,8 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("d.sdf", "<sdf><world name='w'/></sdf>", "nothing to see in this file"),
     ("e.sdf", sdf_of(BOXES).replace("6.4 0.2 2.0", "6.4 nan 2.0", 1), "<size> is '6.4 nan 2.0'; expected 3 finite numbers"),
     ("f.world", "<sdf><include><uri>f.world</uri></include></sdf>", "models include one another more than"),
+    ("f.sdf", "<sdf>" + "<model>" * 500 + "</model>" * 500 + "</sdf>", "models include one another more than"),
+    ("g.sdf", sdf_of(BOXES).replace("6.4 0.2 2.0", "9e5 9e5 2.0", 1), "spans 9e+05 x 9e+05 m; expected at most 1000 m"),
     ("g.obj", "not a mesh\n", "g.obj"),
     ("h.glb", "glTF....", "trimesh cannot read this mesh"),
     ("i.dae", BOMB, "this XML has a DOCTYPE or ENTITY"),
