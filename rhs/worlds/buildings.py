@@ -78,7 +78,10 @@ def settled(world: World, building: Building, file: Section) -> World:
     inside = world if "start" in given else replace(world, start=(x, y, 0.0))
     start = world.start if "start" in given else (x, y)
     places: int | tuple[Place, ...] = world.places if "places" in given else 4
-    tour = short_tour(truth_grid(inside), world.robot_radius_m, start=start, places=places, name=world.name)
+    try:
+        tour = short_tour(truth_grid(inside), world.robot_radius_m, start=start, places=places, name=world.name)
+    except ConfigError as error:
+        raise ConfigError(f"{world.path}: {error}") from error
     return replace(world, start=world.start if "route_m" in given else tour.start,
                    places=world.places if "places" in given else on_route(tour.places, tour.route_m),
                    route_m=world.route_m if "route_m" in given else tour.route_m)

@@ -23,6 +23,7 @@ DOORS_M, LEAST_INDOORS_M2 = 1.4, 2.0  # wider than most doors; smaller than most
 STEP_M = 0.04  # what is lower than this is driven over: carpets, thresholds
 PAD_M = 1.0  # free ground round a building that is open to the outside
 LEAST_M, MOST_M = 2.0, 300.0  # of a building's longer side in metres
+WIDEST_M = 1000.0  # with the ground it stands on
 LEVEL, UPRIGHT = 0.99, 0.3  # least |z| of a level face's normal, most of a wall's
 BIN_M, SPOT_M = 0.02, 0.25  # heights of one floor differ by less; squares in which its area is counted
 TALL_M = 0.3  # of a wall's triangle; the rim of a slab is lower
@@ -39,6 +40,9 @@ def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray |
     if not parts:
         raise ConfigError(f"{path}: no triangles with an area in this file; expected a building")
     corners, uv, texture, images = dressed(parts)
+    wide, deep = np.ptp(corners[..., :2], axis=(0, 1))
+    if max(wide, deep) > WIDEST_M:
+        raise ConfigError(f"{path}: spans {wide:.4g} x {deep:.4g} m; expected at most {WIDEST_M:g} m (another unit?)")
     floor = floor_m(corners, on_ground)
     corners[..., 2] -= floor
     height = file.number("camera_height_m", camera_m(corners), low=0.1, high=3.0)

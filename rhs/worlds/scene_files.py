@@ -24,7 +24,7 @@ from .soup import Part, box, cylinder, part, sphere
 
 SCENES = (".world", ".sdf", ".urdf")
 MOST_BYTES = 64 << 20
-DEEPEST = 12  # a model that includes itself must end
+DEEPEST = 30  # a model that includes itself must end
 ABOVE = 5  # folders above a file in which models are looked for
 BUILT_IN = ("sun", "ground_plane")  # come with Gazebo: a light, and a plane that the floor stands for
 NAMED_COLOURS = {"white": (255, 255, 255), "grey": (178, 178, 178), "darkgrey": (74, 74, 74), "black": (20, 20, 20),
@@ -79,7 +79,7 @@ def _children(scene: Scene, parent: Element, placed: np.ndarray, path: Path, dep
     poses = _poses(parent)
     for child in parent:
         if child.tag == "world":
-            _children(scene, child, placed, path, depth)
+            _children(scene, child, placed, path, depth + 1)
         elif child.tag in ("model", "link"):
             at = placed @ poses.get(id(child), np.eye(4))
             (_link if child.tag == "link" else _children)(scene, child, at, path, depth + 1)

@@ -110,7 +110,7 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
     walls = (() if building is None else building.walls) + tuple(wall for wall, _ in walls_and_pilasters)
     places = file.section("places")
     world = World(
-        name=path.stem,
+        name=path.parent.name if path.name == "model.sdf" else path.stem,  # as Gazebo names its models
         path=path,
         start=(x_m, y_m, float(np.radians(yaw_deg))),
         robot_radius_m=file.number("robot_radius_m", 0.3 if building is None else RADIUS_M, low=0.05, high=2.0),

@@ -144,6 +144,30 @@ def test_pictures_of_an_obj_are_kept_and_repeat(tmp_path):
     assert world.mesh.uv.max() == 3.0
 
 
+@pytest.mark.parametrize("kind", ["obj", "glb"])
+def test_pictures_hang_the_right_way_up(tmp_path, kind):
+    """Walls whose picture is red above and blue below, written by trimesh, are red above 1 m."""
+    from PIL import Image
+
+    picture = Image.fromarray(np.repeat(np.array([[[255, 0, 0]], [[0, 0, 255]]], np.uint8), 8, axis=0).repeat(4, axis=1))
+    parts = [box(np.array(size)).moved(trimesh.transformations.translation_matrix(at)) for size, at in BOXES.values()
+             if size[2] == 2.0]
+    corners = np.concatenate([part.corners_m for part in parts])
+    uv = np.stack([np.full(corners.shape[:2], 0.5), corners[..., 2] / 2.0], axis=-1)
+    if kind == "glb":
+        corners = corners[..., [0, 2, 1]] * [1, 1, -1]
+    look = trimesh.visual.TextureVisuals(uv.reshape(-1, 2), material=trimesh.visual.material.PBRMaterial(
+        baseColorTexture=picture) if kind == "glb" else trimesh.visual.material.SimpleMaterial(image=picture))
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3), visual=look, process=False)
+    mesh.export(tmp_path / f"room.{kind}")
+    world = load_world(tmp_path / f"room.{kind}")
+    assert world.mesh is not None and len(world.mesh.images) == 1
+    image = world.mesh.images[0]
+    middles, heights = world.mesh.uv.mean(axis=1), world.mesh.corners_m[..., 2].mean(axis=1)
+    rows = np.clip(((1.0 - middles[:, 1]) * len(image)).astype(int), 0, len(image) - 1)
+    assert (image[rows[heights > 1.0], 0, 0] == 255).all() and (image[rows[heights < 1.0], 0, 2] == 255).all()
+
+
 def test_solids_have_the_extent_that_they_say():
     sized = ((box(np.array([1.0, 2.0, 3.0])), (1, 2, 3)), (cylinder(0.5, 2.0), (1, 1, 2)), (sphere(0.5), (1, 1, 1)))
     for part, size in sized:
@@ -177,6 +201,8 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("d.sdf", "<sdf><world name='w'/></sdf>", "nothing to see in this file"),
     ("e.sdf", sdf_of(BOXES).replace("6.4 0.2 2.0", "6.4 nan 2.0", 1), "<size> is '6.4 nan 2.0'; expected 3 finite numbers"),
     ("f.world", "<sdf><include><uri>f.world</uri></include></sdf>", "models include one another more than"),
+    ("f.sdf", "<sdf>" + "<model>" * 500 + "</model>" * 500 + "</sdf>", "models include one another more than"),
+    ("g.sdf", sdf_of(BOXES).replace("6.4 0.2 2.0", "9e5 9e5 2.0", 1), "spans 9e+05 x 9e+05 m; expected at most 1000 m"),
     ("g.obj", "not a mesh\n", "g.obj"),
     ("h.glb", "glTF....", "trimesh cannot read this mesh"),
     ("i.dae", BOMB, "this XML has a DOCTYPE or ENTITY"),

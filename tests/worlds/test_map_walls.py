@@ -126,7 +126,8 @@ def test_a_picture_needs_a_scale_beside_it(tmp_path):
     ("building: plan.yaml\nstart: [50, 50, 0]", "no free space at the start"),
     ("building: plan.yaml\nrobot_radius_m: 1.9", "no room for a robot of radius 1.9 m"),
     ("building: plan.yaml\nroute_m: [[0, 4], [1, 4]]", "route_m without start"),
-    ("building: plan.yaml\nplaces: {far: [9, 9]}", "the robot gets no nearer than 5.6 m"),
+    ("building: plan.yaml\nplaces: {far: [9, 9]}", "flat.yaml: place 'far' (9, 9): the robot gets no nearer than"),
+    ("building: plan.yaml\nstart: [0.5, 4, 0]\nplaces: {far: [9, 9]}\nroute_m: [[0.5, 4], [1, 4]]", "GOAL_OUTSIDE_MAP"),
     ("building: plan.yaml\nrobot_raduis_m: 0.2", "unknown key 'robot_raduis_m'"),
 ])
 def test_what_cannot_be_is_refused_in_one_line(tmp_path, keys, words):
