@@ -223,8 +223,8 @@ class Ground:
         return seen
 
     def missed(self, route_m: np.ndarray) -> list[int]:
-        """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed. One that
-        lies in what was missed counts twice: on the way there the camera looks at it."""
+        """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed. One
+        that lies in what was missed counts twice: on the way there the camera looks at it."""
         missing = self.needed & ~self.seen_ahead(route_m)
         chosen: list[int] = []
         while True:
