@@ -235,6 +235,6 @@ if __name__ == "__main__":
 
     text = Path(__file__).read_text("utf-8").split("\n")
     at = next(i for i, line in enumerate(text) if line.startswith("DIGESTS ="))
-    to = text.index("", at)
+    to = text.index("}", at) + 1
     text[at:to] = ["DIGESTS = {", *(f'    "{family}": "{digest}",' for family, digest in digests().items()), "}"]
     Path(__file__).write_text("\n".join(text), "utf-8")
