@@ -82,7 +82,8 @@ def table(found: list[dict[str, Any]]) -> list[str]:
         some = [row for row in found if family in (row["family"], "all")]
         done = [row for row in some if row["status"] == "ok"]
         total = {key: np.nansum([row[key] for row in done]) for key in ("visited", "reachable", "collisions")}
-        mean = {key: np.nanmean([row[key] for row in done] or [np.nan]) for key in ("wrong_sure", "success", "clean")}
+        mean = {key: np.mean([row[key] for row in done if np.isfinite(row[key])]) if done else np.nan
+                for key in ("wrong_sure", "success", "clean")}
         touched = sum(row["collisions"] > 0 for row in done)
         lines.append(f"{family:<22}{len(some):>5}{len(some) - len(done):>7}{total['visited']:>9.0f}"
                      f"{total['reachable']:>10.0f}{total['collisions']:>11.0f}{touched:>8}{mean['wrong_sure']:>11.4f}{mean['success']:>8.2f}"
