@@ -24,7 +24,7 @@ MOST_LOST = 1000  # views in a row
 
 
 def with_owners(words: Sequence[Word]) -> list[Word]:
-    """The words, and `degrade=NAME` for the degradations whose settings are typed without naming them. Raises ConfigError."""
+    """The words, and `degrade=NAME` for degradations whose settings are typed without naming them. Raises ConfigError."""
     keys = [word.key.split(".")[1] for word in words if word.key.startswith(f"{DEGRADE}.")]
     typed = next((word.value for word in reversed(words) if word.key == DEGRADE), None)
     chosen = names_in(DEGRADE, typed) if isinstance(typed, str) else []

@@ -60,8 +60,8 @@ def _check_seen(chosen: Mapping[str, Chosen]) -> None:
     for name, settings in zip(names_in(DEGRADE, chosen[DEGRADE].name), members_of(chosen[DEGRADE].settings), strict=True):
         spoilt = settings.needs & {"image", "depth", "scan"}
         if spoilt and not spoilt & looked_at:
-            raise ConfigError(f"{DEGRADE}={name} spoils {' and '.join(sorted(spoilt))}, which sensor={chosen['sensor'].name} "
-                              f"does not look at; leave it out")
+            raise ConfigError(f"{DEGRADE}={name} spoils {' and '.join(sorted(spoilt))}, which "
+                              f"sensor={chosen['sensor'].name} does not look at; leave it out")
 
 
 def really_there(chosen: Chosen, source: Source) -> Chosen:
