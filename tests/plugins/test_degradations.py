@@ -197,7 +197,8 @@ def test_no_degradation_no_trace_in_hash_and_row():
 
 
 @pytest.mark.parametrize("words", [["degrade=blur+low_light"], ["degrade=[blur,low_light]"],
-                                   ["degrade=blur", "degrade.gain=1"], ["degrade.exposure_share=0.2", "degrade.dark_share=0.8"]])
+                                   ["degrade=blur", "degrade.gain=1"],
+                                   ["degrade.exposure_share=0.2", "degrade.dark_share=0.8"]])
 def test_several_degradations_however_they_are_typed(words):
     config = compose_config(words)
     assert identity(config)["degrade"] == "blur+low_light"
