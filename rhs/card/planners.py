@@ -10,6 +10,7 @@ import copy
 import dataclasses
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path as FilePath
 from time import process_time
 from typing import Any
@@ -23,7 +24,8 @@ from rhs.metrics.path_judge import path_valid, polyline_length
 from rhs.metrics.planning import above_optimum_pct
 from rhs.testing.shared_state import untouched
 
-from .questions import Question
+from .apart import Heard
+from .questions import Question, questions
 
 NAN = float("nan")
 FAULTS = {
@@ -67,18 +69,18 @@ class Answer:
         return bool(np.isfinite(self.optimal_m))
 
 
-def answers(settings: Any, asked: list[Question]) -> Iterator[Answer]:
+def answers(settings: Any, todo: list[Question]) -> Iterator[Answer]:
     """An answer to each question, of a new planner each, then the answers to what is asked twice or is not a question."""
     with tempfile.TemporaryDirectory() as folder:
-        for number, one in enumerate(asked):
+        for number, one in enumerate(todo):
             answer, path = ask(settings, one, FilePath(folder), seed=number)
             yield answer
             if path is not None and number % 5 == 0:
                 again, other = ask(settings, one, FilePath(folder), seed=number)
                 same = other is not None and np.array_equal(path.points_m, other.points_m)
                 yield dataclasses.replace(again, name=f"{one.name} again", faults=() if same else ("same_seed_other_path",))
-        yield from strange_answers(settings, asked[0].problem, FilePath(folder))
-        yield from second_answers(settings, asked, FilePath(folder))
+        yield from strange_answers(settings, todo[0].problem, FilePath(folder))
+        yield from second_answers(settings, todo, FilePath(folder))
 
 
 def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, part: Any = None,
@@ -210,10 +212,10 @@ def strange_answers(settings: Any, problem: PlanningProblem, folder: FilePath) -
         yield dataclasses.replace(answer, faults=tuple(faults))
 
 
-def second_answers(settings: Any, asked: list[Question], folder: FilePath) -> Iterator[Answer]:
+def second_answers(settings: Any, todo: list[Question], folder: FilePath) -> Iterator[Answer]:
     """The same planner asked about one map after another of the same size and frame."""
-    for number in range(0, len(asked), max(len(asked) // 6, 1)):
-        first = asked[number]
+    for number in range(0, len(todo), max(len(todo) // 6, 1)):
+        first = todo[number]
         kept = np.asarray(first.problem.blocked, bool)
         other = np.rot90(kept, 2).copy()
         for end in (first.problem.start_m, first.problem.goal_m):
@@ -257,3 +259,59 @@ def context_of(problem: PlanningProblem, folder: FilePath, seed: int) -> Context
     facts = WorldFacts("card", (x, y, 0.0), (), (x, y, x + columns * step, y + rows * step), 0.0)
     return Context(np.random.default_rng(seed), camera_from_fov(640, 480, 60.0, height_m=1.2), facts, folder,
                    FeatureSettings())
+
+
+COLUMNS = {
+    "faulty": "answers that are wrong; which faults, below",
+    "solved_share": "questions with a way, answered by a path that is free",
+    "above_optimum_pct": "length above the exact shortest path, as found, mean",
+    "above_optimum_p90_pct": "the same, 90th percentile",
+    "plan_ms": "CPU time of a question, median, learning included",
+    "plan_slowest_ms": "CPU time of the slowest",
+    "memory_mb": "memory taken beyond the process it began in",
+}
+
+
+def prepare() -> None:
+    """The questions, once for all parts."""
+    asked()
+
+
+@cache
+def asked() -> tuple[Question, ...]:
+    """The questions of every card."""
+    return tuple(questions())
+
+
+def work(settings: Any) -> Iterator[Answer]:
+    """Every answer."""
+    return answers(settings, list(asked()))
+
+
+def plain_ones(heard: Heard) -> list[Answer]:
+    """The first answers to questions that are some."""
+    names = {one.name for one in asked()}
+    return [one for one in heard.items if one.name in names]
+
+
+def figures(heard: Heard) -> dict[str, float]:
+    """The columns, over all questions that were answered."""
+    found = plain_ones(heard)
+    if not found:
+        return {}
+    above, cpu_ms = np.array([one.above_pct for one in found]), np.array([one.cpu_ms for one in found])
+    known = above[np.isfinite(above)]
+    return {"faulty": sum(bool(one.faults) for one in heard.items),
+            "solved_share": float(np.mean([np.isfinite(one.length_m) for one in found if one.solvable])),
+            "above_optimum_pct": float(known.mean()) if len(known) else NAN,
+            "above_optimum_p90_pct": float(np.percentile(known, 90)) if len(known) else NAN,
+            "plan_ms": float(np.median(cpu_ms)), "plan_slowest_ms": float(cpu_ms.max()), "memory_mb": heard.memory_mb}
+
+
+def details(heard: Heard) -> dict[str, Any]:
+    """Its faults: what, how often, and the questions that show it."""
+    shown = {name: [one.name for one in heard.items if name in one.faults] for name in FAULTS}
+    if heard.ended:
+        shown["no_answer"] = [f"what follows {heard.items[-1].name}" if heard.items else "the first question"]
+    return {"answers": len(heard.items), "faults": [{"fault": name, "says": FAULTS[name], "times": len(where),
+                                                     "questions": where[:5]} for name, where in shown.items() if where]}
