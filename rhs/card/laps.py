@@ -92,8 +92,8 @@ def true_grid(room: Room) -> OccupancyGrid:
 # --- degradations ---------------------------------------------------------------------------------------------------
 
 # degradation -> (its dial, levels from little to much)
-DIALS = {"blur": ("exposure_share", (0.1, 0.2, 0.4, 0.7, 1.0)), "low_light": ("dark_share", (0.5, 0.8, 0.9, 0.95, 0.98)),
-         "fog": ("extinction_per_m", (0.1, 0.2, 0.4, 0.8, 1.6)), "latency": ("delay_views", (1, 2, 3, 5, 8))}
+DIALS = {"blur": ("exposure_share", (0.2, 0.4, 0.7, 1.0)), "low_light": ("dark_share", (0.8, 0.9, 0.95, 0.98)),
+         "fog": ("extinction_per_m", (0.05, 0.1, 0.2, 0.4)), "side_light": ("side_share", (0.6, 0.8, 0.9, 1.0))}
 
 
 def levels(folder: Any) -> Iterator[tuple[str, float, Any]]:

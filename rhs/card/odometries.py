@@ -64,15 +64,15 @@ def prepare() -> None:
         stretch(room, steps, 1)
 
 
-def work(settings: Any) -> Iterator[Driven]:
-    """Every drive, then the first one again under each degradation."""
+def work(settings: Any, *, degraded: bool = True) -> Iterator[Driven]:
+    """Every drive, then, if asked for, half of the first one under each degradation."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for title, (room, steps) in DRIVES.items():
             yield driven(settings, title, room, stretch(room, steps, 1), folder)
         room, steps = DRIVES["room"]
         views = stretch(room, steps, 1)[:SHORT]
-        for dial, level, degradation in levels(folder):
+        for dial, level, degradation in levels(folder) if degraded else ():
             found = driven(settings, "room", room, spoiled(views, degradation), folder)
             yield Driven("", found.errors, found.nees, found.ok, found.drift, found.cpu_ms, (dial, level, found.good))
 

@@ -20,7 +20,8 @@ PAGE = HEAD + TABLE + """
 <p>{{ origin }}</p>
 <ul>{% for said in verdict %}<li>{{ said }}</li>{% endfor %}</ul>
 <h2>Contract</h2><div class="wide"><table>
-{% for one in contract %}<tr><td>{{ "holds" if one.holds else "FAILS" }}</td><td>{{ one.check }}</td><td>{{ one.why }}</td></tr>
+{% for one in contract %}<tr><td>{{ "holds" if one.holds else "FAILS" }}</td><td>{{ one.check }}</td>
+<td>{{ one.why }}</td></tr>
 {% endfor %}</table></div>
 {% if figures.rows %}<h2>On the standard set</h2><p>{{ standard_set }}</p>{{ table(figures) }}
 <p>{% for name, meaning in columns %}<b>{{ name }}</b>: {{ meaning }}. {% endfor %}</p>{% endif %}
@@ -97,7 +98,7 @@ def _of_planners(card: Card) -> list[tuple[str, Figure]]:
 def _wrong_answers(faulty: list[Any]) -> Figure:
     from .planners import asked
 
-    figure = new_figure(3.2 * len(faulty), 3.6)
+    figure = new_figure(3.4 * len(faulty), 3.0)
     known = {one.name: one for one in asked()}
     for number, answer in enumerate(faulty):
         problem, axes = known[answer.name].problem, figure.add_subplot(1, len(faulty), number + 1)
@@ -122,8 +123,9 @@ def _of_localisers(card: Card) -> list[tuple[str, Figure]]:
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     patrols = {part: [one.beliefs for one in heard.items if one.beliefs is not None] for part, heard in card.heard.items()}
     draw_kidnaps(left, [each for one in patrols[card.content["part"]] for each in kidnaps(one)])
-    draw_reliability(right, {part: (np.concatenate([one.probability for one in found]),
-                                    np.concatenate([one.right for one in found])) for part, found in patrols.items() if found})
+    stated = {part: [np.concatenate([getattr(one, name) for one in found]) for name in ("probability", "right")]
+              for part, found in patrols.items() if found}
+    draw_reliability(right, {part: (probability, was_right) for part, (probability, was_right) in stated.items()})
     return [("Carried away; reliability of its stated chances beside ours", figure), *_broken(card)]
 
 
@@ -140,7 +142,7 @@ def _of_odometries(card: Card) -> list[tuple[str, Figure]]:
             left.plot(inside, np.arange(1, len(inside) + 1) / len(inside), linewidth=1.3, label=f"{part}: n {len(inside)}")
     left.set_xlabel("share that its ellipse should hold")
     left.set_ylabel("share of errors that it holds")
-    left.legend(fontsize=7, frameon=False, loc="upper left")
+    left.legend(fontsize=7, frameon=False, loc="lower right")
     own = [one for one in card.heard[card.content["part"]].items if one.level is None and one.ok.any()]
     _scatter(right, own)
     return [("Whether its covariance is honest (above the line: too careful, below: too sure); its errors", figure),

@@ -38,7 +38,7 @@ FAULTS = {
     "leaves_the_map": "leaves the map",
     "between_corners": "passes between two blocked cells that meet corner to corner",
     "cuts_corners": "cuts the corners of obstacles",
-    "off_by_one": "is a cell off: its paths are free in the map moved by one cell, or blocked in the outermost row or column",
+    "off_by_one": "is a cell off: its paths are free in the map moved by one, or blocked in the outermost row or column",
     "through_walls": "goes through walls",
     "denies_a_way": "says that there is no way (disconnected, or a blocked end) where there is one",
     "wrong_reason": "gives a wrong reason for a start or goal that is blocked or outside",
@@ -283,8 +283,8 @@ def asked() -> tuple[Question, ...]:
     return tuple(questions())
 
 
-def work(settings: Any) -> Iterator[Answer]:
-    """Every answer."""
+def work(settings: Any, *, degraded: bool = True) -> Iterator[Answer]:
+    """Every answer; a planner sees nothing that could be degraded."""
     return answers(settings, list(asked()))
 
 

@@ -44,8 +44,8 @@ def main(words: Sequence[str]) -> int:
     names, rows = table(card.content)
     if rows:
         widths = [max(len(row[k]) for row in (names, *rows)) for k in range(len(names))]
-        sys.stdout.write("\n" + "".join("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-                                        + "\n" for row in (names, *rows)))
+        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in (names, *rows)]
+        sys.stdout.write("\n" + "\n".join(lines) + "\n")
     sys.stdout.write(f"files: {folder}\n")
     return 0 if card.passes else 1
 

@@ -185,8 +185,8 @@ def slip(problem):
     """Breadth first over eight neighbours, diagonals without a look at what they pass between."""
     blocked, step, origin = problem.blocked, problem.resolution_m, np.asarray(problem.origin_m)
     ends = [np.asarray(end) for end in (problem.start_m, problem.goal_m)]
-    if not all(np.isfinite(end).all() and ((end >= origin).all() and (end < origin + step * np.array(blocked.shape[::-1])).all())
-               for end in ends):
+    last = origin + step * np.array(blocked.shape[::-1])
+    if not all(np.isfinite(end).all() and (end >= origin).all() and (end < last).all() for end in ends):
         return Path(PlanReason.OUTSIDE, NONE, NONE)
     start, goal = (tuple(int(v) for v in np.floor((end - origin) / step)[::-1]) for end in ends)
     for cell, reason in ((start, PlanReason.START_BLOCKED), (goal, PlanReason.GOAL_BLOCKED)):
