@@ -33,8 +33,8 @@ STANDARD_SET = {
                "cells corner to corner, closed walls), each of a new planner, some asked twice; starts and goals that are "
                "none; one map after another. Exact answers by the visibility graph.",
     "localiser": "Four patrols of 84 views beside the surveyed lap of two small rooms (rhs.testing); twice in each the "
-                 "robot is carried elsewhere while it stands still. Motions as wrong as their covariance says. Then two thirds of "
-                 "the first patrol under each degradation.",
+                 "robot is carried elsewhere while it stands still. Motions as wrong as their covariance says. Then two "
+                 "thirds of the first patrol under each degradation.",
     "odometry": "A lap of 64 views in a room and in a furnished one, 41 views through a corridor and a tube (rhs.testing), "
                 "with the noise of good sensors. Then half of the first lap under each degradation.",
 }
