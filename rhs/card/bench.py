@@ -41,8 +41,8 @@ ROW = ("planner", "question", "seed", "solvable", "solved", "reason", "fault", "
 SCORES = {
     "solved_share": "questions with a way, answered by a path that the judge holds free",
     "wrong_share": "answers that are wrong, of all: paths that are not free, a way denied, ...",
-    "above_par2_pct": f"length above the exact shortest path, as found, mean; none, or one longer by more than {MOST_PCT:g} %, "
-                      f"counts {2 * MOST_PCT:g}",
+    "above_par2_pct": "length above the exact shortest path, as found, mean; no path, or one longer by more than "
+                      f"{MOST_PCT:g} %, counts {2 * MOST_PCT:g}",
     "above_pct": "the same, of the paths found alone",
     "above_short_pct": "of these, when every planner's path is pulled tight alike",
 }
@@ -128,7 +128,8 @@ def scores(heard: Heard, count: int) -> dict[str, float]:
     """The scores and times of one planner; count: answers that were asked for. What was not answered is not solved."""
     rows = heard.items
     way = [row for row in rows if row["solvable"] == "1"]
-    missing = len(SEEDS) * sum(np.isfinite(one.optimal_m) for one in frozen_questions()) - len(way) if count > len(rows) else 0
+    asked_m = [one.optimal_m for one in frozen_questions()]
+    missing = len(SEEDS) * int(np.isfinite(asked_m).sum()) - len(way) if count > len(rows) else 0
     above = [float(row["above_pct"]) if row["solved"] == "1" else np.inf for row in way] + [np.inf] * missing
     worth = [value if value <= MOST_PCT else 2 * MOST_PCT for value in above]
     found = [row for row in way if row["solved"] == "1"]
@@ -148,15 +149,15 @@ def page(found: Mapping[str, Heard], count: int, *, command: str, made_at: str) 
     told = {name: scores(heard, count) for name, heard in found.items() if heard.items}
     order = sorted(told, key=lambda name: (told[name]["above_par2_pct"], name))
     lines = [f"# {NAME}", "", f"`{command}` at commit {made_at}: {count // len(SEEDS)} questions ({FROZEN}), seeds "
-             f"{', '.join(map(str, SEEDS))}, each of a new planner. `rows`: hash of the planner's rows in {NAME}.csv; the same "
-             "everywhere, or something differs.", "",
+             f"{', '.join(map(str, SEEDS))}, each of a new planner. `rows`: hash of the planner's rows in {NAME}.csv; the "
+             "same everywhere, or something differs.", "",
              f"| planner | {' | '.join(SCORES)} | rows |", f"|---|{'---|' * len(SCORES)}---|"]
     lines += [f"| {name} | {' | '.join(f'{told[name][one]:.4g}' for one in SCORES)} | {hash_of(found[name].items)} |"
               for name in order]
     lines += ["", *(f"- `{name}`: {meaning}" for name, meaning in SCORES.items())]
     lines += [f"- {name} did not come to its end: {heard.ended}" for name, heard in found.items() if heard.ended]
-    lines += ["", "## Times", "", "Of the machine it was made on: compare within this table. CPU time of a question, learning "
-              "included.", "", "| planner | median ms | 95 % ms | memory MB |", "|---|---|---|---|"]
+    lines += ["", "## Times", "", "Of the machine it was made on: compare within this table. CPU time of a question, "
+              "learning included.", "", "| planner | median ms | 95 % ms | memory MB |", "|---|---|---|---|"]
     lines += [f"| {name} | {told[name]['plan_ms']:.3g} | {told[name]['plan_p95_ms']:.3g} | {told[name]['memory_mb']:.0f} |"
               for name in sorted(told, key=lambda name: told[name]["plan_ms"])]
     return "\n".join(lines) + "\n"

@@ -56,7 +56,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class Patrolled:
-    """What was believed on one patrol; breaks: instead, (dial, level, share of views that are right)."""
+    """What was believed on one patrol; breaks: instead, (dial, level, share of the views after being carried that are right)."""
 
     room: str
     beliefs: Beliefs | None
@@ -86,7 +86,12 @@ def work(settings: Any, *, degraded: bool = True) -> Iterator[Patrolled]:
         for dial, level, degradation in levels(folder) if degraded else ():
             found = patrolled(settings, HALL, learnt, spoiled(views, degradation), folder)
             assert found.beliefs is not None
-            yield Patrolled("", None, found.nees, found.cpu_ms, (dial, level, float(found.beliefs.right.mean())))
+            yield Patrolled("", None, found.nees, found.cpu_ms, (dial, level, after_carried(found.beliefs)))
+
+
+def after_carried(beliefs: Beliefs) -> float:
+    """Share of the second stretch that is right: before it was carried, a robot is right without a look."""
+    return float(beliefs.right[len(STEPS):SHORT].mean())
 
 
 def patrol(room: Room, seed: int) -> list[Seen]:
@@ -150,9 +155,9 @@ def figures(heard: Heard) -> dict[str, float]:
 def details(heard: Heard) -> dict[str, Any]:
     """Where it breaks, and the reliability of its chances for the picture."""
     found = [one for one in heard.items if one.beliefs is not None]
-    first = [one.beliefs.right[:SHORT].mean() for one in found[:1]]
+    first = [after_carried(one.beliefs) for one in found[:1]]
     scores: dict[str, list[tuple[float, float]]] = {}
     for one in heard.items:
         if one.level is not None:
             scores.setdefault(one.level[0], []).append(one.level[1:])
-    return {"breaks": breaks_at(scores, float(first[0])) if first else []}
+    return {"breaks": breaks_at(scores, first[0]) if first else []}

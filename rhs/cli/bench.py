@@ -1,13 +1,13 @@
 """`python -m rhs bench planning-v1`: a frozen set of questions and a table that anyone makes again, byte for byte.
 
     python -m rhs bench planning-v1                                   every planner of ours
-    python -m rhs bench planning-v1 --mine planner=x                  yours beside them (with --plugin my.py, untried by others)
+    python -m rhs bench planning-v1 --mine planner=x                  yours beside them (also with --plugin)
     python -m rhs bench planning-v1 --mine planner=prm planner.milestones=500
         --only                yours alone
         output=FOLDER         where the table goes (results/bench)
 
-60 questions with three seeds each. Files: planning-v1.csv (a row for each answer, no time in it), planning-v1.md (scores, the
-hash of each planner's rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused.
+60 questions with three seeds each. Files: planning-v1.csv (a row for each answer, no time in it), planning-v1.md (scores,
+the hash of each planner's rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused.
 """
 
 from __future__ import annotations
@@ -40,9 +40,8 @@ def main(words: Sequence[str]) -> int:
         raise ConfigError(f"bench {chosen.set}: there is {', '.join(SETS)}")
     planners, folder = _planners(chosen, bench.PLANNERS)
     questions = bench.frozen_questions()
-    if bench.digest(questions) != bench.FROZEN:
-        raise ConfigError(f"bench {chosen.set}: the questions are not those of this version ({bench.digest(questions)}, expected "
-                          f"{bench.FROZEN}); its maps or numpy have changed")
+    if (digest := bench.digest(questions)) != bench.FROZEN:
+        raise ConfigError(f"bench {chosen.set}: found questions {digest}, expected {bench.FROZEN}: its maps have been changed")
     found: dict[str, Heard] = {}
     for name, settings in planners.items():
         say(name)
