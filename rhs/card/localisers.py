@@ -56,7 +56,8 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class Patrolled:
-    """What was believed on one patrol; breaks: instead, (dial, level, share of the views after being carried that are right)."""
+    """What was believed on one patrol; level: instead, (dial, level, share that is right of the views after
+    being carried)."""
 
     room: str
     beliefs: Beliefs | None

@@ -41,7 +41,7 @@ def main(words: Sequence[str]) -> int:
     planners, folder = _planners(chosen, bench.PLANNERS)
     questions = bench.frozen_questions()
     if (digest := bench.digest(questions)) != bench.FROZEN:
-        raise ConfigError(f"bench {chosen.set}: found questions {digest}, expected {bench.FROZEN}: its maps have been changed")
+        raise ConfigError(f"bench {chosen.set}: found questions {digest}, expected {bench.FROZEN}: its maps have changed")
     found: dict[str, Heard] = {}
     for name, settings in planners.items():
         say(name)
