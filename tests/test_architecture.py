@@ -27,7 +27,7 @@ FLOORS = [
     {"metrics", "testing"},
     {"reports"},
     {"patrol"},
-    {"blame", "sweeps"},
+    {"blame", "card", "sweeps"},
     {"face"},
     {"cli"},
 ]

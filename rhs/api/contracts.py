@@ -51,10 +51,12 @@ KINDS = ("source", "sensor", "odometry", "loop_closer", "mapper", "planner", "lo
 # ... a part that takes the place of several of them ...
 SLAM = "slam"
 REPLACED_BY_SLAM = ("odometry", "loop_closer", "mapper", "localiser")
+# ... what spoils captures before the sensor, none, one or several of them (degrade=a+b) ...
+DEGRADE = "degrade"
 # ... the kinds that a run chooses by kind=name ...
-CHOICES = ("task", *KINDS, SLAM)
+CHOICES = ("task", *KINDS, SLAM, DEGRADE)
 # ... and every kind of plugin there is, each an entry point group `rhs.<kind>`.
-PLUGIN_KINDS = ("task", *KINDS, SLAM, "metric", "engine")
+PLUGIN_KINDS = ("task", *KINDS, SLAM, DEGRADE, "metric", "engine")
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,24 @@ class Source(Protocol):
         """Least true distance to anything since the last call, and whether the robot touched something. NaN: unknown."""
 
     def close(self) -> None: ...
+
+
+class Degradation(Protocol):
+    """Spoils captures on their way from the source to the sensor: blur, darkness, delay, wheels that slip.
+
+    Simulated and recorded captures alike. `degrade` is called once for each capture, in order. Index and stamp stay; arrays
+    are replaced, never written to; randomness comes from `context.rng` only. `context.camera` is the true one. The truth
+    passes by, and no part is told what was done. A class that derives from Degradation tells the camera as it is."""
+
+    def told(self, camera: Camera) -> Camera:
+        """The camera that sensor and estimators are told of."""
+        return camera
+
+    def degrade(self, capture: Capture, previous_from_body: np.ndarray | None) -> Capture | None:
+        """The capture to hand on, or None: this view never arrives, and the robot goes on with its command.
+
+        previous_from_body (4x4): true motion of the body since the capture before, the identity at the first; None where
+        nobody knows."""
 
 
 class Sensor(Protocol):

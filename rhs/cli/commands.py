@@ -24,6 +24,8 @@ COMMANDS = {
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
     "worlds": ("rhs.cli.worlds", "the buildings that there are, with plans: worlds --pictures FOLDER"),
     "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),
+    "card": ("rhs.cli.card", "one page about a part: contract, faults, accuracy, calibration, cost: card planner=mine"),
+    "bench": ("rhs.cli.bench", "a frozen benchmark that anyone makes again: bench planning-v1 --mine planner=mine"),
     "new": ("rhs.cli.new", "a package with a plugin to begin with: new planner my_planner"),
     "completion": ("rhs.cli.completion", "tab completion of the command rhs: completion bash | zsh | fish"),
     "help": ("rhs.cli.commands", "help columns | events | kinds | commands"),

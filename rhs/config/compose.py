@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from rhs.api import settings
-from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM
+from rhs.api.contracts import DEGRADE, KINDS, REPLACED_BY_SLAM, SLAM
 from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.records import FeatureSettings
@@ -105,7 +105,9 @@ class Composer:
     def config(self, words: Sequence[Any]) -> RunConfig:
         """The checked configuration for these words (rhs.config.overrides)."""
         from . import hydra_glue
+        from .degraded import with_owners
 
+        words = with_owners(words)
         options = [word for word in words if word.is_group]
         key = tuple((word.key, word.value) for word in options)
         if key not in self.trees:
@@ -124,7 +126,7 @@ class Composer:
 
 def _check_names(values: dict[str, Any], choices: dict[str, str | None]) -> None:
     """A part chosen by name in a YAML file, past the defaults list, would have another's settings."""
-    for kind in (*KINDS, SLAM, TASK):
+    for kind in (*KINDS, SLAM, DEGRADE, TASK):
         node, choice = values.get(kind), choices.get(kind)
         name = node.get("name") if isinstance(node, dict) else node
         if node is not None and choice in registry.names(kind) and name != choice:
@@ -157,7 +159,7 @@ def from_plain(values: dict[str, Any]) -> RunConfig:
     task = _task(values)
     names = [item.name for item in dataclasses.fields(task)]
     own = {key: value for key, value in values.items() if key in names}
-    rest = {key: value for key, value in values.items() if key not in (*names, *KINDS, SLAM, TASK)}
+    rest = {key: value for key, value in values.items() if key not in (*names, *KINDS, SLAM, DEGRADE, TASK)}
     unknown = [key for key in rest if key not in CORE]
     if unknown:
         raise registry.no_setting(unknown[0], values[TASK], [*CORE, *names])
@@ -182,17 +184,22 @@ def _task(values: dict[str, Any]) -> Any:
         raise ConfigError(f"task={name}: choose one of {', '.join(registry.names(TASK))} by task=NAME")
     cls = registry.load(TASK, name)
     registry.check_requirements(TASK, name, cls)
-    taken = [item.name for item in dataclasses.fields(cls) if item.name in (*CORE, *KINDS, SLAM)]
+    taken = [item.name for item in dataclasses.fields(cls) if item.name in (*CORE, *KINDS, SLAM, DEGRADE)]
     if taken:
         raise PluginError(f"task={name} has a setting called {taken[0]}, which rhs uses itself; rename it")
     return cls
 
 
 def _kinds(task: Any, values: dict[str, Any]) -> list[str]:
-    """The kinds of parts of this run: the task's, but for those that a slam takes the place of."""
-    if values.get(SLAM) and set(REPLACED_BY_SLAM) & set(task.kinds):
-        return [kind for kind in task.kinds if kind not in REPLACED_BY_SLAM] + [SLAM]
-    return list(task.kinds)
+    """The kinds of parts of this run: the task's, but for those that a slam takes the place of, and degradations if any."""
+    kinds = list(task.kinds)
+    if values.get(SLAM) and set(REPLACED_BY_SLAM) & set(kinds):
+        kinds = [kind for kind in kinds if kind not in REPLACED_BY_SLAM] + [SLAM]
+    if values.get(DEGRADE):
+        if "source" not in kinds:
+            raise ConfigError(f"{DEGRADE}: task={values[TASK]} takes no views that could be degraded; leave it out")
+        kinds.append(DEGRADE)
+    return kinds
 
 
 def _check_source(config: RunConfig) -> None:

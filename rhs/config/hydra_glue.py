@@ -50,7 +50,8 @@ def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[P
     with _session(schema, folders):
         check_options(options, _options)
         try:
-            config = hydra.compose("config", [f"{w.key}={w.value or 'null'}" for w in options], return_hydra_config=True)
+            taken = [f"{w.key}={w.value}" if w.value else f"~{w.key}" for w in options]
+            config = hydra.compose("config", taken, return_hydra_config=True)
         except (hydra.errors.HydraException, omegaconf.errors.OmegaConfBaseException) as error:
             raise (error.__cause__ if isinstance(error.__cause__, ConfigError) else
                    ConfigError(_in_one_line(error))) from error

@@ -24,6 +24,7 @@ from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
 from . import registry
+from .composed import names_in
 from .overrides import GROUPS
 
 DEFAULT_STACK = "rgbd"  # what a sensor without a stack file of its own gets
@@ -120,7 +121,7 @@ class PluginSource(ConfigSource):
         if kind == "stack":
             has_file = any(_stack(folder, name).is_file() for folder in under_way.folders)
             return name in registry.names("sensor") and not has_file
-        return kind in CHOICES and name in registry.names(kind)
+        return kind in CHOICES and bool(name) and set(names_in(kind, name)) <= set(registry.names(kind))
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         kind, name = self._split(config_path)

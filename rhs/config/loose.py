@@ -20,13 +20,15 @@ from rhs.api.contracts import PLUGIN_KINDS
 from rhs.base.errors import PluginError
 
 from . import registry
+from .composed import names_in
 
 
 def carried(chosen: Collection[tuple[str, str]]) -> list[dict[str, str]]:
     """What another process needs to register those of the chosen (kind, name) that were registered by hand in this one, and
     the metrics that were."""
+    wanted = {(kind, one) for kind, name in chosen for one in names_in(kind, name)}
     return [{"kind": one.kind, "name": one.name, "class": one.value, "file": one.file} for one in registry.by_hand()
-            if (one.kind, one.name) in chosen or one.kind == "metric"]
+            if (one.kind, one.name) in wanted or one.kind == "metric"]
 
 
 def loose_names() -> list[str]:
@@ -101,7 +103,8 @@ def match(words: Sequence[str]) -> None:
 
 
 def _unanswered(words: Sequence[str]) -> list[tuple[str, str]]:
-    asked = [(kind, name) for kind, _, value in (word.partition("=") for word in words) for name in value.split(",")]
+    asked = [(kind, one) for kind, _, value in (word.partition("=") for word in words) for name in value.split(",")
+             for one in names_in(kind, name)]
     return [(kind, name) for kind, name in asked
             if kind in PLUGIN_KINDS and name.isidentifier() and name not in registry.names(kind)]
 

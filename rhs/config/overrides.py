@@ -19,9 +19,11 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, IntervalSweep, Override, RangeSweep
 from hydra.errors import HydraException
 
-from rhs.api.contracts import CHOICES, KINDS
+from rhs.api.contracts import CHOICES, DEGRADE, KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
+
+from .composed import JOINED, names_in
 
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
@@ -190,6 +192,8 @@ def swept_keys(overrides: Sequence[Override | Zip]) -> list[str]:
 
 def _word(item: Override, value: Any) -> Word:
     key = item.key_or_group
+    if key == DEGRADE and isinstance(value, list):
+        value = JOINED.join(map(str, _unquoted(value))) or None
     if key in GROUPS and not isinstance(value, (str, dict, type(None))):
         raise ConfigError(f"{item.input_line}: choose one {key} by name: {key}=NAME")
     return Word(key, _unquoted(value), (item.input_line or "").lstrip("+"))
@@ -210,6 +214,7 @@ def check_options(words: Sequence[Word], options: Callable[[str], list[str]]) ->
         if not word.is_group or (word.value is None and word.key not in (*KINDS, "task")):
             continue
         known = options(word.key)
-        if word.value not in known:
-            raise ConfigError(f"{word.text}: there is no such {word.key}{nearest(str(word.value), known)}"
+        unknown = [one for one in names_in(word.key, str(word.value)) if one not in known]
+        if unknown:
+            raise ConfigError(f"{word.text}: there is no such {word.key}{nearest(unknown[0], known)}"
                               f" (there is {', '.join(known) or 'none'})")

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from rhs.api.contracts import KINDS, REPLACED_BY_SLAM, SLAM, Context, Source, SourceContext, complete
+from rhs.api.contracts import DEGRADE, KINDS, REPLACED_BY_SLAM, SLAM, Context, Source, SourceContext, complete
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.records import FeatureSettings
@@ -20,6 +20,7 @@ from rhs.api.task import Parts
 from rhs.base.errors import ConfigError
 
 from . import registry
+from .composed import members_of, names_in
 
 
 @dataclass
@@ -43,12 +44,24 @@ def check_combination(chosen: Mapping[str, Chosen]) -> None:
     """Refuse parts that do not fit: each part's needs against what the parts before it provide."""
     if "source" not in chosen:
         return
-    for kind in (kind for kind in ORDER if kind in chosen):
+    for kind in (kind for kind in (DEGRADE, *ORDER) if kind in chosen):
         missing = chosen[kind].settings.needs - offered(kind, chosen)
         if EXTRAS in chosen["source"].settings.provides:
             missing &= SENSED | {"walls"}
         if missing:
             raise ConfigError(_misfit(kind, min(missing), chosen))
+    if DEGRADE in chosen and "sensor" in chosen:
+        _check_seen(chosen)
+
+
+def _check_seen(chosen: Mapping[str, Chosen]) -> None:
+    """Refuse a degradation of what the sensor does not look at: nothing typed is silently ignored."""
+    looked_at = chosen["sensor"].settings.needs
+    for name, settings in zip(names_in(DEGRADE, chosen[DEGRADE].name), members_of(chosen[DEGRADE].settings), strict=True):
+        spoilt = settings.needs & {"image", "depth", "scan"}
+        if spoilt and not spoilt & looked_at:
+            raise ConfigError(f"{DEGRADE}={name} spoils {' and '.join(sorted(spoilt))}, which "
+                              f"sensor={chosen['sensor'].name} does not look at; leave it out")
 
 
 def really_there(chosen: Chosen, source: Source) -> Chosen:
@@ -64,7 +77,7 @@ def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
     if kind == "source":
         return frozenset()
     source = frozenset(chosen["source"].settings.provides)
-    if kind == "sensor" or "sensor" not in chosen:
+    if kind in ("sensor", DEGRADE) or "sensor" not in chosen:
         return source
     sensor = frozenset(chosen["sensor"].settings.provides)
     seen = (sensor - (THROUGH - source)) | (source & PAST) | (source - SENSED)
@@ -77,7 +90,7 @@ def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
 def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
     """Who needs what, who does not have it, and what to type instead."""
     lacking = (word in PAST | THROUGH or word not in SENSED) and word not in chosen["source"].settings.provides
-    culprit = "source" if kind == "sensor" or lacking else "sensor"
+    culprit = "source" if kind in ("sensor", DEGRADE) or lacking else "sensor"
     own = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
     others: list[str] = []
     between = KINDS[2 : KINDS.index(kind)] if culprit == "sensor" and kind in KINDS else ()
@@ -110,6 +123,8 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
     try:
         chosen = {**chosen, "source": really_there(chosen["source"], source)}
         check_combination(chosen)
+        if DEGRADE in chosen:
+            built["source"] = source = degraded(source, chosen[DEGRADE], seed=seed, folder=folder, features=features)
         for kind in (kind for kind in ORDER[1:] if kind in chosen):
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
             built[kind] = build_part(kind, chosen[kind], context)
@@ -124,6 +139,18 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
     who = {kind: _called(kind, chosen[SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind])
            for kind in KINDS if kind in chosen or (SLAM in chosen and kind in REPLACED_BY_SLAM)}
     return Parts(**(absent | built), features=features, provides=provides, who=who)
+
+
+def degraded(source: Source, chosen: Chosen, *, seed: int, folder: Path, features: FeatureSettings) -> Source:
+    """The source behind its degradations, each with a generator of its own, the first named first."""
+    from .degraded import Degraded
+
+    chain = []
+    for name, settings in zip(names_in(DEGRADE, chosen.name), members_of(chosen.settings), strict=True):
+        one = Chosen(name, settings)
+        context = Context(generator(seed, f"{DEGRADE}.{name}"), source.camera, source.facts, folder, features)
+        chain.append((_called(DEGRADE, one), build_part(DEGRADE, one, context)))
+    return cast(Source, Degraded(source, chain))
 
 
 def _called(kind: str, chosen: Chosen) -> str:

@@ -29,6 +29,8 @@ from rhs.api.metric import Metric
 from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
 from rhs.base.errors import ConfigError, PluginError
 
+from .composed import joined, names_in
+
 IMPORT_S = 10.0  # for a plugin that is only listed
 
 
@@ -71,7 +73,7 @@ def register(kind: str, name: str, cls: type) -> None:
 
 def loose(task: str, names: Mapping[str, str]) -> str:
     """Which of the chosen plugins were registered by hand, with their files' names and hashes; for the row."""
-    chosen = {"task": task, **names}.items()
+    chosen = [(kind, one) for kind, name in {"task": task, **names}.items() for one in names_in(kind, name)]
     return " ".join(f"{k}={n} from {_by_hand[k, n][1].distribution}" for k, n in chosen if (k, n) in _by_hand)
 
 
@@ -104,6 +106,8 @@ def origins(kind: str, name: str) -> list[Origin]:
     """Who registers this name: one, or several that are in each other's way."""
     if (kind, name) in _by_hand:
         return [_by_hand[kind, name][1]]
+    if len(names_in(kind, name)) > 1:
+        return [origin for one in names_in(kind, name) for origin in origins(kind, one)]
     return [Origin(kind, name, p.value, _distribution(p)) for p in _entry_points(kind).get(name, [])]
 
 
@@ -119,6 +123,8 @@ def load(kind: str, name: str) -> type:
     """The settings dataclass of a plugin. Raises PluginError: unknown, registered twice, or not importable."""
     if (kind, name) in _by_hand:
         return _by_hand[kind, name][0]
+    if len(several := names_in(kind, name)) > 1:
+        return joined(kind, {one: load(kind, one) for one in several})
     where = origins(kind, name)
     if not where:
         known = names(kind)

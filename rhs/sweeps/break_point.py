@@ -74,7 +74,7 @@ def plan(words: Sequence[str]) -> Plan:
         name = " ".join(word.text for word in combination if word.key in swept) or "this configuration"
         config = composer.config(combination)
         if _setting(config, dial.key) is None:
-            composer.config([*combination, _word(dial.key, dial.low)])  # says which setting was meant
+            config = composer.config([*combination, _word(dial.key, dial.low)])  # or says which setting was meant
         dial = replace(dial, whole=_is_whole(config, dial.key))
         for level in (0.0, 1.0):
             composer.config([*combination, _word(dial.key, dial.value(level))])

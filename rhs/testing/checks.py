@@ -12,10 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rhs.api.contracts import DEGRADE as DEGRADED
 from rhs.api.contracts import KINDS
 from rhs.api.errors import ConfigError
 from rhs.config.documented import field_docs, summary
 
+from .degradations import DEGRADE
 from .localisers import LOCALISER
 from .loop_closers import LOOP_CLOSER
 from .mappers import MAPPER
@@ -43,9 +45,9 @@ def check_plugin(kind: str, settings: Any) -> None:
 def checks(kind: str) -> dict[str, Check]:
     """Name -> check(settings, folder) for a kind of part. Each raises AssertionError, whatever the part itself raised."""
     own = {"source": SOURCE, "sensor": SENSOR, "odometry": ODOMETRY, "loop_closer": LOOP_CLOSER, "localiser": LOCALISER,
-           "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN}
+           "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN, DEGRADED: DEGRADE}
     if kind not in own:
-        raise ConfigError(f"kind={kind}: expected one of {', '.join(KINDS)}")
+        raise ConfigError(f"kind={kind}: expected one of {', '.join([*KINDS, DEGRADED])}")
     return {check.__name__: _asserting(check) for check in (*SETTINGS, *own[kind])}
 
 

@@ -10,7 +10,7 @@ import pytest
 from installing import FAKES, environment, installed
 
 from rhs.api import settings
-from rhs.api.contracts import KINDS
+from rhs.api.contracts import DEGRADE, KINDS
 from rhs.base.errors import ConfigError
 from rhs.cli.help_text import help_text
 from rhs.config import registry
@@ -21,7 +21,7 @@ HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "r
 
 def test_every_plugin_and_every_setting_is_listed_with_its_default():
     text = help_text()
-    for kind in KINDS:
+    for kind in (*KINDS, DEGRADE):
         for name in registry.names(kind):
             assert f"  {kind}={name}" in text
             if registry.failure(kind, name) is None:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from rhs.api.contracts import KINDS
+from rhs.api.contracts import DEGRADE, KINDS
 from rhs.config import registry
 from rhs.testing.checks import checks
 
-CASES = [pytest.param(kind, name, check, id=f"{kind}-{name}-{label}") for kind in KINDS
+CASES = [pytest.param(kind, name, check, id=f"{kind}-{name}-{label}") for kind in (*KINDS, DEGRADE)
          for name in registry.names(kind) for label, check in checks(kind).items()]
 
 

@@ -1,0 +1,1 @@
+"""First-party degradations: what happens to captures between the source and the sensor."""

@@ -1,0 +1,71 @@
+"""Views that arrive late, or never."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from rhs.api.contracts import Context, Degradation
+from rhs.api.errors import check_ranges
+from rhs.api.records import Capture
+
+
+@dataclass
+class Latency:
+    """Views arrive late: image, depth and scan of some views ago, wheels and command of now."""
+
+    delay_views: int = 1
+    """views of delay; 0: none. At the beginning the first view stands still"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_ranges("degrade", self, delay_views=(0, 1000))
+
+    def build(self, context: Context) -> Degradation:
+        return Late(self)
+
+
+class Late(Degradation):
+    """A queue."""
+
+    def __init__(self, settings: Latency) -> None:
+        self._queue: deque[Capture] = deque(maxlen=settings.delay_views + 1)
+
+    def degrade(self, capture: Capture, previous_from_body: np.ndarray | None) -> Capture:
+        self._queue.append(capture)
+        seen = self._queue[0]
+        return replace(capture, image=seen.image, depth=seen.depth, scan=seen.scan, sensed=seen.sensed)
+
+
+@dataclass
+class Dropped:
+    """Views that never arrive: the robot goes on with its command, the wheels count on."""
+
+    drop_chance: float = 0.1
+    """chance that a view is lost; 0: none"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_ranges("degrade", self, drop_chance=(0.0, 0.95))
+
+    def build(self, context: Context) -> Degradation:
+        return Lossy(self, context.rng)
+
+
+class Lossy(Degradation):
+    """Each view alone; the first always arrives."""
+
+    def __init__(self, settings: Dropped, rng: np.random.Generator) -> None:
+        self._chance, self._rng, self._begun = settings.drop_chance, rng, False
+
+    def degrade(self, capture: Capture, previous_from_body: np.ndarray | None) -> Capture | None:
+        lost = self._rng.random() < self._chance and self._begun
+        self._begun = True
+        return None if lost else capture

@@ -1,0 +1,72 @@
+"""Work in a process of its own, heard item by item: a part that hangs, crashes or ends its process costs an item, not the
+page; what it takes of memory and time is its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Any
+
+from rhs.base.processes import die_with_parent, kill_group
+from rhs.base.provenance import peak_memory_mb
+
+OF = multiprocessing.get_context("fork")
+
+
+@dataclass
+class Heard:
+    """items: what came, in order. ended: why no more came, empty when all was said. memory_mb: most memory taken beyond what
+    the process began with. cpu_s: processor time."""
+
+    items: list[Any] = field(default_factory=list)
+    ended: str = ""
+    memory_mb: float = float("nan")
+    cpu_s: float = float("nan")
+
+
+def apart(work: Callable[[], Iterator[Any]], *, patience_s: float) -> Heard:
+    """Every item of `work()`, which is run in a forked process; one that takes longer than patience_s ends it."""
+    heard, (ours, theirs) = Heard(), OF.Pipe(duplex=False)
+    process = OF.Process(target=_say, args=(work, theirs), daemon=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    process.start()
+    theirs.close()
+    try:
+        while True:
+            if not ours.poll(patience_s):
+                heard.ended = f"no answer for {patience_s:g} s"
+                break
+            what, value = ours.recv()
+            if what == "item":
+                heard.items.append(value)
+                continue
+            if what == "end":
+                heard.memory_mb, heard.cpu_s = value
+            else:
+                heard.ended = value
+            break
+    except EOFError:
+        process.join()
+        heard.ended = f"its process ended by itself (exit code {process.exitcode})"
+    finally:
+        if process.pid is not None and process.is_alive():
+            kill_group(process.pid)
+        process.join()
+        ours.close()
+    return heard
+
+
+def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:
+    die_with_parent()
+    before_mb, before_s = peak_memory_mb(), time.process_time()
+    try:
+        for item in work():
+            pipe.send(("item", item))
+        pipe.send(("end", (max(peak_memory_mb() - before_mb, 0.0), time.process_time() - before_s)))
+    except BaseException as error:
+        pipe.send(("error", " ".join(f"{type(error).__name__}: {error}".split())[:300]))

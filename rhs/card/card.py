@@ -1,0 +1,162 @@
+"""The card of one part: its contract, what it is worth on the standard set beside ours, where it breaks, what it costs.
+
+Nothing of it is the part's own word: it is built from its settings as in any run, in processes of its own, and held against
+truths that it never sees. Everything but times and memory is the same for everybody.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from rhs.api import settings as plain_settings
+from rhs.api.contracts import DEGRADE, KINDS
+from rhs.base.errors import ConfigError
+from rhs.base.provenance import commit, versions
+from rhs.config import registry
+from rhs.testing.checks import checks
+
+from . import localisers, odometries, planners
+from .apart import Heard, apart
+
+MEASURED: dict[str, ModuleType] = {"planner": planners, "localiser": localisers, "odometry": odometries}
+REFERENCES = {"planner": ("astar", "prm", "rrt_connect"), "odometry": ("keyframe", "procrustes", "wheel"),
+              "localiser": ("sift_db", "particle_filter", "particle_filter_scan")}
+STANDARD_SET = {
+    "planner": "70 questions made by chance on small maps of seven kinds (scattered cells, boxes, rooms, mazes, the border, "
+               "cells corner to corner, closed walls), each of a new planner, some asked twice; starts and goals that are "
+               "none; one map after another. Exact answers by the visibility graph.",
+    "localiser": "Four patrols of 84 views beside the surveyed lap of two small rooms (rhs.testing); twice in each the "
+                 "robot is carried elsewhere while it stands still. Motions as wrong as their covariance says. Then two "
+                 "thirds of the first patrol under each degradation.",
+    "odometry": "A lap of 64 views in a room and in a furnished one, 41 views through a corridor and a tube (rhs.testing), "
+                "with the noise of good sensors. Then half of the first lap under each degradation.",
+}
+PATIENCE_S = {"planner": 20.0, "localiser": 180.0, "odometry": 180.0}
+CHECK_PATIENCE_S = 120.0
+Tell = Callable[[str], None]
+
+
+@dataclass
+class Card:
+    """content: what card.json holds. heard: part -> what it did, for the pictures."""
+
+    content: dict[str, Any]
+    heard: dict[str, Heard] = field(default_factory=dict)
+
+    @property
+    def passes(self) -> bool:
+        return bool(self.content["passes"])
+
+
+def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None) -> Card:
+    """The card of `kind=name` with these settings. tell: hears what is under way. Raises ConfigError for a kind that has
+    none."""
+    if kind not in (*KINDS, DEGRADE):
+        raise ConfigError(f"card: a {kind} has no card; there is one for {', '.join([*KINDS, DEGRADE])}")
+    tell("contract")
+    content: dict[str, Any] = {
+        "part": f"{kind}={name}", "from": " and ".join(origin.distribution for origin in registry.origins(kind, name)),
+        "settings": plain_settings.plain(settings), "commit": commit(), "versions": versions(),
+        "contract": contract(kind, settings)}
+    card = Card(content)
+    if kind in MEASURED:
+        measure(card, kind, {name: settings} | references(kind, name), tell)
+    content["verdict"] = verdict(content)
+    content["passes"] = all(one["holds"] for one in content["contract"]) and not content.get("faults") and not any(
+        content.get("ended", {}).get(part) for part in [content["part"]])
+    card.content = without_nan(content)
+    return card
+
+
+def contract(kind: str, settings: Any) -> list[dict[str, Any]]:
+    """Every check of rhs.testing, whether it holds and why not."""
+    todo = checks(kind)
+
+    def work() -> Iterator[tuple[str, str]]:
+        for name, check in todo.items():
+            with tempfile.TemporaryDirectory() as folder:
+                try:
+                    check(settings, Path(folder))
+                    yield name, ""
+                except AssertionError as error:
+                    yield name, " ".join(str(error).split()) or "it does not hold"
+
+    heard = apart(work, patience_s=CHECK_PATIENCE_S)
+    said = dict(heard.items)
+    return [{"check": name.replace("_", " "), "holds": said.get(name) == "",
+             "why": said.get(name, heard.ended or "not reached")} for name in todo]
+
+
+def references(kind: str, but: str) -> dict[str, Any]:
+    """First-party parts to stand beside, with their defaults; those that cannot be used here are left out."""
+    return {name: registry.load(kind, name)() for name in REFERENCES[kind]
+            if name != but and name in registry.names(kind) and registry.failure(kind, name) is None}
+
+
+def measure(card: Card, kind: str, parts: dict[str, Any], tell: Tell) -> None:
+    """The figures of the part and of those beside it, each in a process of its own."""
+    module, content = MEASURED[kind], card.content
+    module.prepare()
+    content |= {"standard_set": STANDARD_SET[kind], "columns": module.COLUMNS, "figures": {}, "ended": {}}
+    for name, settings in parts.items():
+        part = f"{kind}={name}"
+        tell(part)
+        work = partial(module.work, settings, degraded=part == content["part"])
+        heard = card.heard[part] = apart(work, patience_s=PATIENCE_S[kind])
+        content["figures"][part] = module.figures(heard)
+        content["ended"][part] = heard.ended
+    content |= module.details(card.heard[content["part"]])
+
+
+def verdict(content: dict[str, Any]) -> list[str]:
+    """What the card says, in sentences."""
+    failed = [one for one in content["contract"] if not one["holds"]]
+    count = len(content["contract"])
+    said = [f"breaks its contract in {len(failed)} of {count} checks: {', '.join(one['check'] for one in failed)}" if failed
+            else f"keeps its contract ({count} checks)"]
+    ended = content.get("ended", {}).get(content["part"])
+    if "faults" in content:
+        faults = [f"{one['says']} ({one['times']} of {content['answers']} answers)" for one in content["faults"]]
+        said += faults or [f"no fault in {content['answers']} answers"]
+    if ended:
+        said.append(f"did not come to its end on the standard set: {ended}")
+    figures = content.get("figures", {}).get(content["part"], {})
+    if "wrong_sure_share" in figures:
+        said.append(f"wrong and sure of it in {100 * figures['wrong_sure_share']:.1f} % of views, "
+                    f"right in {100 * figures['right_share']:.0f} %")
+    if math.isfinite(figures.get("within_95_share", math.nan)):
+        held = figures["within_95_share"]
+        said.append(f"{100 * held:.0f} % of its errors within the ellipse that should hold 95 %"
+                    + (": too sure of itself" if held < 0.9 else ""))
+    for one in content.get("breaks", []):
+        if one["breaks_at"] is not None:
+            said.append(f"half is lost at {one['dial']}={one['breaks_at']:g}")
+    return said
+
+
+def without_nan(value: Any) -> Any:
+    """The value with NaN and infinity, which JSON does not know, as null."""
+    if isinstance(value, dict):
+        return {name: without_nan(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def table(content: dict[str, Any]) -> tuple[list[str], Sequence[Sequence[str]]]:
+    """Names and cells of the figures, the part itself first."""
+    names = [name for name in content.get("columns", {}) if any(name in found for found in content["figures"].values())]
+    return ["part", *names], [[part, *(short(found.get(name)) for name in names)]
+                              for part, found in content.get("figures", {}).items()]
+
+
+def short(value: Any) -> str:
+    """A figure in three digits; a dash for one that nobody knows."""
+    return "-" if value is None or value != value else f"{value:.3g}" if isinstance(value, float) else str(value)

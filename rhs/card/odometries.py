@@ -1,0 +1,131 @@
+"""Odometries in four small rooms: how wrong a motion is, and whether its covariance says so."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from rhs.api.contracts import complete
+from rhs.api.geometry import inverse, log_se3
+from rhs.api.records import Tracking
+from rhs.api.validate import check_motion
+from rhs.testing.room import CORRIDOR, FURNISHED, HALL, TUBE, Room, context, for_part
+
+from .apart import Heard
+from .laps import LAP, STRAIGHT, Seen, breaks_at, levels, round_room, spoiled, stretch
+
+DRIVES = {"room": (round_room(HALL), LAP), "furnished room": (round_room(FURNISHED), LAP), "corridor": (CORRIDOR, STRAIGHT),
+          "tube": (TUBE, STRAIGHT)}
+SHORT = 32  # views of the drive that is spoiled
+PLANE = [0, 1, 5]
+CHI2_95 = 7.8147  # of three dimensions
+GOOD_M, GOOD_RAD = 0.02, np.radians(1.0)  # a motion of 0.13 m
+COLUMNS = {
+    "ok_share": "motions with status ok",
+    "error_m": "error of the position of a motion that is ok, RMSE, of 0.13 to 0.15 m driven",
+    "error_deg": "error of its turn, RMSE, of up to 6 degrees",
+    "drift_pct": "error of the whole way at its end, share of the way: of motions that are ok and those that are not",
+    "nees": "normalised squared error per dimension of motions that are ok, mean: 1 is honest, more is too sure",
+    "within_95_share": "of these, errors within the ellipse that holds 95 of 100 honest ones",
+    "update_ms": "CPU time of a view, median",
+    "memory_mb": "memory taken beyond the process it began in",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """One drive. errors (N, 3): x, y, yaw of each motion; nees (N,): squared, normalised, of three dimensions; ok (N,).
+    level: instead, (dial, level, share of motions that are good)."""
+
+    room: str
+    errors: np.ndarray
+    nees: np.ndarray
+    ok: np.ndarray
+    drift: float
+    cpu_ms: np.ndarray
+    level: tuple[str, float, float] | None = None
+
+    @property
+    def good(self) -> float:
+        """Share of the motions that are ok and right."""
+        right = (np.hypot(self.errors[:, 0], self.errors[:, 1]) < GOOD_M) & (np.abs(self.errors[:, 2]) < GOOD_RAD)
+        return float((self.ok & right).mean())
+
+
+def prepare() -> None:
+    """Look at every room once, for all parts."""
+    for room, steps in DRIVES.values():
+        stretch(room, steps, 1)
+
+
+def work(settings: Any, *, degraded: bool = True) -> Iterator[Driven]:
+    """Every drive, then, if asked for, half of the first one under each degradation."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for title, (room, steps) in DRIVES.items():
+            yield driven(settings, title, room, stretch(room, steps, 1), folder)
+        room, steps = DRIVES["room"]
+        views = stretch(room, steps, 1)[:SHORT]
+        for dial, level, degradation in levels(folder) if degraded else ():
+            found = driven(settings, "room", room, spoiled(views, degradation), folder)
+            yield Driven("", found.errors, found.nees, found.ok, found.drift, found.cpu_ms, (dial, level, found.good))
+
+
+def driven(settings: Any, title: str, room: Room, views: Sequence[Seen], folder: Path) -> Driven:
+    """One drive, every motion held against the truth."""
+    part = complete("odometry", settings.build(context(folder, 0, room)))
+    motions, cpu_ms = [], []
+    for one in views:
+        began = process_time()
+        motions.append(check_motion(part.update(for_part(settings, one.observation)), who="update()"))
+        cpu_ms.append(1e3 * (process_time() - began))
+    said, way_m, errors, nees = np.eye(4), 0.0, [], []
+    for before, now, motion in zip(views[:-1], views[1:], motions[1:], strict=True):
+        moved = inverse(before.world_from_body) @ now.world_from_body
+        said, way_m = said @ motion.previous_from_body, way_m + float(np.linalg.norm(moved[:3, 3]))
+        error = log_se3(inverse(moved) @ motion.previous_from_body)[PLANE]
+        errors.append(error)
+        nees.append(error @ np.linalg.solve(motion.covariance[np.ix_(PLANE, PLANE)], error))
+    true = inverse(views[0].world_from_body) @ views[-1].world_from_body
+    return Driven(title, np.array(errors), np.array(nees), np.array([m.status is Tracking.OK for m in motions[1:]]),
+                  float(np.linalg.norm(said[:3, 3] - true[:3, 3])) / way_m, np.array(cpu_ms))
+
+
+def figures(heard: Heard) -> dict[str, float]:
+    """The columns, over the drives in which at least half of the motions were ok; NaN where there is none."""
+    every = [one for one in heard.items if one.level is None]
+    if not every:
+        return {}
+    found = [one for one in every if one.ok.mean() >= 0.5]
+    nan = float("nan")
+    told = dict.fromkeys(COLUMNS, nan) | {"ok_share": float(np.concatenate([one.ok for one in every]).mean()),
+                                          "memory_mb": heard.memory_mb,
+                                          "update_ms": float(np.median(np.concatenate([one.cpu_ms for one in every])))}
+    if not found:
+        return told
+    errors, nees = (np.concatenate([getattr(one, name)[one.ok] for one in found]) for name in ("errors", "nees"))
+    return told | {"error_m": float(np.sqrt((errors[:, :2]**2).sum(axis=1).mean())),
+                   "error_deg": float(np.degrees(np.sqrt((errors[:, 2]**2).mean()))),
+                   "drift_pct": 100.0 * float(np.mean([one.drift for one in found])),
+                   "nees": float(nees.mean() / len(PLANE)), "within_95_share": float((nees <= CHI2_95).mean())}
+
+
+def details(heard: Heard) -> dict[str, Any]:
+    """The drives one by one, and where it breaks."""
+    drives = {one.room: figures(Heard([one], "", float("nan"))) for one in heard.items if one.level is None}
+    scores: dict[str, list[tuple[float, float]]] = {}
+    for one in heard.items:
+        if one.level is not None:
+            scores.setdefault(one.level[0], []).append(one.level[1:])
+    first = [one for one in heard.items if one.level is None and one.room == "room"]
+    if not first:
+        return {"rooms": drives, "breaks": []}
+    errors, nees, ok = (getattr(first[0], name)[:SHORT - 1] for name in ("errors", "nees", "ok"))
+    whole = Driven("room", errors, nees, ok, 0.0, first[0].cpu_ms).good
+    return {"rooms": drives, "breaks": breaks_at(scores, whole)}

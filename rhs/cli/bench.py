@@ -1,0 +1,92 @@
+"""`python -m rhs bench planning-v1`: a frozen set of questions and a table that anyone makes again, byte for byte.
+
+    python -m rhs bench planning-v1                                   every planner of ours
+    python -m rhs bench planning-v1 --mine planner=x                  yours beside them (also with --plugin)
+    python -m rhs bench planning-v1 --mine planner=prm planner.milestones=500
+        --only                yours alone
+        output=FOLDER         where the table goes (results/bench)
+
+60 questions with three seeds each. Files: planning-v1.csv (a row for each answer, no time in it), planning-v1.md (scores,
+the hash of each planner's rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rhs.base.commands import Arguments
+from rhs.base.errors import ConfigError
+from rhs.config import registry
+
+from .card import asked, say
+
+HOME = Path("results") / "bench"
+SETS = ("planning-v1",)
+
+
+def main(words: Sequence[str]) -> int:
+    """The command."""
+    from rhs.base.provenance import commit
+    from rhs.card import bench
+    from rhs.card.apart import Heard, apart
+
+    chosen = _arguments().parse_intermixed_args(list(words))
+    if chosen.set not in SETS:
+        raise ConfigError(f"bench {chosen.set}: there is {', '.join(SETS)}")
+    planners, folder = _planners(chosen, bench.PLANNERS)
+    questions = bench.frozen_questions()
+    if (digest := bench.digest(questions)) != bench.FROZEN:
+        raise ConfigError(f"bench {chosen.set}: found questions {digest}, expected {bench.FROZEN}: its maps have changed")
+    found: dict[str, Heard] = {}
+    for name, settings in planners.items():
+        say(name)
+        found[name] = apart(partial(bench.work, name, settings, questions), patience_s=bench.PATIENCE_S)
+    say("")
+    command = " ".join(["python -m rhs bench", *words])
+    page = bench.page(found, len(questions) * len(bench.SEEDS), command=command, made_at=commit() or "unknown")
+    _publish(folder, {"md": page, "csv": bench.csv_of([row for heard in found.values() for row in heard.items])})
+    sys.stdout.write(f"{page}\nfiles: {folder}\n")
+    mine = found.get(next(reversed(planners))) if chosen.mine else None
+    return int(mine is not None and (bool(mine.ended) or any(row["fault"] for row in mine.items)))
+
+
+def _publish(folder: Path, texts: dict[str, str]) -> None:
+    from rhs.api.files import replacing
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for suffix, text in texts.items():
+        with replacing(folder / f"{SETS[0]}.{suffix}") as file:
+            file.write(text)
+
+
+def _planners(chosen: argparse.Namespace, ours: Sequence[str]) -> tuple[dict[str, Any], Path]:
+    """Name -> settings, mine last; the folder. Raises ConfigError."""
+    words = [word for word in chosen.overrides if not word.startswith("output=")]
+    folder = next((Path(word.partition("=")[2]) for word in chosen.overrides if word.startswith("output=")), HOME)
+    if words and not chosen.mine or chosen.only and not chosen.mine:
+        raise ConfigError(f"bench: {'--only' if chosen.only else words[0]}: say whose: --mine planner=NAME")
+    planners = {} if chosen.only else {name: registry.load("planner", name)() for name in ours
+                                       if registry.failure("planner", name) is None}
+    if chosen.mine:
+        kind, name, settings, _ = asked([chosen.mine, *words])
+        if kind != "planner":
+            raise ConfigError(f"bench {SETS[0]} --mine {chosen.mine}: expected planner=NAME")
+        title = " ".join([name, *words])
+        planners.pop(title, None)
+        planners[title] = settings
+    return planners, folder
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = Arguments(prog="python -m rhs bench", description=__doc__, allow_abbrev=False,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("set")
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--mine", default="")
+    parser.add_argument("--only", action="store_true")
+    return parser

@@ -1,0 +1,80 @@
+"""`python -m rhs card KIND=NAME [KIND.KEY=VALUE ...] [output=FOLDER]`: one page about one part, of any package.
+
+    python -m rhs card localiser=sift_db
+    python -m rhs --plugin my.py card planner=mine planner.samples=500
+
+Contract (rhs.testing), planted questions or drives with known truth, the same for everybody, ours beside it; calibration,
+break points, CPU time, memory. Files: card.html (one page that needs no other), card.json. Exit code 0 when it keeps its
+contract and no fault was found, 1 otherwise, 2 refused.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rhs.api import settings
+from rhs.api.contracts import PLUGIN_KINDS
+from rhs.base.errors import ConfigError
+from rhs.config import registry
+from rhs.config.overrides import parse, plain_words
+
+HOME = Path("results") / "cards"
+
+
+def main(words: Sequence[str]) -> int:
+    """The command."""
+    from rhs.api.files import replacing
+    from rhs.card.card import card_of, table
+    from rhs.card.page import page_of
+
+    kind, name, chosen, output = asked(words)
+    card = card_of(kind, name, chosen, tell=say)
+    folder = output or HOME / f"{kind}_{name}"
+    folder.mkdir(parents=True, exist_ok=True)
+    with replacing(folder / "card.json") as file:
+        file.write(json.dumps(card.content, indent=1) + "\n")
+    with replacing(folder / "card.html") as file:
+        file.write(page_of(card))
+    say("")
+    for line in card.content["verdict"]:
+        sys.stdout.write(f"{line}\n")
+    names, rows = table(card.content)
+    if rows:
+        widths = [max(len(row[k]) for row in (names, *rows)) for k in range(len(names))]
+        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in (names, *rows)]
+        sys.stdout.write("\n" + "\n".join(lines) + "\n")
+    sys.stdout.write(f"files: {folder}\n")
+    return 0 if card.passes else 1
+
+
+def asked(words: Sequence[str]) -> tuple[str, str, object, Path | None]:
+    """Kind, name and settings of the part, and the folder if one was typed. Raises ConfigError."""
+    found = plain_words(parse(list(words)))
+    output = next((Path(str(word.value)) for word in found if word.key == "output"), None)
+    rest = [word for word in found if word.key != "output"]
+    if not rest or rest[0].key not in PLUGIN_KINDS:
+        raise ConfigError("card: say which part, for example: python -m rhs card planner=prm")
+    kind, name = rest[0].key, str(rest[0].value)
+    cls = registry.load(kind, name)
+    registry.check_requirements(kind, name, cls)
+    stray = [word.text for word in rest[1:] if not word.key.startswith(f"{kind}.")]
+    if stray:
+        raise ConfigError(f"card {stray[0]}: expected settings of {kind}={name}, {kind}.KEY=VALUE, or output=FOLDER")
+    values: dict[str, object] = {}
+    for word in rest[1:]:
+        node = values
+        *above, last = word.key.split(".")[1:]
+        for key in above:
+            node = node.setdefault(key, {})  # type: ignore[assignment]
+        node[last] = word.value
+    return kind, name, settings.make(cls, values, kind), output
+
+
+def say(what: str) -> None:
+    """What is under way, where somebody looks at the terminal."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\033[K{what}" + (" ..." if what else ""))
+        sys.stderr.flush()

@@ -1,0 +1,44 @@
+"""Work in a process of its own, whatever becomes of it."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import numpy as np
+
+from rhs.card.apart import apart
+
+
+def test_what_was_said_before_the_end_is_heard():
+    def ends():
+        yield 1
+        yield 2
+        os._exit(7)
+
+    heard = apart(ends, patience_s=5.0)
+    assert heard.items == [1, 2] and "exit code 7" in heard.ended
+
+
+def test_an_error_is_named_and_a_silence_ends():
+    def raises():
+        yield "first"
+        raise ValueError("of mine")
+
+    def hangs():
+        yield "first"
+        time.sleep(60)
+
+    assert apart(raises, patience_s=5.0).ended == "ValueError: of mine"
+    began = time.monotonic()
+    heard = apart(hangs, patience_s=0.3)
+    assert heard.items == ["first"] and heard.ended == "no answer for 0.3 s" and time.monotonic() - began < 10
+
+
+def test_memory_and_time_are_its_own():
+    def takes():
+        kept = np.ones(8_000_000)  # 61 MiB
+        yield float(kept.sum())
+
+    heard = apart(takes, patience_s=20.0)
+    assert 50 < heard.memory_mb < 150 and heard.cpu_s < 5 and not heard.ended

@@ -1,0 +1,149 @@
+"""The card: honest and dishonest parts by hand-made errors, the page, the command."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import inverse, se2
+from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
+from rhs.card import laps, localisers, odometries, planners
+from rhs.card.apart import Heard
+from rhs.card.card import card_of, verdict
+from rhs.card.laps import Seen
+from rhs.card.page import page_of
+from rhs.card.questions import questions
+from rhs.cli.card import asked, main
+from rhs.config import registry
+from rhs.testing.room import HALL, SHORT, drive
+
+NONE = frozenset()
+
+
+def driven(sigma_m: float, claimed_m: float, count: int = 4000) -> odometries.Driven:
+    """Motions whose errors are of sigma_m and whose covariance says claimed_m."""
+    errors = sigma_m * np.random.default_rng(0).standard_normal((count, 3))
+    return odometries.Driven("room", errors, (errors**2).sum(axis=1) / claimed_m**2, np.ones(count, bool), 0.01,
+                             np.ones(count))
+
+
+def test_an_honest_covariance_holds_95_of_100_errors_and_a_third_of_it_does_not():
+    honest = odometries.figures(Heard([driven(0.01, 0.01)]))
+    assert honest["nees"] == pytest.approx(1.0, abs=0.04) and honest["within_95_share"] == pytest.approx(0.95, abs=0.012)
+    sure = odometries.figures(Heard([driven(0.03, 0.01)]))
+    assert sure["nees"] == pytest.approx(9.0, rel=0.05) and sure["within_95_share"] < 0.2
+    assert sure["error_m"] == pytest.approx(0.03 * np.sqrt(2), rel=0.05)
+    said = verdict({"part": "odometry=mine", "contract": [], "figures": {"odometry=mine": sure}})
+    assert any("too sure of itself" in one for one in said)
+
+
+def believed(offset_m: float, probability: float, sure: bool) -> localisers.Patrolled:
+    """100 views, all believed offset_m ahead of the truth."""
+    views = [Seen(observation, pose) for pose, observation in drive(HALL, SHORT)] * 12
+    status = BeliefStatus.TRACKING if sure else BeliefStatus.LOST
+    said = [Belief(one.world_from_body @ se2(offset_m, 0.0, 0.0), np.diag([0.1] * 6) ** 2, status, probability)
+            for one in views]
+    return localisers.judged("room", views, said, np.ones(len(views)))
+
+
+@pytest.mark.parametrize(("offset_m", "probability", "sure", "wrong_sure", "ece"), [
+    (0.1, 1.0, True, 0.0, 0.0), (0.5, 1.0, True, 1.0, 1.0), (0.5, 0.3, False, 0.0, 0.3)])
+def test_wrong_and_sure_and_the_stated_chances(monkeypatch, offset_m, probability, sure, wrong_sure, ece):
+    one = believed(offset_m, probability, sure)
+    one.beliefs.kidnapped[5] = True
+    found = localisers.figures(Heard([one]))
+    assert found["wrong_sure_share"] == wrong_sure and found["ece"] == pytest.approx(ece)
+    assert found["right_share"] == (offset_m < 0.25)
+    if sure:  # one of three dimensions is offset_m / 0.1 sigmas off
+        assert found["nees"] == pytest.approx((offset_m / 0.1) ** 2 / 3)
+
+
+def test_a_robot_that_is_carried_stands_elsewhere_and_no_motion_says_so():
+    views = localisers.patrol(HALL, 1)
+    carried = [k for k, one in enumerate(views) if one.carried]
+    assert carried == [28, 56] and [one.observation.index for one in views] == list(range(84))
+    for k in carried:
+        jump = np.linalg.norm((inverse(views[k - 1].world_from_body) @ views[k].world_from_body)[:2, 3])
+        assert jump > 1.5
+    steps = [np.linalg.norm((inverse(a.world_from_body) @ b.world_from_body)[:3, 3])
+             for a, b in zip(views, views[1:], strict=False) if not b.carried]
+    assert max(steps) == pytest.approx(laps.AHEAD_M)
+
+
+def test_a_dial_breaks_where_less_than_half_is_left():
+    rows = laps.breaks_at({"a": [(1.0, 0.5), (2.0, 0.39), (3.0, 0.0)], "b": [(1.0, 0.9), (2.0, 0.5)]}, 0.8)
+    assert [row["breaks_at"] for row in rows] == [2.0, None]
+
+
+@dataclass
+class Blind:
+    """An odometry that has never moved and is sure of it."""
+
+    needs: ClassVar[frozenset[str]] = NONE
+    provides: ClassVar[frozenset[str]] = NONE
+
+    def build(self, context):
+        return self
+
+    def update(self, observation):
+        return Motion(np.eye(4), np.diag([1e-4] * 6) ** 2, Tracking.OK)
+
+    def revise(self):
+        return None
+
+
+def test_the_card_of_an_odometry_that_never_moves(monkeypatch):
+    monkeypatch.setattr(odometries, "DRIVES", {"room": (HALL, SHORT)})
+    monkeypatch.setattr("rhs.card.card.REFERENCES", {"odometry": ("wheel",)})
+    monkeypatch.setattr(laps, "DIALS", {"side_light": ("side_share", (0.6,))})
+    card = card_of("odometry", "blind", Blind())
+    assert not card.passes and any(one.startswith("breaks its contract") for one in card.content["verdict"])
+    assert card.content["figures"]["odometry=blind"]["drift_pct"] == pytest.approx(100.0, abs=1.0)
+    assert card.content["figures"]["odometry=wheel"]["drift_pct"] < 5.0
+    page = page_of(card)
+    assert "Card of odometry=blind" in page and page.count("data:image/png;base64") == 2 and 'src="http' not in page
+
+
+def test_the_card_of_a_planner_is_the_same_again_but_for_times(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(planners, "asked", lambda: few)
+    monkeypatch.setattr("rhs.card.card.REFERENCES", {"planner": ("theta_star",)})
+    few = tuple(questions(of_each=1))
+    assert main(["planner=astar", f"output={tmp_path}"]) == 0
+    content = json.loads((tmp_path / "card.json").read_text())
+    assert (tmp_path / "card.html").read_text().startswith("<!doctype html>")
+    assert list(content["figures"]) == ["planner=astar", "planner=theta_star"] and content["answers"] > 12
+    again = planners.figures(Heard(list(planners.work(registry.load("planner", "astar")()))))
+    first = content["figures"]["planner=astar"]
+    assert all(first[name] == value for name, value in again.items() if not name.endswith(("_ms", "_mb")))
+    assert "no fault in" in capsys.readouterr().out
+
+
+def test_a_part_without_a_standard_set_has_its_contract():
+    card = card_of("degrade", "side_light", registry.load("degrade", "side_light")())
+    assert card.passes and card.content["verdict"] == [f"keeps its contract ({len(card.content['contract'])} checks)"]
+    assert "figures" not in card.content and "FAILS" not in page_of(card)
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    ([], "say which part"), (["world=square"], "say which part"), (["planner=astarr"], "did you mean astar"),
+    (["planner=prm", "samples=3"], "expected settings of planner=prm"),
+    (["planner=prm", "planner.link=3"], "did you mean planner.links"),
+    (["planner=prm,rrt"], "several values")])
+def test_what_cannot_have_a_card_is_refused_in_one_line(words, says):
+    with pytest.raises(ConfigError, match=says):
+        asked(words)
+
+
+def test_nested_settings_reach_the_part():
+    kind, name, settings, output = asked(["localiser=sift_db", "localiser.advanced.places.tie=0.2", "output=there"])
+    assert (kind, name, str(output)) == ("localiser", "sift_db", "there") and settings.advanced.places.tie == 0.2
+
+
+def test_a_task_has_no_card():
+    with pytest.raises(ConfigError, match="a task has no card"):
+        card_of("task", "patrol", registry.load("task", "patrol")())
