@@ -104,7 +104,11 @@ class Composer:
     def config(self, words: Sequence[Any]) -> RunConfig:
         """The checked configuration for these words (rhs.config.overrides)."""
         from . import hydra_glue
+        from .overrides import is_of_sweep
 
+        for word in words:
+            if is_of_sweep(word.key):
+                raise ConfigError(f"{word.text}: {word.key} is for the jobs of a sweep; add -m, or leave it out")
         options = [word for word in words if word.is_group]
         key = tuple((word.key, word.value) for word in options)
         if key not in self.trees:
@@ -181,7 +185,7 @@ def _task(values: dict[str, Any]) -> Any:
         raise ConfigError(f"task={name}: choose one of {', '.join(registry.names(TASK))} by task=NAME")
     cls = registry.load(TASK, name)
     registry.check_requirements(TASK, name, cls)
-    taken = [item.name for item in dataclasses.fields(cls) if item.name in (*CORE, *KINDS, SLAM)]
+    taken = [item.name for item in dataclasses.fields(cls) if item.name in (*CORE, *KINDS, SLAM, "engine", "keep")]
     if taken:
         raise PluginError(f"task={name} has a setting called {taken[0]}, which rhs uses itself; rename it")
     return cls
