@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import TextIO
 
 from rhs.base.errors import ConfigError, EngineError, RhsError
+from rhs.base.processes import descendants, kill
 from rhs.config.compose import Composer
 from rhs.config.loose import take_over
 from rhs.config.overrides import Combinations
@@ -139,7 +140,7 @@ def main() -> None:
             chunks.put(line)
         if server.scratch:
             shutil.rmtree(server.scratch, ignore_errors=True)
-        os._exit(0)  # the worker is gone: the jobs end with this process (rhs.sweeps.worker)
+        kill([*descendants(os.getpid()), os.getpid()])  # the worker is gone
 
     threading.Thread(target=listen, daemon=True).start()
     while True:

@@ -5,14 +5,13 @@ configuration: more seeds may be added to a sweep later, what is finished stays;
 contain means that something else changed, and is refused.
 
 Up to MOST_PLANNED jobs are all composed and checked before the first starts. Of a larger sweep the edges are
-(`Combinations.edges`) and some drawn between; each job is then composed when its turn comes, where it runs, and is known by
+(`Combinations.edges`) and some between; each job is then composed when its turn comes, where it runs, and is known by
 its words.
 """
 
 from __future__ import annotations
 
 import json
-import random
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -37,7 +36,8 @@ from .jobs import Job
 MOST_JOBS = 100_000
 MOST_PLANNED = 300  # jobs composed before the first starts
 MOST_EDGES = 40  # values of one axis tried before
-DRAWN = 20  # jobs composed before the first of a larger sweep starts, beside its edges
+DRAWN = 20  # jobs composed before the first of a larger sweep starts, beside its edges; they lie
+GOLDEN = 0.6180339887498949  # this share of the sweep apart, which leaves no large part of it out
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def plan(words: Sequence[str], conf: tuple[Path, ...] = ()) -> Plan:
     composer, count = Composer(conf), len(combinations)
     output = composer.config(combinations[0]).output
     if count > MOST_PLANNED:
-        drawn = random.Random(count).sample(range(count), DRAWN)
+        drawn = [int(count * (GOLDEN * i % 1.0)) for i in range(1, DRAWN)]
         first = [job_of(composer.config(combinations[i]), combinations[i], swept)
                  for i in [*combinations.edges(MOST_EDGES), *drawn]]
     else:
