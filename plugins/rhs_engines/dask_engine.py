@@ -38,7 +38,8 @@ class DaskEngine(Engine):
         """Start or join the cluster."""
         dask.config.set({"distributed.scheduler.allowed-failures": 3,
                          "distributed.worker.preload": [IGNORE_INTERRUPTS]})
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what fails is said by the sweep, in one line
         if not self.settings.address:
             self.cluster = self._batch() if self.settings.cluster else LocalCluster(
                 n_workers=self.width, threads_per_worker=1, memory_limit=0, dashboard_address=None,
@@ -76,4 +77,4 @@ class DaskEngine(Engine):
         for one in (self.client, self.cluster):
             if one is not None:
                 with contextlib.suppress(Exception):
-                    one.close(timeout=1.0 if now else PATIENCE_S)
+                    one.close(timeout=PATIENCE_S / 2 if now else PATIENCE_S)
