@@ -33,7 +33,8 @@ def engine_words(engine: str) -> list[str]:
 
 def start(folder: Path, *words: str) -> subprocess.Popen:
     out = (folder / "out.txt").open("a")
-    return subprocess.Popen([sys.executable, "-m", "rhs", *words], cwd=folder, stdout=out, stderr=out, start_new_session=True)
+    return subprocess.Popen([sys.executable, "-m", "rhs", *words], cwd=folder, stdout=out, stderr=out,
+                            start_new_session=True)
 
 
 def count(folder: Path) -> int:
@@ -81,7 +82,8 @@ def account(sweep: Path, jobs: int) -> str:
     times = Counter(text[text.find('"words"'):][:24] for path in shards(sweep) for text in lines_of(path, torn))
     good = sum(line.row["status"] == "ok" for line in read_lines(shards(sweep), []).values())
     files = sum(len(names) for _, _, names in os.walk(sweep))
-    return f"{good} rows ok, {jobs - len(times)} lost, {sum(times.values()) - len(times)} doubled, {files} files, torn {torn}"
+    return (f"{good} rows ok, {jobs - len(times)} lost, {sum(times.values()) - len(times)} doubled, {files} files, "
+            f"torn {torn}")
 
 
 def measure(engine: str, jobs: int) -> None:
@@ -93,9 +95,9 @@ def measure(engine: str, jobs: int) -> None:
         found = watch(process, Path(place, "s"), jobs)
         took_s = time.monotonic() - begin
         cpu_s = reaped_cpu_s() - before
-        print(f"{engine}: exit {process.returncode}, {jobs} jobs in {took_s:.0f} s, first row after "
-              f"{found['first_s']:.1f} s, {1e3 * cpu_s / jobs:.0f} ms CPU a job in all, driver {found['rss_then_mb']:.0f} MB at "
-              f"the first row, {found['rss_most_mb']:.0f} at most until the last; {account(Path(place, 's'), jobs)}", flush=True)
+        print(f"{engine}: exit {process.returncode}, {jobs} jobs in {took_s:.0f} s, first row after {found['first_s']:.1f} s, "
+              f"{1e3 * cpu_s / jobs:.0f} ms CPU a job in all, driver {found['rss_then_mb']:.0f} MB at the first row, "
+              f"{found['rss_most_mb']:.0f} at most until the last; {account(Path(place, 's'), jobs)}", flush=True)
         if process.returncode:
             print(Path(place, "out.txt").read_text()[-2000:])
 
@@ -131,8 +133,8 @@ def kills(engine: str, jobs: int) -> None:
         process.wait()
         time.sleep(2.0)
         code = start(Path(place), "--resume", "s", "--jobs", "2").wait()
-        print(f"{engine}: killed {len(struck)} worker, the driver at {at} rows, resumed with exit {code}: {account(sweep, jobs)}",
-              flush=True)
+        print(f"{engine}: killed {len(struck)} worker, the driver at {at} rows, resumed with exit {code}: "
+              f"{account(sweep, jobs)}", flush=True)
         if code:
             print(Path(place, "out.txt").read_text()[-2000:])
 
