@@ -29,7 +29,7 @@ from rhs.runfolder.shards import Line, parsed, words_key
 
 from .chunks import Chunk, run_chunk
 from .jobs import GRACE_S, Outcome, alike, shortfall
-from .keep import Keeper
+from .keep import Keeper, wanted
 
 FIRST_JOB_S = 30.0  # a job is taken to last so long until some were measured
 MOST_IN_A_CHUNK = 1000
@@ -183,6 +183,8 @@ class Driver:
             return
         self.seen.add(config)
         self.keeper.take(text)
+        if not wanted(self.chunk.keep, line.row):  # a folder of that name was left by a sweep that was killed here
+            shutil.rmtree(job_folder(Path(self.chunk.folder), line.run), ignore_errors=True)
         status = str(line.row["status"])
         self.outcome.count(line.run, status, shortfall(line.row) if status == "ok" else str(line.row.get("reason") or ""))
         self.told(status)

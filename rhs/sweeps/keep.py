@@ -87,4 +87,4 @@ def refused(words: Sequence[Word], swept: Sequence[str], error: ConfigError) -> 
     row = sound(with_success({**columns, "status": "refused", "reason": str(error)}))
     told = ",".join(word.text for word in words if word.key in swept)
     key = words_key([word.text for word in words])
-    return Line(f"{re.sub(r'[^A-Za-z0-9._=,+-]', '-', told)[:60]}_{key}", key, {}, row)
+    return Line(f"{re.sub(r'[^A-Za-z0-9._=,+-]', '-', told).strip('.-')[:60]}_{key}", key, {}, row)

@@ -52,7 +52,7 @@ class Run:
     limits: Limits
     tell: Tell
     outcome: Outcome = field(default_factory=Outcome)
-    done: Done = field(default_factory=lambda: Done(frozenset(), frozenset()))
+    done: Done = field(default_factory=Done)
     before: int = 0
     repeated: int = 0
 
@@ -67,8 +67,18 @@ class Run:
             self.before = len(self.done.words & self.plan.words_keys)
         else:
             self.before = sum(job.key in self.done.configs for job in self.plan.first)
+            for job in self.plan.first if self.plan.sharded else ():
+                self._adopt(job)
         for _ in range(self.before):
             self.tell("ok", self.outcome)
+
+    def _adopt(self, job: Job) -> bool:
+        """Whether a job ended well in a folder that no shard tells of, as a killed sweep leaves them; it is told of now."""
+        left = job.key in self.done.configs and words_key(job.words) not in self.done.lines
+        left = left and (self.folder / job.name / "row.json").is_file()
+        if left:
+            self.keeper.take_folder(job)
+        return left
 
     def here(self) -> None:
         """Processes of this machine, forked for this process."""
@@ -83,7 +93,7 @@ class Run:
 
     def _composed(self) -> Iterator[Job]:
         """The jobs of a large sweep, each composed when its turn comes."""
-        composer, seen = Composer(self.plan.conf), set(self.done.configs)
+        composer, seen = Composer(self.plan.conf), set(self.done.lines.values())
         for index in self._todo():
             words = self.plan.combinations[index]
             try:
@@ -92,6 +102,10 @@ class Run:
                 self.keeper.take(refused(words, self.plan.swept, error).text())
                 self.outcome.count(" ".join(word.text for word in words), "refused", str(error))
                 self.tell("refused", self.outcome)
+                continue
+            if self._adopt(job):
+                self.before += 1
+                self.tell("ok", self.outcome)
                 continue
             if job.key in seen:
                 self.repeated += 1
@@ -110,7 +124,7 @@ class Run:
         engine = self._engine()
         driver = Driver(engine, self._chunk(token, engine.processes), self.keeper, self.outcome,
                         told=lambda status: self.tell(status, self.outcome), same_failures=self.limits.same_failures,
-                        seen=set(self.done.configs), total=len(self.plan) - self.before)
+                        seen=set(self.done.lines.values()), total=len(self.plan) - self.before)
         (self.folder / token).touch()
         try:
             driver.run(self._words())

@@ -14,8 +14,8 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -205,10 +205,12 @@ def _differences(old: Any, new: Any, key: str = "") -> list[str]:
 
 @dataclass(frozen=True)
 class Done:
-    """Jobs that ended well before we came: hashes of their configurations, keys of their words."""
+    """Jobs that ended well before we came. configs: hashes of their configurations. words: keys of their words, where
+    known. lines: of those in shards, key of the words -> hash of the configuration."""
 
-    configs: frozenset[str]
-    words: frozenset[str]
+    configs: frozenset[str] = frozenset()
+    words: frozenset[str] = frozenset()
+    lines: Mapping[str, str] = field(default_factory=dict)
 
 
 def finished(folder: Path) -> Done:
@@ -221,11 +223,9 @@ def finished(folder: Path) -> Done:
                 words |= {named[path.parent.name]} if path.parent.name in named else set()
         except RhsError:
             continue
-    for key, line in read_lines(shards(folder), []).items():
-        if line.row.get("status") == "ok":
-            words.add(key)
-            configs.add(str(line.row.get("config_hash")))
-    return Done(frozenset(configs), frozenset(words))
+    lines = {key: str(line.row.get("config_hash")) for key, line in read_lines(shards(folder), []).items()
+             if line.row.get("status") == "ok"}
+    return Done(frozenset(configs | {*lines.values()}), frozenset(words | {*lines}), lines)
 
 
 def _named(folder: Path) -> dict[str, str]:
