@@ -97,7 +97,8 @@ def measure(engine: str, jobs: int) -> None:
         cpu_s = reaped_cpu_s() - before
         print(f"{engine}: exit {process.returncode}, {jobs} jobs in {took_s:.0f} s, first row after "
               f"{found['first_s']:.1f} s, {1e3 * cpu_s / jobs:.0f} ms CPU a job in all, driver "
-              f"{found['rss_then_mb']:.0f} MB at the first row, {found['rss_most_mb']:.0f} at most until the last; {account(Path(place, 's'), jobs)}", flush=True)
+              f"{found['rss_then_mb']:.0f} MB at the first row, {found['rss_most_mb']:.0f} at most until the last; "
+              f"{account(Path(place, 's'), jobs)}", flush=True)
         if process.returncode:
             print(Path(place, "out.txt").read_text()[-2000:])
 
