@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import getpass
+import shutil
 import subprocess
 import threading
 import time
@@ -42,6 +43,8 @@ class SlurmEngine(Engine):
         ids = self.folder / "ids"
         if ids.is_file():
             cancel(ids.read_text().split())
+        for left in self.folder.iterdir():
+            left.unlink(missing_ok=True)
         ids.write_text("")
         submit = submitit.AutoExecutor(folder=str(self.folder), cluster="slurm")
         asked: dict[str, Any] = {"timeout_min": self.settings.time_min, "cpus_per_task": self.settings.cpus, "name": "rhs"}
@@ -64,6 +67,8 @@ class SlurmEngine(Engine):
         """Cancel what is out."""
         if self.jobs is not None:
             self.jobs.shutdown(cancel_futures=True)
+        if not now:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 class Submitted(Executor):
