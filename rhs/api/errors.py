@@ -3,6 +3,7 @@
 from rhs.base.errors import (
     ConfigError,
     ContractError,
+    EngineError,
     PluginError,
     RecordingError,
     RhsError,
@@ -11,5 +12,5 @@ from rhs.base.errors import (
     check_ranges,
 )
 
-__all__ = ["ConfigError", "ContractError", "PluginError", "RecordingError", "RhsError", "check_choice", "check_range",
-           "check_ranges"]
+__all__ = ["ConfigError", "ContractError", "EngineError", "PluginError", "RecordingError", "RhsError", "check_choice",
+           "check_range", "check_ranges"]

@@ -23,6 +23,10 @@ class ContractError(RhsError):
     """A part returned something its contract forbids (wrong shape, NaN pose, no status)."""
 
 
+class EngineError(RhsError):
+    """What runs the jobs of a sweep does not work; no job is to blame."""
+
+
 class RecordingError(RhsError):
     """A recording cannot be read or written."""
 

@@ -30,7 +30,7 @@ python -m rhs COMMAND ...                 what is not a run: python -m rhs help 
 
 Options
   -m, --multirun      run every combination of the values given, each in a process of its own
-  --jobs N            processes at a time in a sweep (one per core)
+  --jobs N            processes at a time in a sweep (one per core); workers of another engine
   --timeout SECONDS   a job of a sweep that takes longer is stopped and counted (3600; 0: none)
   --memory-mb N       a job of a sweep that takes more memory is killed and counted (4096, or its share of the machine)
   --retries N         a job of a sweep that was killed, not by these limits, is tried again so often (1)
@@ -43,6 +43,7 @@ Options
   --debug             show the traceback of an error
   --version, -h, --help
 
+In a sweep, engine=NAME says where its jobs run, keep=all|failures|none whose folders stay (failures above 1000 jobs).
 A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 'key=range(10)' and 'planner=glob(*)'.
 Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 and 143 interrupted.
 What the columns of a table mean: python -m rhs help columns
@@ -51,12 +52,12 @@ What the columns of a table mean: python -m rhs help columns
 
 def help_text(words: Sequence[str] = ()) -> str:
     """All of it, or only the parts that the words `kind=name` choose."""
-    wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in CHOICES and "=" in word]
+    wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in (*CHOICES, "engine") and "=" in word]
     if wanted:
         return "\n".join("\n".join(_plugin(kind, name, is_default=False, full=True)) for kind, name in wanted)
     lines = [TOP, "Experiments and stacks", *_folder_lines(), "", "Settings of a run", *_core_settings(), ""]
-    chosen = _defaults()
-    for kind in CHOICES:
+    chosen = _defaults() | {"engine": "process"}
+    for kind in (*CHOICES, "engine"):
         lines += [f"{kind}: {', '.join(registry.names(kind)) or 'none registered'}", ""]
         for name in registry.names(kind):
             lines += _plugin(kind, name, is_default=chosen.get(kind) == name)

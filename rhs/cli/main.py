@@ -21,10 +21,10 @@ import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from rhs.base.commands import plain  # noqa: E402
-from rhs.base.errors import ConfigError, RhsError  # noqa: E402
+from rhs.base.errors import ConfigError, EngineError, RhsError  # noqa: E402
 
 from .commands import command, plugin_files  # noqa: E402
-from .one_run import COMPILES, Terminated, complain, one_run, signal_code  # noqa: E402
+from .one_run import Terminated, complain, one_run, signal_code  # noqa: E402
 
 USAGE = "python -m rhs [options] key=value ..."
 
@@ -145,7 +145,8 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     if arguments.resume:
         before = sweep.recall(Path(arguments.resume))
         typed = {word.partition("=")[0] for word in words}
-        words = [word for word in before["words"] if word.partition("=")[0] not in {*typed, "output"}] + words
+        words = [word for word in before["words"] if word.partition("=")[0] not in {*typed, "output"}
+                 and not ("engine" in typed and word.startswith("engine."))] + words
         match(words)
         folders = folders or tuple(map(Path, before["conf"]))
         words.append(f"output={_quoted(arguments.resume)}")
@@ -169,43 +170,32 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
 
 def _run_sweep(plan, folder: Path, limits) -> int:
     """Run the plan under one progress bar, then say what became of it."""
-    from tqdm import tqdm
-
-    from rhs.sweeps import sweep
-    from rhs.sweeps.worker import COMPILING
+    from rhs.sweeps import running
 
     from . import say
+    from .progress import Progress
 
-    counts: dict[str, int] = {}
-    with tqdm(total=len(plan.jobs), unit="job", disable=None, dynamic_ncols=True) as shown:
-        def tell(job, status: str) -> None:
-            if status == COMPILING:
-                tqdm.write(COMPILES, file=sys.stderr)
-                return
-            counts[status] = counts.get(status, 0) + 1
-            shown.set_postfix(counts, refresh=False)
-            shown.update()
-
-        try:
-            report = sweep.run_plan(plan, folder, limits, tell=tell)
-        except KeyboardInterrupt as error:
-            shown.close()
-            print("\n".join(error.report.lines()))  # type: ignore[attr-defined]
-            print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
-            raise
+    progress = Progress(len(plan))
+    try:
+        report = running.run_plan(plan, folder, limits, tell=progress.tell)
+    except (KeyboardInterrupt, EngineError) as error:
+        progress.close()
+        print("\n".join(error.report.lines()))  # type: ignore[union-attr]
+        print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
+        raise
+    progress.close()
     try:
         print(say.of_sweep(folder))
     except Exception as error:  # the account below is printed all the same
         said = str(error) if isinstance(error, RhsError) else f"{type(error).__name__}: {error}"
         print(f"no table: {plain(said)}")
-    if plan.repeated:
-        print(f"{plan.repeated} combinations gave a configuration that was there already; each ran once")
+    if report.repeated:
+        print(f"{report.repeated} combinations gave a configuration that was there already; each ran once")
     print("\n".join(report.lines()))
     print(f"files: {folder}")
     if not report.complete:
-        failed = sum(status != "ok" for status in report.status.values()) or sum(report.reasons.values())
-        print(f"rhs: {failed} of {len(report.status)} jobs did not end well; see job.log in their folders and "
-              f"{folder}/jobs.json", file=sys.stderr)
+        print(f"rhs: {report.failed} of {sum(report.counts.values())} jobs did not end well; see job.log in their folders "
+              f"and {folder}/jobs.json", file=sys.stderr)
     return 0 if report.complete else 3
 
 

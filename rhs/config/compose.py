@@ -106,8 +106,12 @@ class Composer:
         """The checked configuration for these words (rhs.config.overrides)."""
         from . import hydra_glue
         from .degraded import with_owners
+        from .overrides import is_of_sweep
 
         words = with_owners(words)
+        for word in words:
+            if is_of_sweep(word.key):
+                raise ConfigError(f"{word.text}: {word.key} is for the jobs of a sweep; add -m, or leave it out")
         options = [word for word in words if word.is_group]
         key = tuple((word.key, word.value) for word in options)
         if key not in self.trees:
@@ -184,7 +188,8 @@ def _task(values: dict[str, Any]) -> Any:
         raise ConfigError(f"task={name}: choose one of {', '.join(registry.names(TASK))} by task=NAME")
     cls = registry.load(TASK, name)
     registry.check_requirements(TASK, name, cls)
-    taken = [item.name for item in dataclasses.fields(cls) if item.name in (*CORE, *KINDS, SLAM, DEGRADE)]
+    ours = (*CORE, *KINDS, SLAM, DEGRADE, "engine", "keep")
+    taken = [item.name for item in dataclasses.fields(cls) if item.name in ours]
     if taken:
         raise PluginError(f"task={name} has a setting called {taken[0]}, which rhs uses itself; rename it")
     return cls

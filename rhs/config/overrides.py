@@ -27,11 +27,12 @@ from .composed import JOINED, names_in
 
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
+MOST_READ = 2_000  # words kept as read
 SAME = {"hydra.run.dir": "output", "hydra.sweep.dir": "output"}  # words of Hydra's own that mean one of ours
 # Words of earlier versions: what is typed instead. They are taken, with a warning, for two minor versions.
 DEPRECATED = {"loop_closer=one_eye": "loop_closer=monocular", "unroll.bend=told": "unroll.bend=given",
               "source.renderer=tiny": "source.renderer=tinyrenderer"}
-INSTEAD = {"hydra.launcher": "--jobs N",
+INSTEAD = {"hydra.launcher=submitit": "engine=slurm", "hydra.launcher": "--jobs N, or engine=dask and the like",
            "hydra.verbose": "--debug", "hydra.output_subdir": "output=FOLDER", "hydra.job": "output=FOLDER"}
 
 
@@ -54,6 +55,11 @@ class Zip:
 
     input_line: str
     columns: tuple[Override, ...]
+
+
+def is_of_sweep(key: str) -> bool:
+    """Whether a word says where the jobs of a sweep run and what stays of them, not what a run does."""
+    return key in ("engine", "keep") or key.startswith("engine.")
 
 
 def parse(words: Sequence[str]) -> list[Override | Zip]:
@@ -129,7 +135,7 @@ def _hydra_key(word: str, key: str) -> ConfigError:
     head = ".".join(key.split(".")[:2])
     if head not in known:
         return ConfigError(f"{word}: unknown key {key}{nearest(head, known)}")
-    hint = next((value for prefix, value in INSTEAD.items() if key.startswith(prefix)), None)
+    hint = next((value for prefix, value in INSTEAD.items() if word.replace("/", ".").startswith(prefix)), None)
     return ConfigError(f"{word}: rhs runs its jobs itself and takes no settings of Hydra's"
                        + (f"; type {hint}" if hint else ""))
 
@@ -144,26 +150,76 @@ def plain_words(overrides: Sequence[Override | Zip]) -> list[Word]:
     return words
 
 
-def sweep_words(overrides: Sequence[Override | Zip], *, most: int) -> list[list[Word]]:
-    """One list of words per job: the product of all sweeps, the first key slowest. Raises ConfigError, before any is
-    written out, for none and for more than `most`."""
+def sweep_words(overrides: Sequence[Override | Zip], *, most: int) -> Combinations:
+    """The words of each job: the product of all sweeps, the first key slowest. Raises ConfigError, before any is written
+    out, for none and for more than `most`."""
     count = math.prod(map(_length, overrides))
     if count > most:
         raise ConfigError(f"this sweep has {count:.6g} jobs; at most {most} are run at once")
-    choices = [list(zip(*map(_values, item.columns), strict=True)) if isinstance(item, Zip) else
-               [(word,) for word in _values(item)] for item in overrides]
-    if not all(choices):
+    axes: list[list[tuple[str, ...]]] = [list(zip(*map(_texts, item.columns), strict=True)) if isinstance(item, Zip) else
+            [(text,) for text in _texts(item)] for item in overrides]
+    if not all(axes):
         raise ConfigError("this sweep has no jobs: one of its ranges is empty")
-    return [list(itertools.chain(*job)) for job in itertools.product(*choices)]
+    found = Combinations(axes)
+    if len(found) <= MOST_READ:
+        found.words_of([text for axis in axes for values in axis for text in values])
+    return found
 
 
-def _values(item: Override) -> list[Word]:
-    """A word for each value of an override."""
+class Combinations(Sequence[list["Word"]]):
+    """The words of every job of a sweep, each read when it is asked for: a sweep of 100,000 jobs begins at once."""
+
+    def __init__(self, axes: list[list[tuple[str, ...]]]) -> None:
+        self._axes = axes
+        self._count = math.prod(map(len, axes))
+        self._parser = OverridesParser.create()
+        self._read: dict[str, Word] = {}
+
+    def __len__(self) -> int:
+        return self._count
+
+    def texts(self, index: int) -> tuple[str, ...]:
+        """The words of a job as one would type them."""
+        chosen: list[tuple[str, ...]] = []
+        for axis in reversed(self._axes):
+            index, place = divmod(index, len(axis))
+            chosen.append(axis[place])
+        return tuple(itertools.chain.from_iterable(reversed(chosen)))
+
+    def __getitem__(self, index: Any) -> Any:
+        if not isinstance(index, int):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        return self.words_of(self.texts(index))
+
+    def words_of(self, texts: Sequence[str]) -> list[Word]:
+        """Words that were read from texts; most of them many times over, and so kept."""
+        for text in texts:
+            if text not in self._read:
+                if len(self._read) > MOST_READ:
+                    self._read.clear()
+                one = _parse_one(self._parser, text)
+                self._read[text] = _word(one, one.value())
+        return [self._read[text] for text in texts]
+
+    def edges(self, most: int) -> list[int]:
+        """Jobs that show whether the words are right: the first, the last, and each value beside the first of the others;
+        of an axis of more than `most` values its first, its last and some between."""
+        found, step = {0, len(self) - 1}, 1
+        for axis in reversed(self._axes):
+            places = range(len(axis))
+            shown = places if len(places) <= most else {*places[:: len(places) // (most - 1)], places[-1]}
+            found |= {step * place for place in shown}
+            step *= len(axis)
+        return sorted(found)
+
+
+def _texts(item: Override) -> list[str]:
+    """A word for each value of an override, as text."""
     if not item.is_sweep_override():
-        return [_word(item, item.value())]
-    texts = [f"{item.key_or_group}={text}" for text in item.sweep_string_iterator()]
-    parser = OverridesParser.create()
-    return [_word(one, one.value()) for one in (_parse_one(parser, text) for text in texts)]
+        return [item.input_line or ""]
+    return [f"{item.key_or_group}={text}" for text in item.sweep_string_iterator()]
 
 
 def _length(item: Override | Zip) -> float:

@@ -19,10 +19,12 @@ from typing import TYPE_CHECKING
 from rhs.base.commands import Arguments, answered, plain
 from rhs.base.errors import ConfigError, RhsError
 from rhs.config.dictionary import kind_of
+from rhs.runfolder import shards
 from rhs.runfolder.row import KEYS, column_rank, machine_dependent, read_row
 from rhs.runfolder.row import canonical_hash as canonical_hash
 from rhs.runfolder.row import write_row as write_row
 
+from .cache import read_cache
 from .varied_settings import varied_settings
 
 if TYPE_CHECKING:
@@ -35,6 +37,11 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 def find_rows(folders: Iterable[Path | str]) -> Iterator[Path]:
     """row.json files under the folders, in a fixed order; what an interrupted writer left is passed over."""
+    return (path for path in _find(folders) if path.name == "row.json")
+
+
+def _find(folders: Iterable[Path | str]) -> Iterator[Path]:
+    """row.json files, and the folders of sweeps whose rows are in shards (rhs.runfolder.shards)."""
     for folder in folders:
         if not Path(folder).is_dir():
             raise ConfigError(f"{folder} is not a folder; give run or sweep folders, for instance results/runs")
@@ -42,6 +49,8 @@ def find_rows(folders: Iterable[Path | str]) -> Iterator[Path]:
             names[:] = sorted(n for n in names if ".tmp-" not in n)
             if "row.json" in (*files, *names):  # also a folder of that name: it is reported and not passed over
                 yield Path(root) / "row.json"
+            if "sweep.json" in files and shards.FOLDER in names:
+                yield Path(root)
 
 
 def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) -> pandas.DataFrame:
@@ -50,9 +59,12 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
     Settings that differ between the runs are columns too (`planner.samples`).
     A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
     """
-    found: dict[str, dict[str, object]] = {}
+    paths = list({path.resolve(): path for path in _find(folders)}.values())  # a folder named twice counts once
+    if (cached := read_cache(paths)) is not None:
+        return cached
     complaints: list[str] = []
-    for path in {path.resolve(): path for path in find_rows(folders)}.values():  # a folder named twice counts once
+    found, varied = _lines([path for path in paths if path.name != "row.json"], complaints)
+    for path in [path for path in paths if path.name == "row.json" and str(path.parent) not in found]:
         try:
             found[str(path.parent)] = read_row(path)
         except RhsError as error:
@@ -62,8 +74,23 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
         raise RhsError(complaints[0])
     unreadable = complaints if unreadable is None else unreadable
     unreadable += complaints
-    varied = varied_settings(list(found)) if len(found) > 1 else {}
+    varied |= varied_settings([folder for folder in found if folder not in varied]) if len(found) > 1 else {}
     return frame({folder: {**row, **varied.get(folder, {})} for folder, row in found.items()})
+
+
+Rows = dict[str, dict[str, object]]
+
+
+def _lines(sweeps: Iterable[Path], complaints: list[str]) -> tuple[Rows, Rows]:
+    """Rows, and settings that were varied, of the runs that shards tell of; by what would be the run's folder."""
+    found: Rows = {}
+    varied: Rows = {}
+    for sweep in sweeps:
+        for line in shards.read_lines(shards.shards(sweep), complaints).values():
+            folder = str(sweep / line.run)
+            found[folder] = dict(line.row)
+            varied[folder] = {key: value for key, value in line.set.items() if key not in line.row}
+    return found, varied
 
 
 def some_rows(folders: Iterable[Path | str], unreadable: list[str]) -> pandas.DataFrame:
@@ -80,7 +107,7 @@ def some_rows(folders: Iterable[Path | str], unreadable: list[str]) -> pandas.Da
 def _odd_ones_out(found: dict[str, dict[str, object]]) -> list[str]:
     """Take out rows that have text where most have a number, or the reverse; complaints."""
     complaints = []
-    for name in sorted({name for row in found.values() for name in row if kind_of(name) != "word"}):
+    for name in sorted(name for name in {name for row in found.values() for name in row} if kind_of(name) != "word"):
         text = [folder for folder, row in found.items() if isinstance(row.get(name), str)]
         other = [folder for folder, row in found.items() if row.get(name) is not None and folder not in set(text)]
         for folder in (text if len(text) <= len(other) else other) if text and other else ():
@@ -94,17 +121,19 @@ def frame(found: dict[str, dict[str, object]]) -> pandas.DataFrame:
     import pandas as pd
 
     columns = sorted({"status", "reason", *KEYS, *(name for row in found.values() for name in row)}, key=column_rank)
-    order = sorted(found, key=lambda run: _row_rank(found[run]))
+    order = _in_order(found)
     data = {name: _typed(name, [found[run].get(name) for run in order]) for name in columns}
     return pd.DataFrame(data, index=pd.Index(order, name="run", dtype="str"), columns=columns)
 
 
-def _row_rank(row: dict[str, object]) -> tuple:
-    keys = []
-    for name in KEYS:
-        value = row.get(name)
-        keys.append((isinstance(value, str), value if isinstance(value, int | float) else 0, str(value)))
-    return *keys, canonical_hash(row)
+def _in_order(found: dict[str, dict[str, object]]) -> list[str]:
+    """The runs by what was run; those that are alike in that by the hash of their rows."""
+    alike: dict[tuple, list[str]] = {}
+    for run, row in found.items():
+        alike.setdefault(tuple((isinstance(value, str), value if isinstance(value, int | float) else 0, str(value))
+                               for value in map(row.get, KEYS)), []).append(run)
+    return [run for key in sorted(alike) for run in
+            (sorted(alike[key], key=lambda run: canonical_hash(found[run])) if len(alike[key]) > 1 else alike[key])]
 
 
 def _typed(name: str, values: Sequence[object]):

@@ -59,6 +59,11 @@ def sound(columns: Mapping[str, object]) -> dict[str, object]:
     return good | {"row_failures": "; ".join(bad)[:LONGEST_TEXT]} if bad else good
 
 
+def encoded(row: Mapping[str, object]) -> str:
+    """The row as one line of JSON, unknown as null, infinity as 1e999."""
+    return "{" + ", ".join(f"{json.dumps(name)}: {_encode(name, value)}" for name, value in row.items()) + "}"
+
+
 def write_row(folder: Path, row: Mapping[str, object]) -> Path:
     """Write row.json: fixed order, one value per line, unknown as null, infinity as 1e999 (which JSON allows)."""
     path = Path(folder) / "row.json"

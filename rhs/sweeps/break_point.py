@@ -19,7 +19,7 @@ from rhs.config.overrides import Word, parse, sweep_words, swept_keys
 from rhs.metrics.threshold import Dial, Posterior, Threshold, dial_between, in_words
 from rhs.runfolder.row import read_row
 
-from .jobs import Job, Limits, run_jobs
+from .jobs import Job, Limits, asked_for, run_jobs
 from .sweep import job_of
 
 MOST_COMBINATIONS = 200
@@ -106,7 +106,8 @@ def run_plan(found: Plan, folder: Path, limits: Limits, *, runs: int, tell: Call
     for first in range(0, runs, at_once):
         count = min(at_once, runs - first)
         batch = [(search, value, job) for search in found.searches for value, job in _jobs(found, search, first, count)]
-        run_jobs([job for _, _, job in batch], folder, limits, tell=tell)
+        jobs = [job for _, _, job in batch]
+        run_jobs(jobs, folder, limits, tell=tell, preload=asked_for(jobs))
         for search, value, job in batch:
             _learn(search, found.dial.level(value), folder / job.name)
     return [account(search, found.dial) for search in found.searches]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rhs.base.errors import ConfigError
 from rhs.runfolder.folders import claim_sweep
 
-from . import sweep
+from . import running, sweep
 from .jobs import Limits, processes
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, time
     plan = sweep.plan(typed)
     with claim_sweep(plan.output) as claim:
         sweep.remember(plan, claim.folder)
-        sweep.run_plan(plan, claim.folder, Limits(jobs or processes(), timeout_s), tell=lambda job, status: None)
+        running.run_plan(plan, claim.folder, Limits(jobs or processes(), timeout_s), tell=lambda status, outcome: None)
         return rows([claim.folder])
 
 

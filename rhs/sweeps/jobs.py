@@ -11,6 +11,7 @@ that fell to the server (rhs.base.processes).
 from __future__ import annotations
 
 import contextlib
+import itertools
 import multiprocessing
 import os
 import shutil
@@ -18,7 +19,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -46,6 +47,7 @@ from .worker import COMPILING, Task, work
 GRACE_S = 10.0  # a job told to stop has so long to write down what it has
 LINGER_S = 2.0  # a job that has written its row has so long to end
 MEMORY_MB = 4096.0  # of one job, where the machine has as much for each
+MOST_NAMED = 2_000  # jobs and reasons remembered by name
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
 PRELOAD = ["rhs.patrol.run", "rhs.patrol.job", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
            "scipy.spatial.transform", "rosbags.typesys", "mcap.writer", "matplotlib.backends.backend_agg",
@@ -60,6 +62,7 @@ class Job:
     name: str
     config: RunConfig
     words: tuple[str, ...]
+    varied: Mapping[str, Any] = field(default_factory=dict)  # settings that the sweep varies, as columns of the table
 
     @property
     def key(self) -> str:
@@ -90,18 +93,22 @@ class Limits:
 
 @dataclass
 class Outcome:
-    """What became of each job of a sweep, by name; jobs that were never started are missing."""
+    """What became of the jobs of a sweep; jobs that were never started are missing."""
 
-    status: dict[str, str] = field(default_factory=dict)
+    counts: Counter = field(default_factory=Counter)  # jobs by status
+    status: dict[str, str] = field(default_factory=dict)  # by name, of the first MOST_NAMED
     reasons: Counter = field(default_factory=Counter)
     stopped: str = ""  # why not every job was started
+    workers: int | None = None  # alive, where somebody knows
 
     def count(self, name: str, status: str, reason: str) -> None:
-        self.status[name] = status
-        if status != "ok":
-            self.reasons[f"{status}: {reason}"] += 1
-        elif reason:  # it ended, without what was asked of it
-            self.reasons[f"ok, but {reason}"] += 1
+        """Take in one job that is over."""
+        self.counts[status] += 1
+        if len(self.status) < MOST_NAMED:
+            self.status[name] = status
+        told = f"{status}: {reason}" if status != "ok" else f"ok, but {reason}"
+        if status != "ok" or reason:  # it ended, without what was asked of it
+            self.reasons[told if told in self.reasons or len(self.reasons) < MOST_NAMED else "other reasons"] += 1
 
 
 @dataclass
@@ -118,22 +125,24 @@ class _Running:
     compiling: bool = False
 
 
-def run_jobs(jobs: Sequence[Job], sweep: Path, limits: Limits, *, tell: Callable[[Job, str], None]) -> Outcome:
-    """Run the jobs in folders under `sweep`; `tell(job, status)` after each. Ctrl-C once: what runs is asked to finish
-    its files; twice: it is killed. Either way the exception is raised again when all processes are gone, with the
-    outcome so far as its `outcome`."""
-    pool = _Pool(list(jobs)[::-1], sweep, limits, tell)
+def run_jobs(jobs: Iterable[Job], sweep: Path, limits: Limits, *, tell: Callable[[Job, str], None],
+             preload: Sequence[str] = (), outcome: Outcome | None = None) -> Outcome:
+    """Run the jobs in folders under `sweep`, taking the next one when it may start; `tell(job, status)` after each.
+    preload: what `asked_for` says of them. outcome: to be added to. Ctrl-C once: what runs is asked to finish its files;
+    twice: it is killed. Either way the exception is raised again when all processes are gone."""
+    pool = _Pool(iter(jobs), sweep, limits, tell)
+    pool.outcome = outcome or pool.outcome
+    pool.context.set_forkserver_preload([*PRELOAD, *preload])
     try:
-        while pool.waiting or pool.running:
+        while True:
             pool.fill()
-            if pool.outcome.stopped and not pool.running:
+            if not pool.running:
                 break
             wait([one.process.sentinel for one in pool.running], timeout=0.2)
             pool.collect()
-            pool.outcome.stopped = _alike(pool.outcome, limits)
-    except (KeyboardInterrupt, Exception) as error:
+            pool.outcome.stopped = alike(pool.outcome, limits.same_failures)
+    except (KeyboardInterrupt, Exception):
         pool.stop()
-        error.outcome = pool.outcome  # type: ignore[union-attr]
         raise
     finally:
         pool.close()
@@ -149,32 +158,42 @@ def asked_for(jobs: Sequence[Job]) -> list[str]:
 class _Pool:
     """The jobs that wait and those that run."""
 
-    def __init__(self, waiting: list[Job], sweep: Path, limits: Limits, tell: Callable[[Job, str], None]) -> None:
-        self.waiting, self.sweep, self.limits, self.tell = waiting, sweep, limits, tell
+    def __init__(self, coming: Iterator[Job], sweep: Path, limits: Limits, tell: Callable[[Job, str], None]) -> None:
+        self.coming, self.sweep, self.limits, self.tell = coming, sweep, limits, tell
+        self.next: list[Job] = []  # to be started before what comes
+        self.last: list[Job] = []  # and after it
         self.running: list[_Running] = []
+        self.left = _left_by_key(sweep)
         self.outcome = Outcome()
         self.compiling = False
         self.tries: Counter = Counter()
         self.suspects: set[str] = set()  # ran when the server was killed: they are tried again, last and alone
         self.context = multiprocessing.get_context("forkserver")
-        self.context.set_forkserver_preload([*PRELOAD, *asked_for(waiting)])
         self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
 
     def fill(self) -> None:
         """Start as many as may run."""
-        while self.waiting and len(self.running) < self.limits.jobs and not self.outcome.stopped:
-            if self.running and self.suspects & {self.waiting[-1].name, *(one.job.name for one in self.running)}:
+        while len(self.running) < self.limits.jobs and not self.outcome.stopped and self._look_ahead():
+            if self.running and self.suspects & {self.next[-1].name, *(one.job.name for one in self.running)}:
                 return
-            job = self.waiting.pop()
+            job = self.next.pop()
             self.tries[job.name] += 1
             try:
                 self.running.append(self._start(job))
             except (OSError, EOFError, RhsError) as error:  # no room on the disk, or the server was killed just now
                 self._conclude(job, "killed", f"it could not be started: {type(error).__name__}: {error}")
 
+    def _look_ahead(self) -> bool:
+        """Whether there is a job to start; it is the last of `next`."""
+        if not self.next:
+            self.next.extend(itertools.islice(self.coming, 1))
+        if not self.next and self.last:
+            self.next.append(self.last.pop(0))
+        return bool(self.next)
+
     def _start(self, job: Job) -> _Running:
         folder = job_folder(self.sweep, job.name)
-        for earlier in self.sweep.glob(f"*{job.key}"):  # what an earlier attempt left
+        for earlier in {folder, *self.left.pop(job.key, ())}:  # what an earlier attempt left
             shutil.rmtree(earlier, ignore_errors=True)
         folder.mkdir(parents=True)
         ours, theirs = self.context.Pipe(duplex=False)
@@ -198,7 +217,7 @@ class _Pool:
 
     def stop(self) -> None:
         """Ask all to stop and wait for their files; a second Ctrl-C kills them."""
-        self.waiting.clear()
+        self.coming, self.next, self.last = iter(()), [], []
         try:
             for one in self.running:
                 one.verdict = one.verdict or ("interrupted", "interrupted")
@@ -227,14 +246,23 @@ class _Pool:
         again = status == "killed" and not reason.startswith(TOO_MUCH) and not self.outcome.stopped and self.limits.retries
         if again and reason == LOST and job.name not in self.suspects:
             self.suspects.add(job.name)
-            self.waiting.insert(0, job)
+            self.last.append(job)
             return
         if again and self.tries[job.name] <= self.limits.retries:
-            self.waiting.append(job)
+            self.next.append(job)
             return
+        self.tries.pop(job.name, None)
         self.outcome.count(job.name, status, reason)
         with contextlib.suppress(Exception):
             self.tell(job, status)
+
+
+def _left_by_key(sweep: Path) -> dict[str, list[Path]]:
+    """Folders that earlier attempts left, by the hash in their names."""
+    found: dict[str, list[Path]] = {}
+    for path in sweep.iterdir() if sweep.is_dir() else ():
+        found.setdefault(path.name.rpartition("_")[2], []).append(path)
+    return found
 
 
 @contextlib.contextmanager
@@ -311,7 +339,7 @@ def _row_of(one: _Running) -> tuple[str, str]:
     elif one.verdict and one.verdict[0] != "interrupted" and status != "ok":
         status, reason = one.verdict
     else:
-        return status, _shortfall(row) if status == "ok" else str(row.get("reason") or "")
+        return status, shortfall(row) if status == "ok" else str(row.get("reason") or "")
     one.folder.mkdir(parents=True, exist_ok=True)
     columns = {name: value for name, value in row.items() if name not in ("pid", "started")}
     row = with_success({**identity(one.job.config), **columns, "status": status, "reason": reason})
@@ -329,15 +357,16 @@ def _fate(code: int | None) -> tuple[str, str]:
     return "failed", f"the process ended with exit code {code} before it wrote a row; see job.log"
 
 
-def _alike(outcome: Outcome, limits: Limits) -> str:
-    if limits.same_failures and outcome.reasons:
+def alike(outcome: Outcome, same_failures: int) -> str:
+    """Why the sweep is to stop: so many jobs ended alike; empty while they did not."""
+    if same_failures and outcome.reasons:
         reason, count = outcome.reasons.most_common(1)[0]
-        if count >= limits.same_failures:
+        if count >= same_failures:
             return f"stopped after {count} jobs ended alike: {reason}"
     return ""
 
 
-def _shortfall(row: Mapping[str, object]) -> str:
+def shortfall(row: Mapping[str, object]) -> str:
     """What a run that ended well was asked for and did not do; empty where nothing is missing."""
     if row.get("lost"):
         return f"lost: {row['lost']}"

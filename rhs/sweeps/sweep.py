@@ -3,6 +3,10 @@
 sweep.json remembers the words, so that `--resume FOLDER` needs nothing else. A job is known by the hash of its
 configuration: more seeds may be added to a sweep later, what is finished stays; a job that the new words no longer
 contain means that something else changed, and is refused.
+
+Up to MOST_PLANNED jobs are all composed and checked before the first starts. Of a larger sweep the edges are
+(`Combinations.edges`) and some between; each job is then composed when its turn comes, where it runs, and is known by
+its words.
 """
 
 from __future__ import annotations
@@ -10,8 +14,9 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,41 +25,86 @@ from rhs.api.files import replacing
 from rhs.base.errors import ConfigError, RhsError
 from rhs.config.compose import Composer, RunConfig, config_hash, to_plain
 from rhs.config.loose import loose_names
-from rhs.config.overrides import Word, parse, sweep_words, swept_keys
+from rhs.config.overrides import Combinations, Word, parse, sweep_words, swept_keys
 from rhs.runfolder.folders import set_aside
 from rhs.runfolder.row import read_row
+from rhs.runfolder.shards import key_of, lines_of, read_lines, shards, words_key
 
-from .jobs import Job, Limits, Outcome, run_jobs
+from .choice import Choice, choose, split
+from .jobs import Job
 
 MOST_JOBS = 100_000
+MOST_PLANNED = 300  # jobs composed before the first starts
+MOST_EDGES = 40  # values of one axis tried before
+DRAWN = 20  # jobs composed before the first of a larger sweep starts, beside its edges; they lie
+GOLDEN = 0.6180339887498949  # this share of the sweep apart, which leaves no large part of it out
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The jobs of a sweep in order, each configuration once, and how many words gave one that was there already."""
+    """A sweep that may run. first: its jobs, each configuration once, where all were composed beforehand, else its first
+    and some others; repeated: words that gave a configuration which was there already."""
 
     words: tuple[str, ...]
     conf: tuple[Path, ...]
-    jobs: tuple[Job, ...]
+    combinations: Combinations
+    swept: tuple[str, ...]
+    first: tuple[Job, ...]
     output: str
     repeated: int
+    choice: Choice
+
+    @property
+    def lazy(self) -> bool:
+        """Whether jobs are composed when their turn comes."""
+        return len(self.combinations) > MOST_PLANNED
+
+    @property
+    def sharded(self) -> bool:
+        """Whether rows are written into shards."""
+        return self.lazy or self.choice.keep != "all" or not self.choice.here
+
+    def __len__(self) -> int:
+        return len(self.combinations) - self.repeated
+
+    @cached_property
+    def jobs(self) -> tuple[Job, ...]:
+        """Every job, each configuration once; composed now if they were not."""
+        return tuple(_once(self.combinations, Composer(self.conf), self.swept)) if self.lazy else self.first
+
+    @cached_property
+    def words_keys(self) -> frozenset[str]:
+        """The keys of all words of this sweep."""
+        return frozenset(words_key(self.combinations.texts(i)) for i in range(len(self.combinations)))
 
 
 def plan(words: Sequence[str], conf: tuple[Path, ...] = ()) -> Plan:
-    """Compose and check every job before the first one starts. Raises ConfigError in one line."""
-    overrides = parse(_with_experiment(words, conf))
+    """Read the words, compose and check what is checked before the first job starts. Raises ConfigError in one line."""
+    chosen, rest = split(words)
+    overrides = parse(_with_experiment(rest, conf))
     swept = swept_keys(overrides)
     if "output" in swept:
         raise ConfigError("output: a sweep has one folder; its runs get folders inside it")
     combinations = sweep_words(overrides, most=MOST_JOBS)
-    composer, output = Composer(conf), ""
+    composer, count = Composer(conf), len(combinations)
+    output = composer.config(combinations[0]).output
+    if count > MOST_PLANNED:
+        drawn = [int(count * (GOLDEN * i % 1.0)) for i in range(1, DRAWN)]
+        first = [job_of(composer.config(combinations[i]), combinations[i], swept)
+                 for i in [*combinations.edges(MOST_EDGES), *drawn]]
+    else:
+        first = _once(combinations, composer, swept)
+    repeated = count - len(first) if count <= MOST_PLANNED else 0
+    return Plan(tuple(words), conf, combinations, tuple(swept), tuple(first), output, repeated, choose(chosen, count))
+
+
+def _once(combinations: Combinations, composer: Composer, swept: Sequence[str]) -> list[Job]:
+    """The jobs, each configuration once."""
     jobs: dict[str, Job] = {}
     for combination in combinations:
-        config = composer.config(combination)
-        output = config.output
-        job = job_of(config, combination, swept)
-        jobs.setdefault(config_hash(config), job)
-    return Plan(tuple(words), conf, tuple(jobs.values()), output, len(combinations) - len(jobs))
+        job = job_of(composer.config(combination), combination, swept)
+        jobs.setdefault(job.key, job)
+    return list(jobs.values())
 
 
 def _with_experiment(words: Sequence[str], conf: tuple[Path, ...]) -> list[str]:
@@ -74,17 +124,32 @@ def job_of(config: RunConfig, combination: Sequence[Word], swept: Sequence[str])
     told = ",".join(word.text for word in combination if word.key in swept)
     readable = re.sub(r"[^A-Za-z0-9._=,+-]", "-", told).strip(".-")[:60]
     name = f"{readable}_{config_hash(config)}" if readable else config_hash(config)
-    return Job(name, config, tuple(word.text for word in combination))
+    varied = {word.key: _cell(word.value) for word in combination if word.key in swept and not word.is_group
+              and word.key not in ("world", "seed")}
+    return Job(name, config, tuple(word.text for word in combination), varied)
+
+
+def _cell(value: Any) -> Any:
+    """A value as a column of the table holds it."""
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
 
 
 def remember(plan: Plan, folder: Path) -> None:
     """Write sweep.json. Jobs of another configuration (--force) are moved into a folder beside the sweep."""
-    known = {job.key for job in plan.jobs}
-    set_aside(folder, [path.parent for path in sorted(folder.glob("*/row.json")) if _key(path.parent.name) not in known])
+    known = {job.key for job in plan.first}
+    others = [path.parent for path in sorted(folder.glob("*/row.json")) if _key(path.parent.name) not in known]
+    set_aside(folder, ([] if plan.lazy else others) + [path.parent for path in _shards_of_others(plan, folder)[:1]])
     with replacing(folder / "sweep.json") as file:
         file.write(json.dumps({"rhs": version("rhs"), "words": plan.words, "conf": [str(path) for path in plan.conf],
-                               "plugins": loose_names(), "jobs": {job.name: job.words for job in plan.jobs},
-                               "example": to_plain(plan.jobs[0].config)}, indent=1) + "\n")
+                               "plugins": loose_names(), "count": len(plan.combinations),
+                               "jobs": {} if plan.lazy else {job.name: job.words for job in plan.first},
+                               "example_words": plan.first[0].words, "example": to_plain(plan.first[0].config)},
+                              indent=1) + "\n")
+
+
+def _shards_of_others(plan: Plan, folder: Path) -> list[Path]:
+    """Shards that hold rows of words which this sweep does not have."""
+    return [path for path in shards(folder) if not {key_of(text) for text in lines_of(path, [])} <= plan.words_keys]
 
 
 def recall(folder: Path) -> dict[str, Any]:
@@ -107,12 +172,23 @@ def check_same(plan: Plan, folder: Path, before: dict[str, Any]) -> None:
     if before.get("rhs") != version("rhs"):
         raise ConfigError(f"{folder} was made by rhs {before.get('rhs')}, this is {version('rhs')}; take another folder "
                           f"or type --force")
-    known = {job.key for job in plan.jobs}
-    if all(_key(name) in known for name in before["jobs"]):
+    if _same_jobs(plan, folder, before):
         return
-    differing = _differences(before.get("example", {}), to_plain(plan.jobs[0].config))
+    differing = _differences(before.get("example", {}), to_plain(plan.first[0].config))
     raise ConfigError(f"{folder} holds jobs of another configuration: {', '.join(differing[:3]) or 'other values'}; "
                       f"take another folder or type --force")
+
+
+def _same_jobs(plan: Plan, folder: Path, before: dict[str, Any]) -> bool:
+    """Whether all jobs of before are among those of now, and their words still mean what they meant."""
+    if not plan.lazy and before["jobs"]:
+        known = {job.key for job in plan.first}
+        return all(_key(name) in known for name in before["jobs"])
+    if any(words_key(words) not in plan.words_keys for words in before["jobs"].values()) or _shards_of_others(plan, folder):
+        return False
+    words = plan.combinations.words_of([word for word in before.get("example_words", []) if not word.startswith("output=")])
+    now = job_of(Composer(plan.conf).config(words), words, ()).config
+    return not words or _differences(before.get("example", {}), to_plain(now)) == []
 
 
 def _key(name: str) -> str:
@@ -127,67 +203,76 @@ def _differences(old: Any, new: Any, key: str = "") -> list[str]:
     return [] if old == new else [f"{key} was {old}, is {new}"]
 
 
-def finished(folder: Path) -> dict[str, Path]:
-    """Config hash -> folder of every job that ended well."""
-    done = {}
+@dataclass(frozen=True)
+class Done:
+    """Jobs that ended well before we came. configs: hashes of their configurations. words: keys of their words, where
+    known. lines: of those in shards, key of the words -> hash of the configuration."""
+
+    configs: frozenset[str] = frozenset()
+    words: frozenset[str] = frozenset()
+    lines: Mapping[str, str] = field(default_factory=dict)
+
+
+def finished(folder: Path) -> Done:
+    """What ended well, as folders and shards say."""
+    configs, words, named = set(), set(), _named(folder)
     for path in sorted(folder.glob("*/row.json")):
         try:
             if read_row(path).get("status") == "ok":
-                done[_key(path.parent.name)] = path.parent
+                configs.add(_key(path.parent.name))
+                words |= {named[path.parent.name]} if path.parent.name in named else set()
         except RhsError:
             continue
-    return done
+    lines = {key: str(line.row.get("config_hash")) for key, line in read_lines(shards(folder), []).items()
+             if line.row.get("status") == "ok"}
+    return Done(frozenset(configs | {*lines.values()}), frozenset(words | {*lines}), lines)
 
 
-def run_plan(plan: Plan, folder: Path, limits: Limits, *, tell: Callable[[Job, str], None]) -> Report:
-    """Run what is not finished and write jobs.json, also when interrupted (the exception then carries `report`)."""
-    done = finished(folder)
-    todo = [job for job in plan.jobs if job.key not in done]
-    for job in plan.jobs:
-        if job.key in done:
-            tell(job, "ok")
+def _named(folder: Path) -> dict[str, str]:
+    """Name of a job -> the key of its words, of a sweep whose jobs are listed."""
     try:
-        outcome = run_jobs(todo, folder, limits, tell=tell)
-    except BaseException as error:
-        outcome = getattr(error, "outcome", Outcome())
-        error.report = _account(plan, folder, outcome, done)  # type: ignore[attr-defined]
-        raise
-    return _account(plan, folder, outcome, done)
+        return {name: words_key(words) for name, words in recall(folder)["jobs"].items()}
+    except ConfigError:
+        return {}
+
+
+def status_of(plan: Plan, folder: Path) -> dict[str, str]:
+    """What the rows say became of each job of a sweep that was planned whole; jobs without a row are missing."""
+    lines = {line.run: str(line.row["status"]) for line in read_lines(shards(folder), []).values()}
+    found: dict[str, str] = {}
+    for job in plan.first:
+        try:
+            found[job.name] = str(read_row(folder / job.name / "row.json")["status"])
+        except (RhsError, KeyError):
+            if job.name in lines:
+                found[job.name] = lines[job.name]
+    return found
 
 
 @dataclass(frozen=True)
 class Report:
-    """status: job -> what became of it, for every job planned. before: jobs that were finished when we came."""
+    """counts: jobs by what became of them. before: jobs that were finished when we came. repeated: words that gave a
+    configuration which was there already."""
 
-    status: dict[str, str]
+    counts: Counter
     reasons: Counter
     before: int
     stopped: str
+    repeated: int = 0
 
     @property
     def complete(self) -> bool:
-        return set(self.status.values()) == {"ok"} and not self.reasons
+        return set(+self.counts) <= {"ok"} and not self.reasons
+
+    @property
+    def failed(self) -> int:
+        """Jobs that did not end well, or not as was asked."""
+        return sum(self.counts.values()) - self.counts["ok"] or sum(self.reasons.values())
 
     def lines(self) -> list[str]:
         """The accounts in words, most frequent reasons of failure first."""
-        counts = Counter(self.status.values())
+        counts = +self.counts
         words = ", ".join(f"{counts[name]} {name}" for name in sorted(counts, key=lambda n: (n != "ok", n)))
-        told = [f"{len(self.status)} jobs: {words}" + (f" ({self.before} finished before)" if self.before else "")]
+        told = [f"{sum(counts.values())} jobs: {words}" + (f" ({self.before} finished before)" if self.before else "")]
         told += [f"  {count} x {reason[:160]}" for reason, count in self.reasons.most_common(5)]
         return [*told, self.stopped] if self.stopped else told
-
-
-def _account(plan: Plan, folder: Path, outcome: Outcome, done: dict[str, Path]) -> Report:
-    """What became of every job, as the rows say; a full disk costs jobs.json, not the account."""
-    status = {}
-    for job in plan.jobs:
-        try:
-            status[job.name] = str(read_row(done.get(job.key, folder / job.name) / "row.json")["status"])
-        except (RhsError, KeyError):
-            status[job.name] = outcome.status.get(job.name, "skipped")
-    try:
-        with replacing(folder / "jobs.json") as file:
-            file.write(json.dumps(status, indent=1) + "\n")
-    except RhsError as error:
-        outcome.reasons[str(error)] += 1
-    return Report(status, outcome.reasons, len(done.keys() & {job.key for job in plan.jobs}), outcome.stopped)

@@ -1,0 +1,46 @@
+"""`engine=slurm`: jobs of Slurm by submitit, each with minutes of work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rhs.api.engine import Engine, EngineContext
+from rhs.api.errors import check_range
+
+
+@dataclass
+class Slurm:
+    """Jobs of Slurm, each with a chunk of runs. Needs no open port, but a disk that head and nodes share."""
+
+    partition: str = ""
+    """where to queue; empty: the default partition"""
+    account: str = ""
+    """whom to charge; empty: the default account"""
+    cpus: int = 1
+    """cores of a Slurm job, and runs at a time in it"""
+    time_min: int = 120
+    """minutes that a Slurm job may take"""
+    memory_mb: int = 0
+    """memory asked for, MB; 0: as the partition gives"""
+    chunk_s: float = 900.0
+    """seconds of work in a Slurm job; clusters dislike short ones"""
+    poll_s: float = 2.0
+    """how often to look for answers, and to ask Slurm for its queue"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+    requires: ClassVar[tuple[str, ...]] = ("submitit:'rhs[slurm]'",)
+
+    def __post_init__(self) -> None:
+        check_range("", "cpus", self.cpus, low=1, high=1024)
+        check_range("", "time_min", self.time_min, low=1, high=525600, unit="min")
+        check_range("", "memory_mb", self.memory_mb, low=0, high=10_000_000, unit="MB")
+        check_range("", "chunk_s", self.chunk_s, low=0.1, high=864000.0, unit="s")
+        check_range("", "poll_s", self.poll_s, low=0.1, high=3600.0, unit="s")
+
+    def build(self, context: EngineContext) -> Engine:
+        """Imports submitit; submits nothing yet."""
+        from .slurm_engine import SlurmEngine
+
+        return SlurmEngine(self, context)

@@ -1,0 +1,64 @@
+"""How far a sweep is: a bar on a terminal, elsewhere a line every minute."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TextIO
+
+from rhs.sweeps.jobs import Outcome
+from rhs.sweeps.worker import COMPILING
+
+from .one_run import COMPILES
+
+EVERY_S = 60.0
+
+
+class Progress:
+    """Told of every job; `total` is how many there are."""
+
+    def __init__(self, total: int, *, out: TextIO | None = None, every_s: float = EVERY_S) -> None:
+        from tqdm import tqdm
+
+        self.total, self.out, self.every_s = total, out or sys.stderr, every_s
+        self.done = self.came = 0  # all, and those since we began
+        self.began = self.said = time.monotonic()
+        self.bar = tqdm(total=total, unit="job", disable=None, dynamic_ncols=True, file=self.out, smoothing=0.05)
+
+    def tell(self, status: str, outcome: Outcome) -> None:
+        """One more job, or with the status "" only more time."""
+        if status == COMPILING:
+            self.bar.write(COMPILES, file=self.out)
+            return
+        if status:
+            self.done += 1
+            self.came += sum(outcome.counts.values()) > 0
+            self.bar.set_postfix_str(self._told(outcome), refresh=False)
+            self.bar.update()
+        now = time.monotonic()
+        if self.bar.disable and now - self.said >= self.every_s:
+            self.said = now
+            print(f"rhs: {self.line(outcome, now)}", file=self.out, flush=True)
+
+    def line(self, outcome: Outcome, now: float) -> str:
+        """Jobs done, rate, time left, failures by reason, workers alive."""
+        rate = self.came / max(now - self.began, 1e-9)
+        left = f"{_time((self.total - self.done) / rate)} left" if rate > 0 else "no job back yet"
+        return f"{self.done} of {self.total} jobs, {rate:.3g} a second, {left}; {self._told(outcome)}"
+
+    def _told(self, outcome: Outcome) -> str:
+        counts = [f"{count} {status}" for status, count in sorted(outcome.counts.items(), key=lambda one: one[0] != "ok")]
+        reasons = [f"{count} x {reason[:50]}" for reason, count in outcome.reasons.most_common(2)]
+        workers = [] if outcome.workers is None else [f"{outcome.workers} workers"]
+        return ", ".join([*counts, *workers]) + (f" ({'; '.join(reasons)})" if reasons else "")
+
+    def close(self) -> None:
+        """The bar ends."""
+        self.bar.close()
+
+
+def _time(seconds: float) -> str:
+    """A duration to be read at a glance."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
