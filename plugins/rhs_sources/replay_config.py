@@ -50,7 +50,7 @@ class Replay:
     count: int = 0
     """Number of views to use at most; 0 means all."""
     phase: str = "survey"
-    """Part of a run recorded by rhs to hand out: survey, patrol or all."""
+    """Part of a run recorded by rhs to hand out: survey, patrol, localise or all."""
     color_topic: str = ""
     """Topic of a bag with colour or grey images; empty takes the only topic of a fitting type, none goes without."""
     depth_topic: str = ""
@@ -75,7 +75,7 @@ class Replay:
     def __post_init__(self) -> None:
         owner = "source.replay"
         check_choice(owner, "format", self.format, FORMATS)
-        check_choice(owner, "phase", self.phase, ("survey", "patrol", "all"))
+        check_choice(owner, "phase", self.phase, ("survey", "patrol", "localise", "all"))
         check_range(owner, "depth_scale", self.depth_scale, low=0.0, high=1e6, unit="steps per metre")
         check_range(owner, "max_depth_m", self.max_depth_m, low=0.1, high=1e4, unit="m")
         check_range(owner, "max_difference_s", self.max_difference_s, low=0.0, high=10.0, unit="s")

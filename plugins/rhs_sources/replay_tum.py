@@ -18,7 +18,7 @@ from rhs.api.records import Capture, WorldFacts
 
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
-from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows
+from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
 
 
 @dataclass(frozen=True)
@@ -135,10 +135,7 @@ def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
 def _truth_file(path: Path, settings) -> Path | None:
     """The user's file of true poses, else groundtruth.txt, else the only *.freiburg (ICL-NUIM), else None."""
     if settings.truth:
-        chosen = Path(settings.truth).expanduser()
-        if not chosen.is_file():
-            raise ConfigError(f"source.truth={settings.truth}: no such file; expected stamp tx ty tz qx qy qz qw a line")
-        return chosen
+        return typed_file(settings.truth)
     found = [path / "groundtruth.txt"] if (path / "groundtruth.txt").is_file() else list(path.glob("*.freiburg"))
     return found[0] if len(found) == 1 else None
 
