@@ -196,7 +196,9 @@ class FitSettings:
     most: float = 0.9995
     """surer than this nobody gets, one way or the other"""
     doubt: float = 0.3
-    """below this chance the whole map is searched"""
+    """below this chance the whole map is searched ..."""
+    again: float = 1.0
+    """... whenever so many new scans have come, so that a rival gets its chance"""
     reach_m: float = 0.25
     """an end as near as this to a wall lies on it, metres"""
     range_max_m: float = 8.0
@@ -210,8 +212,8 @@ class FitSettings:
 
     def __post_init__(self) -> None:
         check_ranges("", self, expected=(0.0, 1.0), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
-                     most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), reach_m=(0.01, 10.0), range_max_m=(0.1, 1000.0),
-                     least_beams=(1, 100_000), jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
+                     most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4), reach_m=(0.01, 10.0),
+                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
 
 
 @dataclass
@@ -222,6 +224,9 @@ class ScanAdvanced(FilterAdvanced):
     """scans taken so far apart are worth two, nearer ones less in proportion, metres"""
     fresh_lever_m: float = 1.0
     """a turn by a radian is worth as much as so many metres"""
+    near_above: float = 0.5
+    """with less than this share of the weight within 0.25 m and 5 degrees the robot does not call itself tracking, however
+    much lies in the cluster: along a bare corridor it may be metres off"""
     fit: FitSettings = field(default_factory=FitSettings)
 
     searching: float = 0.2
@@ -231,4 +236,4 @@ class ScanAdvanced(FilterAdvanced):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_ranges("", self, searching=(0.0, 1.0), fresh_m=(0.0, 100.0), fresh_lever_m=(0.0, 100.0))
+        check_ranges("", self, searching=(0.0, 1.0), near_above=(0.0, 1.0), fresh_m=(0.0, 100.0), fresh_lever_m=(0.0, 100.0))

@@ -180,7 +180,7 @@ class ParticleLocaliser:
         """Whether the whole map is searched now: nothing is known, or the map does not explain what is believed."""
         if self._fit is not None and self._peak is not None and self._fit.chance < a.fit.doubt:
             self._unsearched += self._fresh
-            if self._unsearched >= 1.0:
+            if self._unsearched >= a.fit.again:
                 self._unsearched = 0.0
                 self._elsewhere = max(self._elsewhere, a.searching)
         return self._elsewhere >= a.searching
@@ -266,7 +266,8 @@ class ParticleLocaliser:
             return BeliefStatus.LOST
         mass = self._peak.mass * (1.0 - self._elsewhere) * self._explained
         named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held
-        if mass >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
+        blurred = isinstance(self._advanced, ScanAdvanced) and self._peak.near < self._advanced.near_above
+        if mass >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere and not blurred:
             return BeliefStatus.TRACKING
         return BeliefStatus.CONVERGING if mass >= self._settings.lost_below else BeliefStatus.LOST
 

@@ -1,10 +1,11 @@
 """Does the map explain what is seen from where the robot believes itself to be?
 
-A particle filter compares poses in the map with one another: the best of them gets all the weight, also where the robot is in a
-room that the map does not show, or where the map is out of date. So the belief is held against the alternative that it is
-wrong: of the scan's ends, how many lie on a wall of the map that the beam could reach? From right poses nearly all of them do,
-from the best of the wrong ones about half (FitSettings.expected). The evidence of one scan is a log-odds in proportion to the
-share above or below `expected`, and views taken a short way apart count as one: they share their errors.
+A particle filter compares poses in the map with one another: the best of them gets all the weight, also where the robot is
+in a room that the map does not show, or where the map is out of date. So the belief is held against the alternative that it
+is wrong: of the scan's ends, how many lie on a wall of the map that the beam could reach? On two laser logs it was 92 % (5th
+percentile 77 %) from right poses, about half from those that the filter was wrong and sure of. The evidence of one scan is a
+log-odds in proportion to the share above or below FitSettings.expected, and views taken a short way apart count as one: they
+share their errors.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from .advanced import FitSettings
 
 
 class FitWatch:
-    """The chance that the belief is where the robot is, by what the map explains of the scans since the belief is what it is."""
+    """The chance that the belief is where the robot is, by what the map explains of the scans since it is what it is."""
 
     def __init__(self, grid: OccupancyGrid, settings: FitSettings) -> None:
         from scipy.ndimage import distance_transform_edt

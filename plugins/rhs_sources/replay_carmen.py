@@ -21,6 +21,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar, se2
 from rhs.api.records import Capture, Scan, WorldFacts
 
+from .replay_mounts import mount_of, mounted
 from .replay_stamps import in_file_order, number_of, typed_truth
 from .replay_tum import Recording
 
@@ -46,13 +47,15 @@ def open_carmen(path: Path, settings) -> Recording:
         raise ConfigError(f"{path}: source.start={settings.start} but the log has {len(own)} scans")
 
     truth = typed_truth(settings)
+    mount = mount_of(settings.scan_mount, "scan_mount")
     wheels = len(own) == 1 or any((pose != poses[0]).any() for pose in poses)  # readings that never change are none
 
     def views():
         for index, i in enumerate(kept):
             travel = None if index == 0 or not wheels else planar(inverse(poses[kept[index - 1]]) @ poses[i])
             extras = {"log_stamp_s": np.array([own[i]])} if repaired else {}
-            capture = Capture(index, float(stamps[i]), travel=travel, scan=scans[i], sensed=True, extras=extras)
+            scan = mounted(scans[i], mount, path.name)
+            capture = Capture(index, float(stamps[i]), travel=travel, scan=scan, sensed=True, extras=extras)
             yield capture, truth.at(capture.stamp_s) if truth is not None else None
 
     facts = _facts(path, [poses[i] for i in kept], scans[0].max_range_m)
@@ -85,7 +88,7 @@ def _read(path: Path, settings) -> tuple[list[float], list[np.ndarray], list[Sca
                 bearings[beams] = _bearings(beams, settings.laser_fov_deg)
             stamps.append(stamp)
             odometry.append(se2(*pose))
-            lasers.append(se2(*laser))
+            lasers.append(se2(*(pose if settings.scan_mount else laser)))  # a mount that was typed is on the wheels' body
             scans.append(_scan(bearings[beams], ranges, settings.max_laser_m))
     return stamps, _way(lasers, odometry), scans
 

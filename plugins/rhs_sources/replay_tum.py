@@ -18,6 +18,7 @@ from rhs.api.records import Capture, WorldFacts
 
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
+from .replay_mounts import placed_camera
 from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
 
 
@@ -63,7 +64,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     folder = str(pairs[0][1].parent.parent)
     first = _read(pairs[0], scale, settings)
     checked = _check_scale(pairs[0][2], scale)
-    camera = chosen_camera(settings.camera, first[0].shape[1::-1], recorded=None, where=folder)
+    camera = placed_camera(chosen_camera(settings.camera, first[0].shape[1::-1], recorded=None, where=folder), settings)
     wanted = pairs[settings.start :: settings.stride][: settings.count or None]
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")

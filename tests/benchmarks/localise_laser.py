@@ -1,9 +1,9 @@
 """A localiser on stretches of a real laser log, in a map of it: is it right within 10 m, and is it ever wrong and sure?
 
-    python tests/benchmarks/localise_laser.py ../shared/data/laser/aces.clf.bz2 --part judge --out results/tables/localise_aces.csv
+    python tests/benchmarks/localise_laser.py ../shared/data/laser/aces.clf.bz2 --part judge --out localise_aces.csv
 
-The whole log is led once (source=replay sensor=laser): its corrected way is the truth, for a log has no other. Maps: `whole`,
-the one of that run; `half`, drawn by a run over the first half of the log, localised in on the second half, of which a part
+The whole log is led once (source=replay sensor=laser): its corrected way is the truth, for a log has no other. Maps:
+`whole`, the one of that run; `half`, drawn by a run over the first half of the log, localised in on the second half, of which a part
 leads through rooms that no map shows. --starts stretches of --way-m metres, evenly spread; the localiser starts from nothing
 at each. The first half of the stretches is for tuning (--part tune), the others judge (--part judge). Right: 0.25 m and 5
 degrees; found: right and sure (tracking) within 10 m of way. Starts in rooms that the map does not show cannot be found, so
@@ -130,7 +130,8 @@ def shares(table: np.ndarray) -> dict:
     """Figures over the scans of a table (N, 4)."""
     right, sure = table[:, 0] > 0, table[:, 1] > 0
     return {"right_share": round(float(right.mean()), 4), "right_sure_share": round(float((right & sure).mean()), 4),
-            "wrong_sure_share": round(float((sure & ~right).mean()), 4), "ece": round(calibration_error(table[:, 2], right), 4),
+            "wrong_sure_share": round(float((sure & ~right).mean()), 4),
+            "ece": round(calibration_error(table[:, 2], right), 4),
             "update_cpu_ms": round(1e3 * float(table[:, 3].mean()), 2)}
 
 

@@ -50,8 +50,8 @@ class GivenMap:
         return self.head is not None and self.head.level == "full"
 
     def in_map(self, truth: np.ndarray) -> np.ndarray:
-        """A true pose (4x4) where the map has it: as it stands to the nearest view of the survey, by the truth. A map is bent;
-        so is what is called right in it."""
+        """A true pose (4x4) where the map has it: as it stands to the nearest view of the survey, by the truth. A map is
+        bent; so is what is called right in it."""
         if self.way is None or self.true_way is None:
             return truth
         nearest = int(np.argmin(np.linalg.norm(self.true_way[:, :3, 3] - truth[:3, 3], axis=1)))
@@ -60,8 +60,8 @@ class GivenMap:
 
     @property
     def misfit_m(self) -> float:
-        """How far the survey's way is off its truth when laid onto it (Umeyama 1991), RMS in metres: how bent the map is. NaN
-        where nobody knows."""
+        """How far the survey's way is off its truth when laid onto it (Umeyama 1991), RMS in metres: how bent the map is.
+        NaN where nobody knows."""
         if self.way is None or self.true_way is None:
             return float("nan")
         move, _ = align(self.true_way[:, :3, 3], self.way[:, :3, 3])

@@ -45,7 +45,8 @@ class Localise:
             check_range("", name, getattr(self, name), low=0.0, high=1e6, unit="m")
         check_range("", "kidnap_skip_m", self.kidnap_skip_m, low=0.1, high=1e6, unit="m")
         if self.restart_every_m and self.start != "unknown":
-            raise ConfigError(f"restart_every_m={self.restart_every_m:g} starts from nothing again and again; leave out start=")
+            raise ConfigError(f"restart_every_m={self.restart_every_m:g} starts from nothing again and again; leave out "
+                              "start=")
 
     def build(self, context: TaskContext) -> Job:
         from .task import LocaliseJob

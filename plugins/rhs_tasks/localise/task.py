@@ -48,8 +48,9 @@ class LocaliseJob(StepJob):
             raise ConfigError("task=localise takes a map that is given, which a slam makes for itself; leave out slam=")
         self.pictures = "image" in context.settings("localiser").needs
         if self.pictures and not self.given.has_pictures:
-            raise ConfigError(f"{self.parts.who['localiser']} recognises places, and map={settings.map} holds no pictures of "
-                              "any; type map=RUN_FOLDER of a survey with recording=full, or localiser=particle_filter_scan")
+            raise ConfigError(f"{self.parts.who['localiser']} recognises places, and map={settings.map} holds no pictures "
+                              "of any; type map=RUN_FOLDER of a survey with recording=full, or "
+                              "localiser=particle_filter_scan")
         self.source: Source = self.parts.source
         if settings.kidnap_every_m:
             self.source = self.parts.source = CarriedOff(self.source, settings.kidnap_every_m, settings.kidnap_skip_m)
@@ -76,8 +77,8 @@ class LocaliseJob(StepJob):
             if isinstance(self.source, CarriedOff) and self.source.fresh:
                 events.append(Event.KIDNAPPED)
             clock = time.perf_counter()
-            belief = check_belief(self.parts.localiser.update(step.observation, step.motion), who=self.parts.who["localiser"],
-                                  reach_m=reach_of(self.source.facts))
+            belief = self.parts.localiser.update(step.observation, step.motion)
+            belief = check_belief(belief, who=self.parts.who["localiser"], reach_m=reach_of(self.source.facts))
             spent = {**step.timings_ms, "localise": 1e3 * (time.perf_counter() - clock)}
             truth = None if step.truth is None else self.given.in_map(step.truth)
             yield replace(step, phase=PHASE, belief=belief, truth=truth, events=tuple(events), timings_ms=spent)
