@@ -104,7 +104,8 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
     table = np.frombuffer(bytes(message.data), kind, count)
     points = np.stack([table[n] for n in "xyz"], axis=1).astype(float)
     elsewhere = camera_from_cloud is not None and not np.allclose(camera_from_cloud, np.eye(4), atol=1e-6)
-    points = transform(camera_from_cloud, points) if elsewhere else points
+    if camera_from_cloud is not None and elsewhere:
+        points = transform(camera_from_cloud, points)
     with np.errstate(invalid="ignore"):
         good = np.isfinite(points).all(axis=1) & (points[:, 2] > 0) & (points[:, 2] <= max_depth_m)
     organised = (message.height, message.width) == (camera.height, camera.width) and count == camera.height * camera.width

@@ -21,9 +21,9 @@ BINS = 10
 
 @dataclass(frozen=True, eq=False)
 class Beliefs:
-    """Views of a patrol, or of task=localise, whose truth is known. stamps_s, wrong_m, wrong_rad, probability, sure, kidnapped: (N,) each;
-    xy_m (N, 2): where the robot truly was. kidnapped: carried elsewhere since the view before. started: the localiser began
-    here."""
+    """Views of a patrol or of task=localise whose truth is known. stamps_s, wrong_m, wrong_rad, probability, sure,
+    kidnapped, started: (N,) each; xy_m (N, 2): where the robot truly was. kidnapped: carried elsewhere since the view
+    before. started: the localiser began here."""
 
     stamps_s: np.ndarray
     xy_m: np.ndarray

@@ -58,15 +58,16 @@ LOCALISE = columns_of(
     ("found_p90_m", "m", "the same, 90th percentile", "rhs.metrics.localise"),
     ("start_wrong_sure_share", "share", "starts after which it was wrong and sure of it at the end of these 10 m",
      "rhs.metrics.localise"),
-    ("belief_right_share", "share", "views in which the belief was right (0.25 m, 5 degrees), sure or not", "steps.csv, truth"),
+    ("belief_right_share", "share", "views in which the belief was right (0.25 m, 5 degrees), sure or not",
+     "steps.csv, truth"),
     ("belief_sure_share", "share", "views in which the belief was sure of itself (tracking)", "steps.csv"),
     ("belief_lost_share", "share", "views in which the belief called itself lost", "steps.csv"),
     ("localise_rmse_m", "m", "error of the believed position while tracking, root mean square", "steps.csv, truth"),
     ("localise_rmse_rad", "rad", "the same of the heading", "steps.csv, truth"),
     ("motion_ok_share", "share", "views whose motion the odometry had measured (status ok)", "steps.csv"),
     ("map_misfit_m", "m",
-     "how bent the map is: the way of the survey behind it against its truth when laid onto it, root mean square. The belief "
-     "is judged by the truth as the map is bent",
+     "how bent the map is: the way of the survey behind it against its truth when laid onto it, root mean square. The "
+     "belief is judged by the truth as the map is bent",
      "localise.json"),
     tasks=("localise",), counts=("localise_steps", "starts"),
 )

@@ -2,8 +2,8 @@
 
 Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: the
 odometry tracked at least half of the views, and the map of a laser does not contradict itself; unrolling: at least
-half of the strips were registered. Localise: found after nine of ten starts, wrong and sure in 1 % of the views at most. A run that was asked
-for nothing (single places queried, a figure only) neither succeeded nor failed.
+half of the strips were registered. Localise: found after nine of ten starts, wrong and sure in 1 % of the views at most.
+A run that was asked for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ NAN = float("nan")
 HALF = 0.5
 # Right maps of two buildings had 0.02 to 0.07, those with a part in a wrong place 0.1 and more.
 CONTRADICTED = 0.1
-# What is asked of task=localise: found within 10 m of way after so many of the starts, wrong and sure in at most so many views.
+# Asked of task=localise: found within 10 m of way after so many of the starts, wrong and sure in at most so many views.
 FOUND, WRONG_AND_SURE = 0.9, 0.01
 
 

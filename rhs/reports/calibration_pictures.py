@@ -35,7 +35,7 @@ def knowing_picture(folder: Path) -> Path | None:
     left, right = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     started = bool(beliefs.started.any())
     begins, within_m = beliefs.kidnapped | beliefs.started, FOUND_WITHIN_M if started else WITHIN_M
-    draw_kidnaps(left, searches(beliefs, begins, within_m), what="start or kidnap" if started else "kidnap")
+    draw_kidnaps(left, searches(beliefs, begins, within_m), what="start" if started else "kidnap")
     draw_reliability(right, {"this drive" if started else "this patrol": (beliefs.probability, beliefs.right)})
     return write_whole(Path(folder) / "knowing.png", lambda partial: save(figure, partial))
 
@@ -52,8 +52,8 @@ def draw_kidnaps(axes: Axes, happened: Sequence[Kidnap], *, what: str = "kidnap"
     axes.set_xlabel(f"metres driven since the {what}")
     axes.set_ylabel("error of the believed position [m]")
     found = sum(np.isfinite(one.metres) for one in happened)
-    words = f"{len(happened)} kidnaps, {found} recovered" if what == "kidnap" else f"{len(happened)} starts, found after {found}"
-    axes.set_title(f"{words} (red: 0.25 m; blue: says tracking)", fontsize=9)
+    words = f"{found} recovered" if what == "kidnap" else f"found after {found}"
+    axes.set_title(f"{len(happened)} {what}s, {words} (red: 0.25 m; blue: says tracking)", fontsize=9)
 
 
 def draw_reliability(axes: Axes, curves: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> None:

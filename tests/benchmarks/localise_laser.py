@@ -3,12 +3,12 @@
     python tests/benchmarks/localise_laser.py ../shared/data/laser/aces.clf.bz2 --part judge --out localise_aces.csv
 
 The whole log is led once (source=replay sensor=laser): its corrected way is the truth, for a log has no other. Maps:
-`whole`, the one of that run; `half`, drawn by a run over the first half of the log, localised in on the second half, of which a part
-leads through rooms that no map shows. --starts stretches of --way-m metres, evenly spread; the localiser starts from nothing
-at each. The first half of the stretches is for tuning (--part tune), the others judge (--part judge). Right: 0.25 m and 5
-degrees; found: right and sure (tracking) within 10 m of way. Starts in rooms that the map does not show cannot be found, so
-found_share counts those that lie on mapped ground (nine of ten poses of the first 10 m within 1.5 m of the survey's way);
-wrong and sure counts every scan of every stretch.
+`whole`, the one of that run; `half`, drawn by a run over the first half of the log, localised in on the second half, of
+which a part leads through rooms that no map shows. --starts stretches of --way-m metres, evenly spread; the localiser
+starts from nothing at each. The first half of the stretches is for tuning (--part tune), the others judge (--part
+judge). Right: 0.25 m and 5 degrees; found: right and sure (tracking) within 10 m of way. Starts in rooms that the map
+does not show cannot be found, so found_share counts those that lie on mapped ground (nine of ten poses of the first 10
+m within 1.5 m of the survey's way); wrong and sure counts every scan of every stretch.
 """
 
 from __future__ import annotations
