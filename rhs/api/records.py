@@ -255,7 +255,6 @@ class FeatureSettings:
 
 
 
-
 @dataclass(frozen=True, eq=False)
 class Thumbnail:
     """The thumbnail of a view: means over blocks of its picture, of which faint, wide patterns of a wall remain where
