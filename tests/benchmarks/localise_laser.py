@@ -48,7 +48,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("localise_laser.csv"))
     parser.add_argument("words", nargs="*", help="odometry=wheel localiser.scan_trust=0.2 ...")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     with tempfile.TemporaryDirectory() as name:
         work = options.work or Path(name)
         given, first = mapped(options.log, work, options.map)
