@@ -21,6 +21,10 @@ class BagFile:
         self.store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.ROS2_HUMBLE)
         if self.ros1:
             from rosbags.rosbag1 import Writer
+            from rosbags.typesys import get_types_from_msg
+
+            tf = get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
+            self.store.register(tf)
 
             self.path = folder / "test.bag"
             self.writer = Writer(self.path)
@@ -109,9 +113,11 @@ class BagFile:
                             data=data.view(np.uint8).ravel(), is_dense=True)
         self.put(topic, stamp_s, message)
 
-    def transform(self, topic: str, stamp_s: float, parent: str, child: str, x: float) -> None:
+    def transform(self, topic: str, stamp_s: float, parent: str, child: str, x: float, yaw: float = 0.0,
+                  roll: float = 0.0) -> None:
         place = self.make("geometry_msgs/msg/Vector3", x=x, y=0.0, z=0.0)
-        turn = self.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+        a, b, c, d = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(roll / 2), np.sin(roll / 2)
+        turn = self.make("geometry_msgs/msg/Quaternion", x=a * d, y=b * d, z=b * c, w=a * c)
         moved = self.make("geometry_msgs/msg/Transform", translation=place, rotation=turn)
         one = self.make("geometry_msgs/msg/TransformStamped", header=self.header(stamp_s, parent), child_frame_id=child,
                         transform=moved)

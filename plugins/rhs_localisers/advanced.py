@@ -181,9 +181,53 @@ class SearchSettings:
                      rounds=(1, 100), sigma_m=(1e-4, 10.0), sigma_rad=(1e-4, 3.0), finer=(0.01, 1.0), alike=(0.0, 1000.0))
 
 
+@dataclass(frozen=True)
+class FitSettings:
+    """Whether the map explains what is seen; see scan_fit.py."""
+
+    expected: float = 0.75
+    """share of a scan's ends on walls of the map, from where it is as likely from a right pose as from the best wrong one"""
+    slope: float = 6.0
+    """log-odds that a share larger by 1 is worth"""
+    step: float = 1.5
+    """most that one scan is worth, log-odds"""
+    prior: float = 0.1
+    """chance of a belief of which nothing is known yet"""
+    most: float = 0.9995
+    """surer than this nobody gets, one way or the other"""
+    doubt: float = 0.3
+    """below this chance the whole map is searched ..."""
+    again: float = 1.0
+    """... whenever so many new scans have come, so that a rival gets its chance"""
+    reach_m: float = 0.25
+    """an end as near as this to a wall lies on it, metres"""
+    range_max_m: float = 8.0
+    """longer beams are not used, metres"""
+    least_beams: int = 10
+    """of fewer beams nothing is said"""
+    jump_m: float = 0.75
+    """a belief that moved so far off its own motion is another belief, metres"""
+    jump_deg: float = 30.0
+    """or turned off it by so much, degrees"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, expected=(0.0, 1.0), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
+                     most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4), reach_m=(0.01, 10.0),
+                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
+
+
 @dataclass
 class ScanAdvanced(FilterAdvanced):
     """Thresholds of `localiser=particle_filter_scan`."""
+
+    fresh_m: float = 0.3
+    """scans taken so far apart are worth two, nearer ones less in proportion, metres"""
+    fresh_lever_m: float = 1.0
+    """a turn by a radian is worth as much as so many metres"""
+    near_above: float = 0.5
+    """with less than this share of the weight within 0.25 m and 5 degrees the robot does not call itself tracking, however
+    much lies in the cluster: along a bare corridor it may be metres off"""
+    fit: FitSettings = field(default_factory=FitSettings)
 
     searching: float = 0.2
     """above this chance of being elsewhere the whole map is searched"""
@@ -192,4 +236,4 @@ class ScanAdvanced(FilterAdvanced):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_ranges("", self, searching=(0.0, 1.0))
+        check_ranges("", self, searching=(0.0, 1.0), near_above=(0.0, 1.0), fresh_m=(0.0, 100.0), fresh_lever_m=(0.0, 100.0))

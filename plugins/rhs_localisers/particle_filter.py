@@ -39,6 +39,7 @@ from .advanced import ParticleAdvanced, ScanAdvanced
 from .confirmation import Confirmation, Contradiction
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import NamedPlaces, PlaceEvidence
+from .scan_fit import FitWatch
 from .scan_search import summits, throws
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
@@ -66,6 +67,9 @@ class ParticleLocaliser:
         self._contradiction = Contradiction(self._rules)
         self._sure_views = 0
         self._confirmation = Confirmation(places is None, self._rules)
+        self._fit: FitWatch | None = None  # of scans alone
+        self._fresh = 1.0  # how much of this view is new ...
+        self._unsearched = 0.0  # ... and of the views since the map was searched
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
@@ -73,6 +77,8 @@ class ParticleLocaliser:
         self._field = LikelihoodField(grid, s.advanced.likelihood, trust=s.scan_trust, surprise=s.surprise)
         if self._places is not None:
             self._places.learn(views, grid)
+        if isinstance(s.advanced, ScanAdvanced):
+            self._fit = FitWatch(grid, s.advanced.fit)
 
     def start(self, belief: Belief | None) -> None:
         """Begin round a belief, or spread over the whole map."""
@@ -85,7 +91,9 @@ class ParticleLocaliser:
             states = around(planar(belief.map_from_body), spread, 2 * self._settings.particles_min, self._rng)
             self._elsewhere = float(np.clip(1.0 - belief.probability, 1e-4, 0.99))
         self._cloud = even(states)
-        self._peak, self._scan = None, None
+        self._peak, self._scan, self._fresh = None, None, 1.0
+        if self._fit is not None:
+            self._fit.begin(None if belief is None else belief.probability)
         if self._places is not None:
             self._places.watching.begin()
         self._contradiction = Contradiction(self._rules)
@@ -97,6 +105,8 @@ class ParticleLocaliser:
         """Move, weigh, use the named places, resample, and say what is believed."""
         assert self._cloud is not None and self._field is not None, "start() comes before update()"
         self._move(motion)
+        if self._peak is not None and isinstance(self._advanced, ScanAdvanced):
+            self._fresh = freshness(motion, self._advanced)
         self._watch(observation, motion)
         self._weigh(observation, motion)
         self._use_places(observation, motion)
@@ -104,6 +114,9 @@ class ParticleLocaliser:
             self._cloud = resampled_by_clusters(self._cloud, self._law, self._rng, self._advanced.clusters)
         self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD, cluster_m=self._advanced.cluster_m,
                           cluster_rad=self._advanced.cluster_rad)
+        if self._fit is not None:
+            self._fit.follow(self._expected, self._peak.mean)
+            self._fit.look(scan_of(observation, motion), self._peak.mean, self._fresh)
         if self._places is not None:
             if self._expected is not None:
                 self._confirmation.follow(self._expected, self._peak.mean)
@@ -125,6 +138,8 @@ class ParticleLocaliser:
         if seen is Continuity.BROKEN:
             self._sure_views = 0
             self._elsewhere = max(self._elsewhere, self._advanced.continuity.carried)
+            if self._fit is not None:
+                self._fit.begin()
 
     def _move(self, motion: Motion) -> None:
         travel = planar(motion.previous_from_body)
@@ -143,7 +158,7 @@ class ParticleLocaliser:
         are to be named, else the places that they climb to."""
         assert self._cloud is not None and self._field is not None
         a, search = self._advanced, None
-        if isinstance(a, ScanAdvanced) and self._elsewhere >= a.searching and scan_of(observation, motion) is not None:
+        if isinstance(a, ScanAdvanced) and self._searching(a) and scan_of(observation, motion) is not None:
             search = a.search
         count = self._scouts() if search is None else throws(self._field.area_m2, search)
         scouts = even(self._field.anywhere(count, self._rng))
@@ -160,6 +175,15 @@ class ParticleLocaliser:
             joining = 0.5 * self._elsewhere
             self._cloud = merged(self._cloud, 1.0 - self._elsewhere, weighed, joining)
             self._elsewhere -= joining
+
+    def _searching(self, a: ScanAdvanced) -> bool:
+        """Whether the whole map is searched now: nothing is known, or the map does not explain what is believed."""
+        if self._fit is not None and self._peak is not None and self._fit.chance < a.fit.doubt:
+            self._unsearched += self._fresh
+            if self._unsearched >= a.fit.again:
+                self._unsearched = 0.0
+                self._elsewhere = max(self._elsewhere, a.searching)
+        return self._elsewhere >= a.searching
 
     def _scouts(self) -> int:
         few = max(self._settings.scouts, 1)
@@ -182,7 +206,8 @@ class ParticleLocaliser:
         scan = scan_of(observation, motion)
         out = np.zeros(len(states))
         if scan is not None and self._settings.scan_trust > 0:
-            out += self._field.log_likelihood(states, scan, forgiving=self._sure_views >= self._advanced.long_sure)
+            forgiving = self._sure_views >= self._advanced.long_sure
+            out += self._fresh * self._field.log_likelihood(states, scan, forgiving=forgiving)
         if self._places is not None and not self._confirmation.held:  # a robot that knows its place is not moved by likeness
             out += self._places.log_likelihood(states, observation)
         return out
@@ -239,11 +264,17 @@ class ParticleLocaliser:
     def _status(self) -> BeliefStatus:
         if self._peak is None:
             return BeliefStatus.LOST
-        mass = self._peak.mass * (1.0 - self._elsewhere)
+        mass = self._peak.mass * (1.0 - self._elsewhere) * self._explained
         named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held
-        if mass >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
+        blurred = isinstance(self._advanced, ScanAdvanced) and self._peak.near < self._advanced.near_above
+        if mass >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere and not blurred:
             return BeliefStatus.TRACKING
         return BeliefStatus.CONVERGING if mass >= self._settings.lost_below else BeliefStatus.LOST
+
+    @property
+    def _explained(self) -> float:
+        """Chance that the belief is no chance likeness, by what the map explains of the scans."""
+        return 1.0 if self._fit is None else self._fit.chance
 
     def _belief(self, cluster: Peak) -> Belief:
         covariance = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])
@@ -251,8 +282,17 @@ class ParticleLocaliser:
         assert self._cloud is not None
         details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "cluster_mass": cluster.mass}
         standing = self._contradiction.chance(held=self._confirmation.held) * self._confirmation.chance
-        probability = cluster.near * (1.0 - self._elsewhere) * standing
+        if self._fit is not None:
+            details |= {"fit_chance": self._fit.chance, "fit_share": self._fit.share}
+        probability = cluster.near * (1.0 - self._elsewhere) * standing * self._explained
         return Belief(se2(*cluster.mean), covariance, self._status(), probability, details)
+
+
+def freshness(motion: Motion, a: ScanAdvanced) -> float:
+    """How much of a view after this motion is new (0..1): a robot that stands sees the same errors again."""
+    x_m, y_m, yaw_rad = planar(motion.previous_from_body)
+    way_m = float(np.hypot(x_m, y_m)) + a.fresh_lever_m * abs(float(yaw_rad))
+    return min(1.0, way_m / a.fresh_m) if a.fresh_m > 0 else 1.0
 
 
 def scan_of(observation: Observation, motion: Motion) -> Scan | None:

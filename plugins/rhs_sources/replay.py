@@ -117,12 +117,24 @@ def open_recording(settings) -> Recording:
         raise ConfigError(f"source.path={settings.path} is a FIFO or a device; expected a file or a folder")
     try:
         kind = settings.format if settings.format != "auto" else _format_of(path)
+        _check_mounts(kind, settings)
         if kind in FORMATS:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
     raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM or 7-Scenes folder, run.mcap, a ROS "
                       "bag or a CARMEN log")
+
+
+# Which mounts a format has a use for: what was typed for another is refused, not ignored.
+MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame"), "carmen": ("scan_mount",), "tum": ("camera_mount",),
+          "seven_scenes": ("camera_mount",)}
+
+
+def _check_mounts(kind: str, settings) -> None:
+    for name in ("scan_mount", "camera_mount", "body_frame"):
+        if getattr(settings, name) and name not in MOUNTS.get(kind, ()):
+            raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 
 def _facts(settings) -> WorldFacts:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import Camera, inverse, planar
+from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
 from rhs.recording.mcap_scan import open_scan
 
@@ -20,6 +20,7 @@ from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
 from .replay_carmen import NO_CAMERA
 from .replay_images import check_depth, check_pair
+from .replay_mounts import Mounts, fixed_links, mount_of, mounted
 from .replay_tum import Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -59,14 +60,17 @@ def open_bag(path: Path, settings) -> Recording:
     try:
         found = {topic: info.msgtype for topic, info in reader.topics.items()}
         topics = choose_topics(found, settings, str(path))
+        placed = _placed(reader, topics, settings)
         camera = _camera(reader, topics, settings, path) if topics.color else NO_CAMERA
+        if topics.color and placed.camera is not None:
+            camera = replace(camera, body_from_camera=placed.camera)
         truth = read_truth(reader, found, settings, camera)
     except BaseException:
         reader.close()
         raise
     counts: Counter = Counter()
     stop = settings.start + settings.count * settings.stride if settings.count else None
-    views = islice(_views(reader, topics, settings, camera, counts), settings.start, stop, settings.stride)
+    views = islice(_views(reader, topics, settings, (camera, placed), counts), settings.start, stop, settings.stride)
 
     def captures():
         wheel_before = None
@@ -184,8 +188,58 @@ def _messages(reader, topics: set[str]) -> Iterator:
         yield connection.topic, ros.stamp_of(message) or arrived_ns * 1e-9, message
 
 
-def _views(reader, topics: Topics, settings, camera: Camera, counts: Counter) -> Iterator:
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where the sensors sit: 4x4 body_from_scanner, body_from_camera (optical) and camera_from_cloud; None where nothing is
+    said of it."""
+
+    scan: np.ndarray | None
+    camera: np.ndarray | None
+    cloud: np.ndarray | None
+
+
+def _placed(reader, topics: Topics, settings) -> Placed:
+    """As typed, else by the tf tree; a frame that was typed as the body's must be in it."""
+    typed_scan, typed_camera = (mount_of(getattr(settings, name), name) for name in ("scan_mount", "camera_mount"))
+    for typed, name, topic in ((typed_scan, "scan_mount", topics.scan), (typed_camera, "camera_mount", topics.color)):
+        if typed is not None and not topic:
+            raise ConfigError(f"source.{name}: {settings.path} holds nothing that is mounted so; leave it out")
+    tree = Mounts(fixed_links(_transforms(reader)), settings.body_frame, wheels=_wheel_frame(reader, topics))
+
+    def of(topic: str) -> np.ndarray | None:
+        frame = _first(reader, topic).header.frame_id if topic else ""
+        found = tree.of(frame, to_the_end=topic == topics.scan) if frame else None
+        if found is None and settings.body_frame and frame:
+            raise ConfigError(f"source.body_frame={settings.body_frame}: no fixed tf links join it to {frame}; found "
+                              f"{tree.listed()}")
+        return found
+
+    scan = of(topics.scan) if typed_scan is None else typed_scan
+    camera = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
+    cloud = None
+    if topics.cloud and camera is not None and (body_from_cloud := of(topics.cloud)) is not None and typed_camera is None:
+        cloud = inverse(camera) @ body_from_cloud
+    return Placed(scan, camera, cloud)
+
+
+def _transforms(reader) -> Iterator:
+    """(child, parent, parent_from_child, is static) of a bag's tf, /tf_static first."""
+    for topic in ("/tf_static", "/tf"):
+        chosen = [c for c in reader.connections if c.topic == topic]
+        for connection, _, raw in reader.messages(connections=chosen) if chosen else ():  # of none it would read all
+            for t in reader.deserialize(raw, connection.msgtype).transforms:
+                child, parent = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
+                yield child, parent, ros.pose_of(t, topic), topic == "/tf_static"
+
+
+def _wheel_frame(reader, topics: Topics) -> str:
+    """The frame whose motion the wheels tell, if they say so."""
+    return str(_first(reader, topics.wheel).child_frame_id) if topics.wheel else ""
+
+
+def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], counts: Counter) -> Iterator:
     """(Capture without number, wheel pose or None) as soon as all of a view is there."""
+    camera, placed = seen_by
     last: dict[str, float] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
     scan, wheel = None, None
@@ -199,13 +253,13 @@ def _views(reader, topics: Topics, settings, camera: Camera, counts: Counter) ->
         if topic == topics.wheel:
             wheel = ros.pose_of(message, topic)
         elif topic == topics.scan:
-            scan = ros.scan_of(message, topic)
+            scan = mounted(ros.scan_of(message, topic), placed.scan, topic)
             if not topics.color:
                 yield Capture(0, stamp, scan=scan, sensed=True), wheel
         else:
             waiting[topic].append((stamp, message))
             for pair in _paired(waiting, topics, settings, counts):
-                yield _seen(pair, topics, settings, camera, scan), wheel
+                yield _seen(pair, topics, settings, seen_by, scan), wheel
 
 
 def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter) -> Iterator:
@@ -230,14 +284,16 @@ def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter
             counts["unpaired"] += 1
 
 
-def _seen(pair, topics: Topics, settings, camera: Camera, scan) -> Capture:
+def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) -> Capture:
     (stamp, color), deep = pair
+    camera, placed = seen_by
     image = ros.color_of(color, topics.color)
     depth = None
     if deep is not None and topics.depth:
         depth = ros.depth_of(deep[1], topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
     elif deep is not None:
-        depth = ros.cloud_depth(deep[1], topics.cloud, camera, max_depth_m=settings.max_depth_m)
+        depth = ros.cloud_depth(deep[1], topics.cloud, camera, max_depth_m=settings.max_depth_m,
+                                camera_from_cloud=placed.cloud)
     if depth is not None:
         check_pair(image, depth, f"{topics.color} and {topics.depth or topics.cloud}")
     return Capture(0, stamp, image=image, depth=depth, scan=scan, sensed=True)

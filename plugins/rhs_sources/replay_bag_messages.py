@@ -7,7 +7,7 @@ import struct
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import Camera, rotation_of_quaternion, se3
+from rhs.api.geometry import Camera, rotation_of_quaternion, se3, transform
 from rhs.api.pictures import HEAD_BYTES, MOST_PIXELS, check_size
 from rhs.api.records import Scan
 
@@ -91,9 +91,10 @@ def pose_of(message, topic: str) -> np.ndarray:
         raise ConfigError(f"{topic}: {error}") from None
 
 
-def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float) -> np.ndarray:
-    """(H, W) float32 metres of a PointCloud2 in the camera's optical frame: organised as it is, else the nearest point
-    that falls on each pixel."""
+def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
+                camera_from_cloud: np.ndarray | None = None) -> np.ndarray:
+    """(H, W) float32 metres of a PointCloud2, whose frame is the camera's optical one or stands to it as given: organised as
+    it is where the frames are one, else the nearest point that falls on each pixel."""
     fields = {f.name: f for f in message.fields}
     if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
         raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
@@ -102,9 +103,13 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float) -> n
     count = len(message.data) // max(message.point_step, 1)
     table = np.frombuffer(bytes(message.data), kind, count)
     points = np.stack([table[n] for n in "xyz"], axis=1).astype(float)
+    elsewhere = camera_from_cloud is not None and not np.allclose(camera_from_cloud, np.eye(4), atol=1e-6)
+    if camera_from_cloud is not None and elsewhere:
+        points = transform(camera_from_cloud, points)
     with np.errstate(invalid="ignore"):
         good = np.isfinite(points).all(axis=1) & (points[:, 2] > 0) & (points[:, 2] <= max_depth_m)
-    if (message.height, message.width) == (camera.height, camera.width) and count == camera.height * camera.width:
+    organised = (message.height, message.width) == (camera.height, camera.width) and count == camera.height * camera.width
+    if organised and not elsewhere:
         return np.where(good, points[:, 2], np.nan).reshape(camera.height, camera.width).astype(np.float32)
     points = points[good]
     pixels = np.rint(camera.project(points))

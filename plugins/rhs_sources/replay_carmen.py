@@ -4,6 +4,7 @@ Format: the header of every log. Lines of other kinds (ODOM, PARAM, ...) are not
 The scans are taken in the order of the file; stamps that step back are repaired and counted, and the log's own travel with
 the views (`log_stamp_s`), because relations name scans by them. The body is the scanner: where the laser's pose is the
 odometry's moved by a constant, its pose is the way taken; where somebody has corrected it, the odometry is.
+True poses of the scanner may be typed (`source.truth`), by the log's stamps as they were repaired.
 The log of a robot with `.relations` beside it has true relations between stamps (Kuemmerle et al., 2009), not poses.
 """
 
@@ -20,7 +21,8 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar, se2
 from rhs.api.records import Capture, Scan, WorldFacts
 
-from .replay_stamps import in_file_order, number_of
+from .replay_mounts import mount_of, mounted
+from .replay_stamps import in_file_order, number_of, typed_truth
 from .replay_tum import Recording
 
 SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
@@ -44,13 +46,17 @@ def open_carmen(path: Path, settings) -> Recording:
     if not kept:
         raise ConfigError(f"{path}: source.start={settings.start} but the log has {len(own)} scans")
 
+    truth = typed_truth(settings)
+    mount = mount_of(settings.scan_mount, "scan_mount")
     wheels = len(own) == 1 or any((pose != poses[0]).any() for pose in poses)  # readings that never change are none
 
     def views():
         for index, i in enumerate(kept):
             travel = None if index == 0 or not wheels else planar(inverse(poses[kept[index - 1]]) @ poses[i])
             extras = {"log_stamp_s": np.array([own[i]])} if repaired else {}
-            yield Capture(index, float(stamps[i]), travel=travel, scan=scans[i], sensed=True, extras=extras), None
+            scan = mounted(scans[i], mount, path.name)
+            capture = Capture(index, float(stamps[i]), travel=travel, scan=scan, sensed=True, extras=extras)
+            yield capture, truth.at(capture.stamp_s) if truth is not None else None
 
     facts = _facts(path, [poses[i] for i in kept], scans[0].max_range_m)
     provides = frozenset({"scan", *(["wheel"] if wheels else []), *(["log_stamp_s"] if repaired else [])})
@@ -82,7 +88,7 @@ def _read(path: Path, settings) -> tuple[list[float], list[np.ndarray], list[Sca
                 bearings[beams] = _bearings(beams, settings.laser_fov_deg)
             stamps.append(stamp)
             odometry.append(se2(*pose))
-            lasers.append(se2(*laser))
+            lasers.append(se2(*(pose if settings.scan_mount else laser)))  # a mount that was typed is on the wheels' body
             scans.append(_scan(bearings[beams], ranges, settings.max_laser_m))
     return stamps, _way(lasers, odometry), scans
 

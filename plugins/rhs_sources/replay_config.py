@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
@@ -50,7 +50,7 @@ class Replay:
     count: int = 0
     """Number of views to use at most; 0 means all."""
     phase: str = "survey"
-    """Part of a run recorded by rhs to hand out: survey, patrol or all."""
+    """Part of a run recorded by rhs to hand out: survey, patrol, localise or all."""
     color_topic: str = ""
     """Topic of a bag with colour or grey images; empty takes the only topic of a fitting type, none goes without."""
     depth_topic: str = ""
@@ -65,6 +65,15 @@ class Replay:
     """Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown."""
     truth_frame: str = ""
     """Fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth."""
+    body_frame: str = ""
+    """Frame of a bag's tf tree that is the body; empty: the one whose motion the wheels tell, base_footprint, base_link, or
+    the end of the fixed links above the sensor. Sensors sit where /tf_static (or /tf that stands still) puts them."""
+    scan_mount: list[float] = field(default_factory=list)
+    """Where the laser of a bag or a CARMEN log sits on the body: [x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg]; empty: what its
+    tf says, else at the body."""
+    camera_mount: list[float] = field(default_factory=list)
+    """Where the camera sits on the body, looking along its own x: [x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg]; empty: what a
+    bag's tf says, else at the body. Not of a run.mcap, which knows it."""
     extent_m: float = 10.0
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is."""
     laser_fov_deg: float = 180.0
@@ -75,7 +84,7 @@ class Replay:
     def __post_init__(self) -> None:
         owner = "source.replay"
         check_choice(owner, "format", self.format, FORMATS)
-        check_choice(owner, "phase", self.phase, ("survey", "patrol", "all"))
+        check_choice(owner, "phase", self.phase, ("survey", "patrol", "localise", "all"))
         check_range(owner, "depth_scale", self.depth_scale, low=0.0, high=1e6, unit="steps per metre")
         check_range(owner, "max_depth_m", self.max_depth_m, low=0.1, high=1e4, unit="m")
         check_range(owner, "max_difference_s", self.max_difference_s, low=0.0, high=10.0, unit="s")
@@ -87,6 +96,10 @@ class Replay:
         check_range(owner, "max_laser_m", self.max_laser_m, low=0.1, high=1e3, unit="m")
         check_range(owner, "extent_m", self.extent_m, low=1.0, high=1e3, unit="m")
         check_range(owner, "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
+        from .replay_mounts import mount_of
+
+        for name in ("scan_mount", "camera_mount"):
+            mount_of(getattr(self, name), name)
         if not isinstance(self.camera, str):
             _check_intrinsics(owner, self.camera)
 

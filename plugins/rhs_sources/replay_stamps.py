@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -134,6 +135,19 @@ def between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
 
     turn = log_so3((inverse(a) @ b)[:3, :3])
     return se3(a[:3, :3] @ exp_so3(share * turn), (1.0 - share) * a[:3, 3] + share * b[:3, 3])
+
+
+def typed_truth(settings) -> Truth | None:
+    """The poses of `source.truth`, or None where none was typed."""
+    return read_tum_truth(typed_file(settings.truth), settings) if settings.truth else None
+
+
+def typed_file(name: str) -> Path:
+    """The file of true poses that was typed. Raises ConfigError where there is none."""
+    path = Path(name).expanduser()
+    if not path.is_file():
+        raise ConfigError(f"source.truth={name}: no such file; expected stamp tx ty tz qx qy qz qw a line")
+    return path
 
 
 def read_tum_truth(path, settings) -> Truth:

@@ -18,7 +18,8 @@ from rhs.api.records import Capture, WorldFacts
 
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
-from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows
+from .replay_mounts import placed_camera
+from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     folder = str(pairs[0][1].parent.parent)
     first = _read(pairs[0], scale, settings)
     checked = _check_scale(pairs[0][2], scale)
-    camera = chosen_camera(settings.camera, first[0].shape[1::-1], recorded=None, where=folder)
+    camera = placed_camera(chosen_camera(settings.camera, first[0].shape[1::-1], recorded=None, where=folder), settings)
     wanted = pairs[settings.start :: settings.stride][: settings.count or None]
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
@@ -135,10 +136,7 @@ def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
 def _truth_file(path: Path, settings) -> Path | None:
     """The user's file of true poses, else groundtruth.txt, else the only *.freiburg (ICL-NUIM), else None."""
     if settings.truth:
-        chosen = Path(settings.truth).expanduser()
-        if not chosen.is_file():
-            raise ConfigError(f"source.truth={settings.truth}: no such file; expected stamp tx ty tz qx qy qz qw a line")
-        return chosen
+        return typed_file(settings.truth)
     found = [path / "groundtruth.txt"] if (path / "groundtruth.txt").is_file() else list(path.glob("*.freiburg"))
     return found[0] if len(found) == 1 else None
 

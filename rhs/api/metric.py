@@ -28,7 +28,8 @@ class RunFiles(Protocol):
         """The lines of steps.csv as text; unknown is empty."""
 
     def trajectory(self, name: str) -> Trajectory | None:
-        """`estimate`, `corrected`, `truth_survey`, `patrol` or `truth_patrol`; None where there is none."""
+        """`estimate`, `corrected`, `truth_survey`, `patrol`, `truth_patrol`, `localised` or `truth_localised`;
+        None where there is none."""
 
     def grid(self, name: str) -> OccupancyGrid | None:
         """`map`, `true_map` or `true_map_patrol`; None where there is none."""

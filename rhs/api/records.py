@@ -58,7 +58,7 @@ class PlanReason(StrEnum):
 
 
 class Event(StrEnum):
-    """What happened in one view of a patrol; steps.csv joins several by `+`."""
+    """What happened in one view of a patrol or of task=localise; steps.csv joins several by `+`."""
 
     ARRIVED = "arrived"
     """the robot believes itself at the place of its mission"""
@@ -80,6 +80,8 @@ class Event(StrEnum):
     """the robot does not know where it is and looks for itself"""
     KIDNAPPED = "kidnapped"
     """it was carried elsewhere without being told (a truth: for the table only)"""
+    STARTED = "started"
+    """task=localise: the localiser was started here, from nothing or from the pose that was typed"""
 
 
 class MissionStatus(StrEnum):
@@ -250,7 +252,6 @@ class FeatureSettings:
 
     def __post_init__(self) -> None:
         check_ranges("features", self, count=(10, 100_000), contrast=(0.0, 1.0), ratio=(0.1, 1.0))
-
 
 
 

@@ -1,7 +1,7 @@
 """`python -m rhs.evaluate`: the figures again, from files.
 
     python -m rhs.evaluate RUN_FOLDER            recompute the row's figures and compare them with row.json
-    python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM files
+    python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM, KITTI or EuRoC files
     python -m rhs.evaluate EST --relations FILE  errors of published relations between scans; EST: a TUM file or a run folder
 
 Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
     parser = Arguments(prog="python -m rhs.evaluate", description=__doc__,
                        formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="a run folder, or two TUM files")
+    parser.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="a run folder, or two trajectories")
     parser.add_argument("--alignment", default="se3", help=f"{', '.join(ALIGNMENTS)} (default se3)")
     parser.add_argument("--relations", type=Path, help="stamp1 stamp2 x y z roll pitch yaw of pairs of scans, on each line")
     parser.add_argument("--tolerance", type=float, default=TOLERANCE_S, help="between stamps, seconds (default 0.02)")
@@ -61,7 +61,7 @@ def _print(chosen: argparse.Namespace) -> int:
         sys.stdout.write(_lines(values))
         return _doubted(float(str(values["matched_share"])), chosen.tolerance)
     if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
-        raise ConfigError("expected one run folder, or two TUM files: ESTIMATE TRUTH")
+        raise ConfigError("expected one run folder, or two trajectories (TUM, KITTI, EuRoC): ESTIMATE TRUTH")
     sys.stdout.write(_lines(evaluate_folder(chosen.paths[0])))
     wrong = differences(chosen.paths[0])
     sys.stderr.write("".join(f"{line}\n" for line in wrong))

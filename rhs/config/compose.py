@@ -146,6 +146,8 @@ def _check_of_use(config: RunConfig, words: Sequence[Any]) -> None:
         return
     for word in words:
         kind = word.key.partition(".")[0]
+        if kind in config.parts and "planner" not in config.parts:
+            continue  # a task that drives nobody and has a use for it
         if kind in OF_A_DRIVE:
             raise ConfigError(f"{word.text}: source={config.source.name} is a recording, which nobody drives: there is "
                               f"nothing for {kind} to do; leave it out")

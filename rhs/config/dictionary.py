@@ -44,7 +44,7 @@ RUN = _rows(
     ("reason", "", "why it did not end well, in one line"),
     ("success", "", "1: the run did what was asked of it, 0: it did not; unknown where nothing was asked"),
     ("failure", "", "why not, in words"),
-    ("task", "", "what was done: patrol, survey, planning, places, unroll, or a plugin's"),
+    ("task", "", "what was done: patrol, survey, localise, planning, places, unroll, or a plugin's"),
     ("world", "", "the world, map or recording; random:FAMILY: the building of that family whose number is the seed"),
     *((kind, "", f"the {kind} plugin") for kind in PLUGIN_KINDS if kind not in ("task", "metric", "engine", "degrade")),
     ("degrade", "", "what spoiled the captures between source and sensor, joined by +; not there: nothing"),
@@ -108,7 +108,7 @@ TASKS = _rows(
 STEPS = _rows(
     "steps.csv",
     ("index", "", "number of the view, survey and patrol counted on"),
-    ("phase", "", "survey or patrol"),
+    ("phase", "", "survey or patrol; localise in task=localise"),
     ("stamp_s", "s", "time of the view"),
     ("mission", "", "number of the mission, 0 in the survey"),
     ("event", "", "what happened, joined by +: see events"),
@@ -153,7 +153,7 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
 
 
 # ours, in the order of a table
-GROUPS = ("cause", "blame", "patrol", "calibration", "survey", "map", "laser", "planning", "stages")
+GROUPS = ("cause", "blame", "patrol", "localise", "calibration", "survey", "map", "laser", "planning", "stages")
 
 
 def metrics(task: str = "") -> list[Metric]:

@@ -12,16 +12,18 @@ import numpy as np
 
 from rhs.api.belief import RIGHT_M, RIGHT_RAD
 from rhs.api.geometry import wrap
-from rhs.api.metric import RunFiles, columns_of
+from rhs.api.metric import LOOP, RunFiles, columns_of
 
 WITHIN_M = 5.0  # a kidnapped robot is judged after so much way
+PHASES = ("patrol", "localise")  # in which a localiser believes
 BINS = 10
 
 
 @dataclass(frozen=True, eq=False)
 class Beliefs:
-    """Views of a patrol whose truth is known. stamps_s, wrong_m, wrong_rad, probability, sure, kidnapped: (N,) each;
-    xy_m (N, 2): where the robot truly was. kidnapped: carried elsewhere since the view before."""
+    """Views of a patrol or of task=localise whose truth is known. stamps_s, wrong_m, wrong_rad, probability, sure,
+    kidnapped, started: (N,) each; xy_m (N, 2): where the robot truly was. kidnapped: carried elsewhere since the view
+    before. started: the localiser began here."""
 
     stamps_s: np.ndarray
     xy_m: np.ndarray
@@ -30,6 +32,7 @@ class Beliefs:
     probability: np.ndarray
     sure: np.ndarray
     kidnapped: np.ndarray
+    started: np.ndarray
 
     @property
     def right(self) -> np.ndarray:
@@ -62,13 +65,18 @@ def beliefs_of(steps: Sequence[dict[str, str]]) -> Beliefs:
     return Beliefs(
         column("stamp_s"), true, np.hypot(*gap.T), np.abs(wrap(column("yaw_rad") - column("true_yaw_rad"))),
         column("belief_probability"), np.array([row["belief_status"] == "tracking" for row in rows], bool),
-        np.array(["kidnapped" in row["event"].split("+") for row in rows], bool),
+        *(np.array([event in row["event"].split("+") for row in rows], bool) for event in ("kidnapped", "started")),
     )  # fmt: skip
 
 
 def kidnaps(beliefs: Beliefs, within_m: float = WITHIN_M) -> list[Kidnap]:
     """Every kidnap of a patrol, judged."""
-    begins = np.nonzero(beliefs.kidnapped)[0]
+    return searches(beliefs, beliefs.kidnapped, within_m)
+
+
+def searches(beliefs: Beliefs, begins_here: np.ndarray, within_m: float) -> list[Kidnap]:
+    """What followed each view (N,) bool at which the robot had to find itself, up to within_m of way or the next of them."""
+    begins = np.nonzero(begins_here)[0]
     ends = np.append(begins, len(beliefs.kidnapped))[1:]
     return [_judged(beliefs, int(begin), int(end), within_m) for begin, end in zip(begins, ends, strict=True)]
 
@@ -107,7 +115,7 @@ def calibration_error(probability: np.ndarray, right: np.ndarray, bins: int = BI
 def calibration_values(run: RunFiles) -> dict[str, float | int | str]:
     """What followed each kidnap, and how reliable the stated chances were. NaN where nothing was kidnapped, or nobody
     knows the truth."""
-    steps = [row for row in run.steps if row["phase"] == "patrol"]
+    steps = [row for row in run.steps if row["phase"] in PHASES]
     beliefs = beliefs_of(steps)
     known = len(beliefs.wrong_m) > 0
     happened = kidnaps(beliefs)
@@ -141,8 +149,8 @@ CALIBRATION = columns_of(
      "kidnaps after which it was wrong and sure of it at the end of these 5 m",
      "rhs.metrics.calibration"),
     ("belief_wrong_sure_share", "share",
-     "views of the patrol in which the belief was wrong (0.25 m, 5 degrees) and sure of itself",
+     "views of the patrol (or of task=localise) in which the belief was wrong (0.25 m, 5 degrees) and sure of itself",
      "rhs.metrics.calibration"),
     ("belief_ece", "", "expected calibration error of the belief's probability, ten bins", "Guo et al. 2017, section 2"),
-    counts=("kidnaps",),
+    tasks=(*LOOP, "localise"), counts=("kidnaps",),
 )

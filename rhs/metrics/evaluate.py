@@ -14,6 +14,7 @@ from rhs.runfolder.run import Run
 
 from .relations import LOG_WAY, read_relations, relation_values
 from .survey import TOLERANCE_S, trajectory_values
+from .trajectory_forms import read_trajectory
 
 Values = dict[str, float | int | str]
 
@@ -26,10 +27,10 @@ def evaluate_folder(folder: Path) -> Values:
 
 
 def evaluate_pair(estimate: Path, truth: Path, *, alignment: str = "se3", tolerance_s: float = TOLERANCE_S) -> Values:
-    """ATE, RPE and completeness of two trajectories in TUM format."""
+    """ATE, RPE and completeness of two trajectories, each in TUM, KITTI or EuRoC form."""
     check_choice("evaluate", "alignment", alignment, ALIGNMENTS)
     check_range("evaluate", "tolerance", tolerance_s, low=0.0, high=10.0, unit="s")
-    return trajectory_values(read_tum(estimate), read_tum(truth), alignment=alignment, tolerance_s=tolerance_s)
+    return trajectory_values(read_trajectory(estimate), read_trajectory(truth), alignment=alignment, tolerance_s=tolerance_s)
 
 
 def evaluate_relations(estimate: Path, relations: Path) -> Values:

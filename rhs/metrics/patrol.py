@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
-from rhs.api.metric import RunFiles, columns_of
+from rhs.api.metric import LOOP, RunFiles, columns_of
 from rhs.api.trajectory import Trajectory
 
 from .accuracy import absolute_errors_m, pair, rmse
@@ -14,8 +14,9 @@ from .survey import NAN, TOLERANCE_S, Values, _of
 # A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
 VISITED_M = 0.5
 # Each stage is timed where it does its work: elsewhere it only passes on.
-STAGES = {"capture_ms": ("survey", "patrol"), "sense_ms": ("survey", "patrol"), "odometry_ms": ("survey", "patrol"),
-          "localise_ms": ("patrol",), "map_ms": ("survey",)}
+EVERY_PHASE = ("survey", "patrol", "localise")
+STAGES = {"capture_ms": EVERY_PHASE, "sense_ms": EVERY_PHASE, "odometry_ms": EVERY_PHASE,
+          "localise_ms": ("patrol", "localise"), "map_ms": ("survey",)}
 
 
 def patrol_steps(run: RunFiles) -> list[dict[str, str]]:
@@ -147,7 +148,8 @@ STAGES_MS = columns_of(
     ("capture_ms", "ms", "median time of rendering or reading a view", "steps.csv"),
     ("sense_ms", "ms", "median time of the sensor", "steps.csv"),
     ("odometry_ms", "ms", "median time of the odometry", "steps.csv"),
-    ("localise_ms", "ms", "median time of the localiser in the patrol", "steps.csv"),
+    ("localise_ms", "ms", "median time of the localiser, in the patrol or in task=localise", "steps.csv"),
     ("map_ms", "ms", "median time of the mapper in the survey", "steps.csv"),
     ("plan_ms", "ms", "median time of a call of the planner in the patrol", "plans.json"),
+    tasks=(*LOOP, "localise"),
 )

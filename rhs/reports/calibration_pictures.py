@@ -11,7 +11,8 @@ import numpy as np
 
 from rhs.api.belief import RIGHT_M
 from rhs.api.files import write_whole
-from rhs.metrics.calibration import Kidnap, beliefs_of, calibration_error, kidnaps, reliability
+from rhs.metrics.calibration import PHASES, WITHIN_M, Kidnap, beliefs_of, calibration_error, reliability, searches
+from rhs.metrics.localise import FOUND_WITHIN_M
 from rhs.plots import new_figure, save
 
 if TYPE_CHECKING:
@@ -21,22 +22,25 @@ SURE, UNSURE = "#1f6fb4", "#bbbbbb"
 
 
 def knowing_picture(folder: Path) -> Path | None:
-    """knowing.png of a run folder: its kidnaps and its reliability; None where the patrol has no known truth."""
+    """knowing.png of a run folder: its kidnaps and its reliability; None where nobody knows the truth. Of task=localise
+    every start is shown as a kidnap is."""
     path = Path(folder) / "steps.csv"
     if not path.exists():
         return None
     with path.open(encoding="utf-8", newline="") as file:
-        beliefs = beliefs_of([row for row in csv.DictReader(file) if row["phase"] == "patrol"])
+        beliefs = beliefs_of([row for row in csv.DictReader(file) if row["phase"] in PHASES])
     if not len(beliefs.wrong_m):
         return None
     figure = new_figure(10.0, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
-    draw_kidnaps(left, kidnaps(beliefs))
-    draw_reliability(right, {"this patrol": (beliefs.probability, beliefs.right)})
+    started = bool(beliefs.started.any())
+    begins, within_m = beliefs.kidnapped | beliefs.started, FOUND_WITHIN_M if started else WITHIN_M
+    draw_kidnaps(left, searches(beliefs, begins, within_m), what="start" if started else "kidnap")
+    draw_reliability(right, {"this drive" if started else "this patrol": (beliefs.probability, beliefs.right)})
     return write_whole(Path(folder) / "knowing.png", lambda partial: save(figure, partial))
 
 
-def draw_kidnaps(axes: Axes, happened: Sequence[Kidnap]) -> None:
+def draw_kidnaps(axes: Axes, happened: Sequence[Kidnap], *, what: str = "kidnap") -> None:
     """Error against the way since the kidnap, dark where the robot called itself tracking."""
     for one in happened:
         wrong = np.maximum(one.wrong_m, 1e-3)
@@ -45,10 +49,11 @@ def draw_kidnaps(axes: Axes, happened: Sequence[Kidnap]) -> None:
         axes.scatter(one.way_m[~one.sure], wrong[~one.sure], s=9, color=UNSURE, zorder=2, linewidths=0)
     axes.axhline(RIGHT_M, color="#c1121f", linewidth=1)
     axes.set_yscale("log")
-    axes.set_xlabel("metres driven since the kidnap")
+    axes.set_xlabel(f"metres driven since the {what}")
     axes.set_ylabel("error of the believed position [m]")
     found = sum(np.isfinite(one.metres) for one in happened)
-    axes.set_title(f"{len(happened)} kidnaps, {found} recovered (red: 0.25 m; blue: says tracking)", fontsize=9)
+    words = f"{found} recovered" if what == "kidnap" else f"found after {found}"
+    axes.set_title(f"{len(happened)} {what}s, {words} (red: 0.25 m; blue: says tracking)", fontsize=9)
 
 
 def draw_reliability(axes: Axes, curves: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> None:

@@ -27,6 +27,8 @@ def title(row: dict[str, Any]) -> str:
     parts = [row.get(name) for name in ("world", "sensor", "odometry", "loop_closer", "planner", "localiser")]
     first = " · ".join(str(part) for part in parts if part) + (f" · seed {row['seed']}" if "seed" in row else "")
     numbers = [_number(row, "ate_rmse_m", "ATE {:.3f} m"), _number(row, "end_error_m", "end error {:.3f} m"),
+               _number(row, "found_share", "found after {:.0%} of the starts"),
+               _number(row, "belief_wrong_sure_share", "wrong and sure {:.1%}"),
                _number(row, "map_agreement", "map agreement {:.1%}"), _number(row, "collisions", "{:.0f} collisions")]
     if row.get("places_total") and row.get("patrol_steps") != 0:  # a survey alone was asked to visit none
         numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
@@ -92,7 +94,9 @@ def draw_lines(axes: Axes, folder: Path) -> None:
               ("estimate", "", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
               ("corrected", "", "survey, loop closed", COLOURS["corrected"], 1.2, "-"),
               ("truth_patrol", "patrol", f"patrol, true{note}", COLOURS["truth"], 1.4, ":"),
-              ("patrol", "", "patrol, as believed", COLOURS["patrol"], 1.2, "-"))
+              ("patrol", "", "patrol, as believed", COLOURS["patrol"], 1.2, "-"),
+              ("truth_localised", "", "true way, in the map", COLOURS["truth"], 1.4, ":"),
+              ("localised", "", "as believed", COLOURS["patrol"], 1.2, "-"))
     for name, onto, label, colour, width, style in styles:
         path = folder / f"{name}.tum"
         if path.exists():

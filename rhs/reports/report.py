@@ -48,8 +48,9 @@ def pictures(folder: Path) -> list[Path]:
     if (folder / "blame.json").exists():
         made.append(blame_picture(folder))
     if (folder / "steps.csv").exists():
-        kidnapped = (json_of(folder / "row.json") or {}).get("kidnaps")
-        made += [overview(folder), motion(folder), knowing(folder) if kidnapped else None]
+        row = json_of(folder / "row.json") or {}
+        asked = row.get("kidnaps") or row.get("starts")
+        made += [overview(folder), motion(folder), knowing(folder) if asked else None]
     return [path for path in made if path is not None]
 
 
@@ -91,7 +92,8 @@ def motion(folder: Path) -> Path | None:
     names = ("x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad")
     steps = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
     steps["trusted"] = np.array([row["motion_status"] == "ok" for row in rows], bool)
-    recorded = not (folder / "true_map.yaml").exists()
+    # the truth of task=localise stands in the frame of its map already
+    recorded = not any((folder / name).exists() for name in ("true_map.yaml", "truth_localised.tum"))
     if recorded:
         laid = truth_in_map(Run(folder))
         true = np.array([laid.get(float(row["stamp_s"]), np.full(3, np.nan)) for row in rows]).reshape(-1, 3)

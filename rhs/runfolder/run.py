@@ -76,7 +76,8 @@ class Run:
         return self.grid("map")
 
     def trajectory(self, name: str) -> Trajectory | None:
-        """`estimate`, `corrected`, `truth_survey`, `patrol` or `truth_patrol`; None where there is none."""
+        """`estimate`, `corrected`, `truth_survey`, `patrol`, `truth_patrol`, `localised` or `truth_localised`;
+        None where there is none."""
         path = self.folder / f"{name}.tum"
         trajectory = self.once_of(("tum", name), lambda: read_tum(path) if path.exists() else None)
         return trajectory if trajectory is not None and len(trajectory) else None

@@ -1,4 +1,4 @@
-"""The per-step files of a run folder: steps.csv and the four trajectories.
+"""The per-step files of a run folder: steps.csv and the trajectories of its phases.
 
 Rows are appended to a partial file as they come, so that a killed run leaves them (`steps.jsonl.tmp-*`); the final
 names appear when the table is closed.
@@ -27,6 +27,9 @@ COLUMNS = (
     "belief_probability", "x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m",
     "true_yaw_rad", "clearance_m", "collided", "forward_mps", "turn_radps", "duration_s",
 )
+# phase -> the trajectories of its beliefs and of its true poses
+TRAJECTORIES = {"survey": ("estimate", "truth_survey"), "patrol": ("patrol", "truth_patrol"),
+                "localise": ("localised", "truth_localised")}
 TUM_HEADER = "# stamp_s x_m y_m z_m qx qy qz qw\n"
 
 
@@ -137,10 +140,10 @@ def _whole_rows(partial: Path) -> Iterator[tuple[dict[str, object], dict[str, st
 
 
 def _poses(step: Step) -> list[tuple[str, np.ndarray]]:
-    survey = step.phase == "survey"
-    poses = [("estimate" if survey else "patrol", step.belief.map_from_body)]
+    believed, true = TRAJECTORIES.get(step.phase, TRAJECTORIES["patrol"])
+    poses = [(believed, step.belief.map_from_body)]
     if step.truth is not None:
-        poses.append(("truth_survey" if survey else "truth_patrol", step.truth))
+        poses.append((true, step.truth))
     return poses
 
 

@@ -79,7 +79,7 @@ def test_a_value_arrives_as_it_was_typed(word, value):
     ("seed=1.5", "seed=1.5: expected int"),
     ("seed=true", "seed=true: expected int"),
     ("task=patrole", "task=patrole: there is no such task; did you mean patrol"),
-    ("start=[1,2]", "start: task=patrol has no such setting; task=planning has"),
+    ("start=[1,2]", "start: task=patrol has no such setting; task=localise and task=planning have"),
     ("places=3", "places=3: places is a group of settings; write places.NAME=VALUE"),
     ("places.every=0", "places.every=0 is outside"),
     ("obstacles=[[1,2,3]]", "expected 4 finite numbers"),

@@ -1,0 +1,97 @@
+"""Does the map explain what is seen from where the robot believes itself to be?
+
+A particle filter compares poses in the map with one another: the best of them gets all the weight, also where the robot is
+in a room that the map does not show, or where the map is out of date. So the belief is held against the alternative that it
+is wrong: of the scan's ends, how many lie on a wall of the map that the beam could reach? On two laser logs it was 92 % (5th
+percentile 77 %) from right poses, about half from those that the filter was wrong and sure of. The evidence of one scan is a
+log-odds in proportion to the share above or below FitSettings.expected, and views taken a short way apart count as one: they
+share their errors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.geometry import inverse, planar, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.jit import compiled
+from rhs.api.records import Scan
+
+from .advanced import FitSettings
+
+
+class FitWatch:
+    """The chance that the belief is where the robot is, by what the map explains of the scans since it is what it is."""
+
+    def __init__(self, grid: OccupancyGrid, settings: FitSettings) -> None:
+        from scipy.ndimage import distance_transform_edt
+
+        self._s, self._grid = settings, grid
+        occupied = grid.occupied()
+        self._solid = occupied.astype(np.uint8)
+        gap_m = distance_transform_edt(~occupied) * grid.resolution_m if occupied.any() else np.full(grid.shape, np.inf)
+        self._wall = (gap_m <= settings.reach_m).astype(np.uint8)
+        self.begin()
+
+    def begin(self, chance: float | None = None) -> None:
+        """A new belief, of which only this is known."""
+        prior = self._s.prior if chance is None else min(max(chance, self._s.prior), self._s.most)
+        self._odds = float(np.log(prior) - np.log1p(-prior))
+        self.share = float("nan")
+
+    @property
+    def chance(self) -> float:
+        """That the map explains the belief."""
+        return float(1.0 / (1.0 + np.exp(-self._odds)))
+
+    def follow(self, expected: np.ndarray | None, believed: np.ndarray) -> None:
+        """A belief (3,) that is not where the last one and the motion since lead to is another belief."""
+        if expected is None:
+            return
+        off = planar(inverse(se2(*expected)) @ se2(*believed))
+        if np.hypot(off[0], off[1]) > self._s.jump_m or abs(off[2]) > np.radians(self._s.jump_deg):
+            self.begin()
+
+    def look(self, scan: Scan | None, believed: np.ndarray, fresh: float) -> None:
+        """Take the evidence of a scan seen from a pose (3,). fresh: 0..1, how much of it is new."""
+        s = self._s
+        self.share = self.explained(scan, believed)
+        if np.isfinite(self.share):
+            evidence = float(np.clip(s.slope * (self.share - s.expected), -s.step, s.step))
+            most = float(np.log(s.most) - np.log1p(-s.most))
+            self._odds = float(np.clip(self._odds + fresh * evidence, -most, most))
+
+    def explained(self, scan: Scan | None, at: np.ndarray) -> float:
+        """Share of the scan's ends that lie on walls which their beams reach, from a pose (3,); NaN with too few beams."""
+        if scan is None:
+            return float("nan")
+        cell = self._grid.resolution_m
+        reach, bearing = np.asarray(scan.ranges_m, float), np.asarray(scan.bearings_rad, float)
+        used = np.isfinite(reach) & (reach <= self._s.range_max_m)
+        if used.sum() < self._s.least_beams:
+            return float("nan")
+        start = se2(*at)[:2, :2] @ np.asarray(scan.origin_xy_m, float) + at[:2]
+        begin = (start - np.asarray(self._grid.origin_m)) / cell
+        return float(_explained(begin, reach[used] / cell, bearing[used] + at[2], self._solid, self._wall,
+                                self._s.reach_m / cell))
+
+
+@compiled
+def _explained(start: np.ndarray, reach: np.ndarray, heading: np.ndarray, solid: np.ndarray, wall: np.ndarray,
+               slack: float) -> float:
+    """Share of beams that end by a wall and met none before (but within `slack` of their end); lengths in cells."""
+    rows, columns = solid.shape
+    good = 0
+    for b in range(len(reach)):
+        c, s = np.cos(heading[b]), np.sin(heading[b])
+        x, y = start[0] + c * reach[b], start[1] + s * reach[b]
+        if not (x >= 0 and y >= 0 and x < columns and y < rows) or not wall[int(y), int(x)]:
+            continue
+        free, way = True, 1.0
+        while free and way < reach[b] - slack - 1.0:
+            px, py = start[0] + c * way, start[1] + s * way
+            if px >= 0 and py >= 0 and px < columns and py < rows and solid[int(py), int(px)]:
+                free = False
+            way += 1.0
+        good += free
+    return good / len(reach)

@@ -1,0 +1,67 @@
+"""Settings of the task that localises in a given map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, ClassVar
+
+from rhs.api.errors import ConfigError, check_range
+from rhs.api.task import Job, TaskContext
+
+
+@dataclass
+class Localise:
+    """A localiser alone in a map made before, on a recording or a robot led along its route: how soon it finds itself, and
+    whether it knows."""
+
+    map: str = ""
+    """where it is looked for: a ROS map (map.yaml), the folder of a run (its map, and its survey's views as places), or a
+    floor plan (a world of worlds/, or its file)"""
+    start: Any = "unknown"
+    """where it begins: unknown (anywhere in the map), or [x_m, y_m, yaw_deg] in the frame of the map"""
+    start_sigma_m: float = 0.1
+    """how well a start that was typed is known, metres (1 sigma)"""
+    start_sigma_deg: float = 3.0
+    """and its heading, degrees (1 sigma)"""
+    restart_every_m: float = 0.0
+    """after so much way (as the odometry has it) everything is forgotten and the localiser starts from nothing, metres: many
+    trials of one recording; 0: never"""
+    kidnap_every_m: float = 0.0
+    """after so much true way the robot is carried off: the views of a stretch are left out, and nobody is told, metres; 0:
+    never"""
+    kidnap_skip_m: float = 5.0
+    """length of the stretch that is left out then, metres"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+    kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "localiser")
+
+    def __post_init__(self) -> None:
+        self.start = checked_start(self.start)
+        check_range("", "start_sigma_m", self.start_sigma_m, low=1e-3, high=100.0, unit="m")
+        check_range("", "start_sigma_deg", self.start_sigma_deg, low=0.01, high=180.0, unit="degrees")
+        for name in ("restart_every_m", "kidnap_every_m"):
+            check_range("", name, getattr(self, name), low=0.0, high=1e6, unit="m")
+        check_range("", "kidnap_skip_m", self.kidnap_skip_m, low=0.1, high=1e6, unit="m")
+        if self.restart_every_m and self.start != "unknown":
+            raise ConfigError(f"restart_every_m={self.restart_every_m:g} starts from nothing again and again; leave out "
+                              "start=")
+
+    def build(self, context: TaskContext) -> Job:
+        from .task import LocaliseJob
+
+        return LocaliseJob(self, context)
+
+
+def checked_start(start: Any) -> Any:
+    """`unknown`, or three finite numbers; anything else is refused."""
+    if start == "unknown":
+        return start
+    try:
+        numbers = [float(value) for value in start] if not isinstance(start, str) else []
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != 3 or not all(map(isfinite, numbers)):
+        raise ConfigError(f"start={start}: expected unknown, or [x_m,y_m,yaw_deg], for example start=[1.0,2.0,90]")
+    return numbers

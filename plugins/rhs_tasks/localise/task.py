@@ -1,0 +1,101 @@
+"""The localise task: a map that is given, a drive through it, and a localiser that says where it is.
+
+Per view: sense, odometry (the loop of a survey), then the localiser. Files of the run folder: those of the loop (steps.csv,
+localised.tum, truth_localised.tum, run.mcap), map.yaml and map.pgm (the map as given), localise.json, row.json. The columns
+follow from them (rhs.metrics.localise); true poses are moved into the frame of the map before they are written.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rhs.api.contracts import Source
+from rhs.api.errors import ConfigError
+from rhs.api.files import replacing
+from rhs.api.geometry import se2
+from rhs.api.records import Belief, Event, Scan, Step
+from rhs.api.task import StepJob, TaskContext
+from rhs.api.validate import check_belief, reach_of
+from rhs.worlds.maps import save_map
+
+from .carried_off import CarriedOff
+from .given_map import read_given, surveyed
+from .settings import Localise
+
+PHASE = "localise"
+
+
+class NoMapper:
+    """The map is given: nothing is drawn."""
+
+    def update(self, map_from_body: np.ndarray, scan: Scan) -> None:
+        """Look away."""
+
+
+class LocaliseJob(StepJob):
+    """Learn the map, follow the drive, believe."""
+
+    def __init__(self, settings: Localise, context: TaskContext) -> None:
+        self.settings, self.context = settings, context
+        self.given = read_given(settings.map)
+        self.parts = context.parts()
+        if self.parts.slam is not None:
+            raise ConfigError("task=localise takes a map that is given, which a slam makes for itself; leave out slam=")
+        self.pictures = "image" in context.settings("localiser").needs
+        if self.pictures and not self.given.has_pictures:
+            raise ConfigError(f"{self.parts.who['localiser']} recognises places, and map={settings.map} holds no pictures "
+                              "of any; type map=RUN_FOLDER of a survey with recording=full, or "
+                              "localiser=particle_filter_scan")
+        self.source: Source = self.parts.source
+        if settings.kidnap_every_m:
+            self.source = self.parts.source = CarriedOff(self.source, settings.kidnap_every_m, settings.kidnap_skip_m)
+        self.parts.mapper = NoMapper()  # type: ignore[assignment]
+
+    def steps(self) -> Iterator[Step]:
+        """Every view of the drive, believed by the localiser; the row's columns follow from the files they leave."""
+        save_map(self.context.folder / "map", self.given.grid)
+        self.parts.localiser.learn(surveyed(self.given, self.context.features, pictures=self.pictures), self.given.grid)
+        self.write_note()
+        led = self.believed(self.context.lead(self.parts))
+        yield from self.context.follow(led, PHASE, self.source.views_expected)
+
+    def believed(self, led: Iterator[Step]) -> Iterator[Step]:
+        """The steps with the localiser's belief in the place of the sum of the odometry, and with the truth in the map."""
+        begin, way_m = True, 0.0
+        for step in led:
+            way_m += float(np.hypot(*step.motion.previous_from_body[:2, 3]))
+            begin = begin or 0.0 < self.settings.restart_every_m <= way_m
+            events = [Event.STARTED] if begin else []
+            if begin:
+                self.parts.localiser.start(first_belief(self.settings))
+                begin, way_m = False, 0.0
+            if isinstance(self.source, CarriedOff) and self.source.fresh:
+                events.append(Event.KIDNAPPED)
+            clock = time.perf_counter()
+            belief = self.parts.localiser.update(step.observation, step.motion)
+            belief = check_belief(belief, who=self.parts.who["localiser"], reach_m=reach_of(self.source.facts))
+            spent = {**step.timings_ms, "localise": 1e3 * (time.perf_counter() - clock)}
+            truth = None if step.truth is None else self.given.in_map(step.truth)
+            yield replace(step, phase=PHASE, belief=belief, truth=truth, events=tuple(events), timings_ms=spent)
+
+    def write_note(self) -> None:
+        """localise.json: which map, and how bent it is by the truth of the survey behind it."""
+        misfit_m = self.given.misfit_m if np.isfinite(self.given.misfit_m) else None
+        with replacing(self.context.folder / "localise.json") as file:
+            file.write(json.dumps({"map": self.settings.map, "map_misfit_m": misfit_m}, indent=1) + "\n")
+
+
+def first_belief(settings: Localise) -> Belief | None:
+    """What the localiser is told at the start: a pose, or None, nothing."""
+    if settings.start == "unknown":
+        return None
+    x_m, y_m, yaw_deg = settings.start
+    sigma = np.array([settings.start_sigma_m] * 2 + [1e-3] * 3 + [np.radians(settings.start_sigma_deg)])
+    return Belief(se2(x_m, y_m, float(np.radians(yaw_deg))), np.diag(sigma**2))
+
+

@@ -1,0 +1,73 @@
+"""Columns of task=localise: how soon a localiser finds itself in a given map, and whether it knows.
+
+A belief is right within 0.25 m and 5 degrees of the truth (rhs.api.belief), and sure of itself when its status is tracking.
+The truth stands in the frame of the map: the task has moved it there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.metric import RunFiles, columns_of
+
+from .accuracy import rmse
+from .calibration import beliefs_of, searches
+from .survey import NAN, Values
+
+FOUND_WITHIN_M = 10.0  # a robot that begins anywhere is judged after so much way
+
+
+def localise_values(run: RunFiles) -> Values:
+    """All of them; NaN where nobody knows the truth."""
+    steps = [row for row in run.steps if row["phase"] == "localise"]
+    beliefs = beliefs_of(steps)
+    begun = searches(beliefs, beliefs.started | beliefs.kidnapped, FOUND_WITHIN_M)
+    metres = np.array([one.metres for one in begun if np.isfinite(one.metres)])
+    tracking = beliefs.sure
+    misfit = (run.json("localise") or {}).get("map_misfit_m")
+    return {
+        "localise_steps": len(steps),
+        "localise_way_m": float(np.linalg.norm(np.diff(beliefs.xy_m, axis=0), axis=1).sum()) if len(beliefs.xy_m) else NAN,
+        "starts": sum(bool({"started", "kidnapped"} & set(row["event"].split("+"))) for row in steps),
+        "found_share": len(metres) / len(begun) if begun else NAN,
+        "found_m": float(np.median(metres)) if len(metres) else NAN,
+        "found_p90_m": float(np.percentile(metres, 90)) if len(metres) else NAN,
+        "start_wrong_sure_share": float(np.mean([one.wrong_sure for one in begun])) if begun else NAN,
+        "belief_right_share": float(beliefs.right.mean()) if len(beliefs.right) else NAN,
+        "belief_sure_share": _share(steps, "belief_status", "tracking"),
+        "belief_lost_share": _share(steps, "belief_status", "lost"),
+        "localise_rmse_m": rmse(beliefs.wrong_m[tracking]) if tracking.any() else NAN,
+        "localise_rmse_rad": rmse(beliefs.wrong_rad[tracking]) if tracking.any() else NAN,
+        "motion_ok_share": _share(steps, "motion_status", "ok"),
+        "map_misfit_m": NAN if misfit is None else float(misfit),
+    }
+
+
+def _share(steps: list[dict[str, str]], column: str, word: str) -> float:
+    return sum(row[column] == word for row in steps) / len(steps) if steps else NAN
+
+
+LOCALISE = columns_of(
+    localise_values,
+    ("localise_steps", "", "views through which the localiser was led", "steps.csv"),
+    ("localise_way_m", "m", "true way of that drive, leaps of kidnaps included", "steps.csv, truth"),
+    ("starts", "", "times the localiser had to find itself: started, or carried off without being told", "steps.csv"),
+    ("found_share", "share", "of these, those after which it was right and sure of it within 10 m of way",
+     "rhs.metrics.localise"),
+    ("found_m", "m", "way until then, median of those that found themselves", "rhs.metrics.localise"),
+    ("found_p90_m", "m", "the same, 90th percentile", "rhs.metrics.localise"),
+    ("start_wrong_sure_share", "share", "starts after which it was wrong and sure of it at the end of these 10 m",
+     "rhs.metrics.localise"),
+    ("belief_right_share", "share", "views in which the belief was right (0.25 m, 5 degrees), sure or not",
+     "steps.csv, truth"),
+    ("belief_sure_share", "share", "views in which the belief was sure of itself (tracking)", "steps.csv"),
+    ("belief_lost_share", "share", "views in which the belief called itself lost", "steps.csv"),
+    ("localise_rmse_m", "m", "error of the believed position while tracking, root mean square", "steps.csv, truth"),
+    ("localise_rmse_rad", "rad", "the same of the heading", "steps.csv, truth"),
+    ("motion_ok_share", "share", "views whose motion the odometry had measured (status ok)", "steps.csv"),
+    ("map_misfit_m", "m",
+     "how bent the map is: the way of the survey behind it against its truth when laid onto it, root mean square. The "
+     "belief is judged by the truth as the map is bent",
+     "localise.json"),
+    tasks=("localise",), counts=("localise_steps", "starts"),
+)
