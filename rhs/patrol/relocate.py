@@ -29,12 +29,20 @@ class Search:
 
     def begin(self) -> None:
         """The robot is not lost: the next search begins with a look round."""
-        self._turned_rad, self._way_m, self._side = 0.0, 0.0, 0.0
+        self._turned_rad, self._way_m, self._side, self._away = 0.0, 0.0, 0.0, 0
+
+    def turn_away(self) -> None:
+        """There is no way ahead, whatever the scan says: the next commands turn the robot by a quarter, on the same side."""
+        self._away = max(self._away, round(0.5 * np.pi / self._pace.turn_step_rad))
+        self._side = self._side or 1.0
 
     def next(self, belief: Belief, scan: Scan | None) -> Twist:
         """The next command."""
         if scan is None:
             return turn(self._pace.turn_step_rad, self._pace)
+        if self._away > 0:
+            self._away -= 1
+            return turn(self._side * self._pace.turn_step_rad, self._pace)
         if belief.probability >= HOPE:
             self._turned_rad, self._way_m = 0.0, 0.0
             return self._go(scan)
