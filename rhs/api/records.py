@@ -51,7 +51,8 @@ class Scan:
     """Ranges over bearings in the body frame, beams leaving `origin_xy_m`.
 
     bearings_rad (N,): left positive. ranges_m (N,): metres along the beam, NaN unknown, +inf
-    nothing within max_range_m. blind_m: nearer than this a beam may pass over something unseen; it speaks of what is further.
+    nothing within max_range_m. blind_m: nearer than this a beam may pass over
+    something unseen, and says nothing.
     """
 
     bearings_rad: np.ndarray
@@ -91,8 +92,8 @@ class Observation:
 
     wheel: (3,) encoder travel since the previous view (dx, dy, dyaw), with slip, or None.
     extras: further modalities by name, as the source gave them. contact: of the bumper, as the source gave it.
-    obstacle: the nearest thing between the floor and the robot's height on each bearing (rhs.estimation.scans.obstacle_scan),
-    beside `scan`, whose beams all run at one height; None of a sensor that does not look for it.
+    obstacle: the nearest thing between the floor and the robot's height on each bearing, beside `scan`, whose beams all run
+    at one height (rhs.estimation.scans.obstacle_scan); None of a sensor that does not look for it.
     """
 
     index: int

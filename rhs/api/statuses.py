@@ -1,4 +1,4 @@
-"""The words that records use for how things stand: each member says what it means. All of them are in the data dictionary."""
+"""The words that records use for how things stand. Each says what it means; all are in the data dictionary."""
 
 from __future__ import annotations
 

@@ -140,7 +140,8 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
     freeze(camera.body_from_camera)
     _command(observation.command, who)
     wheel = None if observation.wheel is None else _array(observation.wheel, who, "wheel", (3,), finite=False)
-    scan, obstacle = (None if seen is None else check_scan(seen, who=who) for seen in (observation.scan, observation.obstacle))
+    scan = None if observation.scan is None else check_scan(observation.scan, who=who)
+    obstacle = None if observation.obstacle is None else check_scan(observation.obstacle, who=who)
     _contact(observation.contact, who)
     return replace(observation, wheel=wheel, scan=scan, obstacle=obstacle)
 

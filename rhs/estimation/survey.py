@@ -122,8 +122,8 @@ def draw(views: tuple[View, ...], mapper: Mapper, *, who: str = "mapper") -> Occ
 
 
 def furnished(grid: OccupancyGrid, views: tuple[View, ...]) -> OccupancyGrid:
-    """The grid with the cells occupied in which the views saw something that the scan passes over. The scan says that its way
-    is free at the camera's height, so what it says is no word against a table."""
+    """The grid with those cells occupied in which the views saw something that the scan passes over. The scan says that its
+    way is free at the camera's height, which is no word against a table."""
     if not any(view.obstacle is not None for view in views):
         return grid
     from rhs.estimation.scans.votes import Votes, low_only  # compiled code

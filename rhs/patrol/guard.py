@@ -25,8 +25,8 @@ class GuardSettings:
     """How careful the robot drives."""
 
     side_m: float = 0.05
-    """least distance of the robot's side to anything seen, metres: half of the margin of the plans, so that a path planned
-    with it can be driven; it covers the depth noise (1 cm at 2 m) and the error of one command (3 % of 0.25 m)"""
+    """least distance of the robot's side to anything seen, metres: half the margin of the plans, so that a path planned with
+    it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
     look_s: float = 15.0
     """what nobody has looked at for so long is looked at before the robot drives there, seconds: somebody walks in meanwhile"""
     ahead_m: float = 0.15
@@ -62,6 +62,10 @@ class Guard:
         """Whether anything is measured: a camera that only believes in walls cannot look at ground."""
         return self.around.sight is not None
 
+    @property
+    def _since_s(self) -> float:
+        return self.around.now_s - self.settings.look_s
+
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""
         self.around.observe(observation, motion)
@@ -93,8 +97,8 @@ class Guard:
             return command, None
         wished_m = command.forward_mps * command.duration_s
         if wished_m > 0.0 and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
-            self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, up_to_m=wished_m + self.settings.ahead_m,
-                                              since_s=self.around.now_s - self.settings.look_s)
+            self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._since_s,
+                                              up_to_m=wished_m + self.settings.ahead_m)
         if (look := self._look()) is not None:
             return look, Event.LOOK
         if wished_m == 0.0:
@@ -111,10 +115,10 @@ class Guard:
         return self.around.free_way_m(command, self.settings.side_m, up_to_m)
 
     def _look(self) -> Twist | None:
-        """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then never
-        will be."""
+        """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then
+        never will be."""
         around, sight = self.around, self.around.sight
-        self._to_see = around.still_unseen(self._to_see, around.now_s - self.settings.look_s)
+        self._to_see = around.still_unseen(self._to_see, self._since_s)
         if sight is None or len(self._to_see) < FEW_PATCHES:
             return None
         bearing = np.arctan2(*around.in_body(self._to_see).T[::-1])

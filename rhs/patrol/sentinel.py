@@ -237,7 +237,7 @@ class Sentinel:
             self.watch.forget()
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
-        touched = f", after {self.contacts} touches" if self.contacts else ""
+        touched = f" (touches: {self.contacts})" if self.contacts else ""
         self._finish(MissionStatus.GAVE_UP, f"no path: {self.last_reason}{touched}", events)
         return None
 
@@ -309,7 +309,8 @@ class Sentinel:
         events.append(Event.LOST)
         settings = self.settings
         if self.lost_steps > settings.lost_views or self.lost_in_all > settings.lost_views_total:
-            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views", events)
+            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views",
+                         events)
             if self.book.done:
                 return Decision(None, None, tuple(events), mission.mission)
         sight = self.obstacle if self.obstacle is not None else scan

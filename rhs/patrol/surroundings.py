@@ -1,5 +1,5 @@
-"""What the robot has seen round itself in the last seconds, in the frame of its own motion: whatever its belief in the map is
-worth, it does not drive into what it has seen, nor where it has not looked."""
+"""What the robot has seen round itself in the last seconds, in the frame of its own motion: whatever its belief in the map
+is worth, it does not drive into what it has seen, nor where it has not looked."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATCH_M = 0.1  # grain of the ground that has to be seen
 
 
 class Surroundings:
-    """A grid of votes with the time at which each cell was seen last; the frame is that of the odometry from where it began."""
+    """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
     def __init__(self, radius_m: float, votes: VoteSettings) -> None:
         from rhs.estimation.scans.votes import Votes  # compiled code
@@ -84,8 +84,11 @@ class Surroundings:
 
     def things(self) -> np.ndarray:
         """(K, 2) things near the robot, metres in its body frame."""
-        rows, columns = np.nonzero((self.at_eye.votes >= THING) | (self.below.votes >= THING))
-        points = np.stack([columns + 0.5, rows + 0.5], axis=1) * CELL_M + self.at_eye.origin_m
+        reach = round(NEAR_M / CELL_M)
+        row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
+        near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
+        rows, columns = np.nonzero((self.at_eye.votes[near] >= THING) | (self.below.votes[near] >= THING))
+        points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
         body = self.in_body(points)
         return body[np.hypot(*body.T) < NEAR_M]
 
@@ -98,8 +101,8 @@ class Surroundings:
         return points
 
     def free_way_m(self, command: Twist, margin_m: float, up_to_m: float) -> float:
-        """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes nearer
-        to; at most up_to_m."""
+        """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
+        nearer to; at most up_to_m."""
         things = self.things()
         at, way = _arc(command, up_to_m)
         if not len(things):

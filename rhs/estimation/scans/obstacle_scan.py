@@ -70,7 +70,7 @@ class ObstacleScanner:
         return _plane(np.stack([np.ones_like(x), x, y], axis=1), up)
 
     def _seen_from_m(self) -> float:
-        """Metres from which on everything above the floor is in the picture; the whole reach of a camera that never sees it."""
+        """Metres from which on all above the floor is in the picture; the whole reach of a camera that never sees it."""
         lowest = self._rays[-1, :, 2] / self._flat[-1]
         if lowest.max() >= 0.0:
             return self._reach_m
@@ -91,7 +91,8 @@ def _plane(terms: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 @compiled
-def _nearest(z, rays, flat, bins, eye, plane, band):  # type: ignore[no-untyped-def]
+def _nearest(z: np.ndarray, rays: np.ndarray, flat: np.ndarray, bins: np.ndarray, eye: np.ndarray, plane: np.ndarray,
+             band: tuple[np.float32, np.float32, np.float32, np.float32]) -> np.ndarray:
     """(N,) least range over the rows of each bearing of what lies in the band, two neighbouring rows agreeing."""
     rows, columns = z.shape
     least, slack, top, reach = band

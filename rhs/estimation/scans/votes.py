@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.geometry import planar
+from rhs.api.jit import compiled
 from rhs.api.records import Scan
 
 from .rays import HIT, mark_stretches
@@ -39,12 +40,22 @@ class Votes:
         ends = np.where(hits & (ranges <= reach), ranges, np.inf) / self.resolution_m
         start = map_from_body[:2, :2] @ np.asarray(scan.origin_xy_m) + map_from_body[:2, 3]
         angles = np.ascontiguousarray(scan.bearings_rad, float) + planar(map_from_body)[2]
-        count = mark_stretches(self._marks, self._touched, (start - self.origin_m) / self.resolution_m, angles, stretches, ends)
-        rows, columns = cells = self._touched[:count].T.copy()
-        step = np.where(self._marks[rows, columns] == HIT, 1.0, np.float32(-self.settings.clear))
-        self.votes[rows, columns] = np.clip(self.votes[rows, columns] + step, 0.0, self.settings.most)
-        self._marks[rows, columns] = 0
-        return cells.T
+        at = (start - self.origin_m) / self.resolution_m
+        count = mark_stretches(self._marks, self._touched, at, angles, stretches, ends)
+        cells: np.ndarray = self._touched[:count].copy()
+        _count(self.votes, self._marks, cells, np.float32(self.settings.clear), np.float32(self.settings.most))
+        return cells
+
+
+@compiled
+def _count(votes: np.ndarray, marks: np.ndarray, cells: np.ndarray, clear: np.float32, most: np.float32) -> None:
+    """Add the marks to the votes of their cells, and clear them."""
+    for row, column in cells:
+        if marks[row, column] == HIT:
+            votes[row, column] = min(votes[row, column] + np.float32(1.0), most)
+        else:
+            votes[row, column] = max(votes[row, column] - clear, np.float32(0.0))
+        marks[row, column] = 0
 
 
 def low_only(obstacle: Scan, scan: Scan | None) -> np.ndarray:
@@ -53,8 +64,9 @@ def low_only(obstacle: Scan, scan: Scan | None) -> np.ndarray:
     if scan is None or not len(scan.bearings_rad):
         return hit
     order = np.argsort(scan.bearings_rad)
-    after = np.clip(np.searchsorted(scan.bearings_rad[order], obstacle.bearings_rad), 1, max(len(order) - 1, 1))
-    around = np.stack([scan.ranges_m[order][after - 1], scan.ranges_m[order][np.minimum(after, len(order) - 1)]])
+    last = len(order) - 1
+    after = np.clip(np.searchsorted(scan.bearings_rad[order], obstacle.bearings_rad), min(1, last), last)
+    around = scan.ranges_m[order][np.stack([np.maximum(after - 1, 0), after])]
     near = obstacle.ranges_m * (1.0 + SAME_PER_M) + SAME_M
     with np.errstate(invalid="ignore"):
         low: np.ndarray = hit & ~(around <= near).any(axis=0)
