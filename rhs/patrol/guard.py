@@ -28,7 +28,9 @@ class GuardSettings:
     """least distance of the robot's side to anything seen, metres: half the margin of the plans, so that a path planned with
     it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
     look_s: float = 15.0
-    """what nobody has looked at for so long is looked at before the robot drives there, seconds: somebody walks in meanwhile"""
+    """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in"""
+    remember_s: float = 60.0
+    """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
     ahead_m: float = 0.15
     """the ground is looked at this much further than the next command leads, metres"""
     brake_mps2: float = 0.5
@@ -42,8 +44,8 @@ class GuardSettings:
     votes: VoteSettings = field(default_factory=VoteSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), ahead_m=(0.0, 2.0), brake_mps2=(0.01, 100.0),
-                     back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
+        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
+                     brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
 
 
 class Guard:
@@ -51,7 +53,7 @@ class Guard:
 
     def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings) -> None:
         self.radius_m, self.pace, self.settings = radius_m, pace, settings
-        self.around = Surroundings(radius_m, settings.votes)
+        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s)
         self.touched = False
         self.given: Twist | None = None
         self._still = 0

@@ -20,10 +20,10 @@ PATCH_M = 0.1  # grain of the ground that has to be seen
 class Surroundings:
     """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
-    def __init__(self, radius_m: float, votes: VoteSettings) -> None:
+    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float) -> None:
         from rhs.estimation.scans.votes import Votes  # compiled code
 
-        self.radius_m = radius_m
+        self.radius_m, self.remember_s = radius_m, remember_s
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
         self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
@@ -34,9 +34,12 @@ class Surroundings:
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
 
     def observe(self, observation: Observation, motion: Motion) -> None:
-        """Take one view; scans that an odometry only believes in do not count as sight."""
+        """Take one view; scans that an odometry only believes in do not count as sight. A motion that nobody knows (the gate
+        replaced it: wheels spun, or somebody carried the robot) makes what was seen before worthless."""
         from rhs.estimation.scans.votes import low_only
 
+        if motion.replaced:
+            self.forget()
         self.pose = self.pose @ se2(*planar(motion.previous_from_body))
         self.now_s = observation.stamp_s
         self._follow()
@@ -47,6 +50,12 @@ class Surroundings:
         if obstacle is not None:
             self._saw(self.below.look(self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M))
         self._stand()
+
+    def forget(self) -> None:
+        """Nothing was seen yet."""
+        for layer in (self.at_eye, self.below):
+            layer.votes[:] = 0.0
+        self.seen_s[:] = -np.inf
 
     def _saw(self, cells: np.ndarray) -> None:
         self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
@@ -87,7 +96,8 @@ class Surroundings:
         reach = round(NEAR_M / CELL_M)
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
-        rows, columns = np.nonzero((self.at_eye.votes[near] >= THING) | (self.below.votes[near] >= THING))
+        there = (self.at_eye.votes[near] >= THING) | (self.below.votes[near] >= THING)
+        rows, columns = np.nonzero(there & (self.seen_s[near] >= self.now_s - self.remember_s))
         points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
         body = self.in_body(points)
         return body[np.hypot(*body.T) < NEAR_M]
@@ -98,6 +108,7 @@ class Surroundings:
         points = (self.radius_m + CELL_M) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         cells = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3])
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
+        self._saw(cells)
         return points
 
     def free_way_m(self, command: Twist, margin_m: float, up_to_m: float) -> float:

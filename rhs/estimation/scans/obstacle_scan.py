@@ -38,9 +38,9 @@ class ObstacleScanner:
         self._flat = np.hypot(self._rays[..., 0], self._rays[..., 1])
         self._reach_m = min(settings.range_m, max_range_m)
         bearing = np.arctan2(self._rays[..., 1], self._rays[..., 0])
-        self._bearings = freeze(np.linspace(bearing.min(), bearing.max(), len(self._columns)))
-        step = max(float(self._bearings[-1] - self._bearings[0]) / max(len(self._bearings) - 1, 1), 1e-9)
-        self._bins = np.rint((bearing - self._bearings[0]) / step).astype(np.int32)
+        self._bearings = freeze(np.sort(bearing[len(self._rows) // 2]).astype(float))
+        between = 0.5 * (self._bearings[1:] + self._bearings[:-1])
+        self._bins = np.searchsorted(between, bearing).astype(np.int32)  # each pixel's nearest beam
         self._origin = (float(self._eye_m[0]), float(self._eye_m[1]))
         self.height_m = settings.robot_height_m or camera.height_m + settings.headroom_m
         self._blind_m = self._seen_from_m()
@@ -97,8 +97,7 @@ def _nearest(z: np.ndarray, rays: np.ndarray, flat: np.ndarray, bins: np.ndarray
     rows, columns = z.shape
     least, slack, top, reach = band
     ranges = np.full(columns, np.inf)
-    known = np.zeros(columns, np.int32)
-    of = np.zeros(columns, np.int32)
+    known, of = np.zeros(columns, np.int32), np.zeros(columns, np.int32)  # pixels of the beam
     for j in range(columns):
         before = np.inf
         for i in range(rows):
@@ -117,6 +116,6 @@ def _nearest(z: np.ndarray, rays: np.ndarray, flat: np.ndarray, bins: np.ndarray
                         ranges[beam] = min(ranges[beam], here, before)
             before = here
     for k in range(columns):
-        if np.isinf(ranges[k]) and 2 * known[k] < of[k]:
+        if np.isinf(ranges[k]) and 2 * known[k] <= of[k]:
             ranges[k] = np.nan
     return ranges
