@@ -30,10 +30,13 @@ class RoomyPlanner:
         self._grown = [(growth, configuration_space(~free, growth)) for growth in
                        np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
 
-    def plan(self, start_m: np.ndarray, goal_m: np.ndarray, obstacles: np.ndarray) -> Path:
-        """The way from (2,) to (2,), metres in the map; obstacles (H, W) bool: what stands there besides the map."""
+    def plan(self, start_m: np.ndarray, goal_m: np.ndarray, *, obstacles: np.ndarray, things_m: np.ndarray) -> Path:
+        """The way from (2,) to (2,), metres in the map, round what stands there besides the map: obstacles (H, W) bool, in
+        cells of it, and things_m (K, 2), seen just now and finer."""
+        gap_cells = self._gap_m(things_m) / self.grid.resolution_m
+
         def ask(growth_cells: float, mapped: np.ndarray) -> Path:
-            return self._ask(mapped | inflate(obstacles, growth_cells), start_m, goal_m)
+            return self._ask(mapped | inflate(obstacles, growth_cells) | (gap_cells < growth_cells), start_m, goal_m)
 
         least = ask(*self._grown[-1])
         for room in self._grown[:-1] if least.found else ():
@@ -54,6 +57,16 @@ class RoomyPlanner:
         plan_ms = 1e3 * (time.process_time() - began_s)
         plan = check_path(plan, problem, who=self.who)
         return shortened(replace(plan, plan_ms=plan_ms), problem)
+
+    def _gap_m(self, things_m: np.ndarray) -> np.ndarray:
+        """(H, W) metres from each cell's centre to the nearest thing."""
+        gaps = np.full(self.grid.shape, np.inf)
+        if len(things_m):
+            from scipy.spatial import cKDTree
+
+            cells = np.argwhere(np.isfinite(self.grid.probability))
+            gaps[cells[:, 0], cells[:, 1]] = cKDTree(things_m).query(self.grid.centres(cells), distance_upper_bound=2.0)[0]
+        return gaps
 
     def _something_at(self, goal_m: np.ndarray, obstacles: np.ndarray) -> bool:
         """Whether anything known to stand somewhere bars the goal; what was never seen does not."""

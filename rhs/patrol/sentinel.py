@@ -213,8 +213,8 @@ class Sentinel:
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += 1
         mission = self.book.missions[-1]
-        obstacles = self.watch.cells | self._near_things(pose) if self.barred else self.watch.cells
-        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles)
+        things = self._near_things(pose) if self.barred else np.zeros((0, 2))
+        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things)
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
         self.last_reason = plan.reason
@@ -222,13 +222,11 @@ class Sentinel:
         return self.path is not None
 
     def _near_things(self, pose: np.ndarray) -> np.ndarray:
-        """(H, W) bool: what the robot has seen round itself lately and the map does not know."""
-        cells = np.zeros(self.grid.shape, bool)
+        """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map."""
         c, s = np.cos(pose[2]), np.sin(pose[2])
         points = self.guard.around.things() @ np.array([[c, s], [-s, c]]) + pose[:2]
-        at = self.grid.cells(points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)])
-        cells[at[:, 0], at[:, 1]] = True
-        return cells
+        near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
+        return near
 
     def _after_failed_plan(self, events: list[Event]) -> Twist | None:
         """Forget what was seen and look again once; then give the place up, with the planner's reason."""
