@@ -118,14 +118,15 @@ def draw(views: tuple[View, ...], mapper: Mapper, *, who: str = "mapper") -> Occ
     for view in views:
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
-    return furnished(check_grid(mapper.grid(), who=who), views)
+    grid = check_grid(mapper.grid(), who=who)
+    if mapper.draws_furniture or not any(view.obstacle is not None for view in views):
+        return grid
+    return furnished(grid, views)
 
 
 def furnished(grid: OccupancyGrid, views: tuple[View, ...]) -> OccupancyGrid:
     """The grid with those cells occupied in which the views saw something that the scan passes over. The scan says that its
     way is free at the camera's height, which is no word against a table."""
-    if not any(view.obstacle is not None for view in views):
-        return grid
     from rhs.estimation.scans.votes import Votes, low_only  # compiled code
 
     low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())

@@ -42,7 +42,7 @@ class MissionSettings:
     wall_tolerance_m: float = 0.3
     """scan points this close to a wall of the map are the wall, metres, of far beams; of near ones less"""
     contacts: int = 3
-    """touches on the way to one place before it is given up"""
+    """a place on the way to which the robot touched something more often is given up"""
     lost_views: int = 400
     """views of not knowing where it is before a place is given up"""
     lost_views_total: int = 800

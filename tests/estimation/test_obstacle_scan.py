@@ -58,7 +58,8 @@ def test_what_the_robot_passes_under_or_over_is_none(name, box):
     assert np.isinf(ahead(look([box]))).all(), name  # the wall is 6 m away, further than obstacles are looked for
 
 
-@pytest.mark.parametrize("pitch_deg, roll_deg, lift_m", [(3, 0, 0), (-3, 0, 0), (5, 2, 0), (0, 4, 0), (0, 0, 0.08), (2, -2, -0.06)])
+@pytest.mark.parametrize("pitch_deg, roll_deg, lift_m",
+                         [(3, 0, 0), (-3, 0, 0), (5, 2, 0), (0, 4, 0), (0, 0, 0.08), (2, -2, -0.06)])
 def test_a_camera_that_sways_or_sits_higher_than_told_makes_no_obstacle_of_the_floor_and_still_sees_the_box(
         pitch_deg, roll_deg, lift_m):
     sway = {"pitch_deg": pitch_deg, "roll_deg": roll_deg, "lift_m": lift_m}

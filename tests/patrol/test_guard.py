@@ -24,7 +24,8 @@ CORNERS = (("a", 4.0, 1.0), ("b", 7.0, 4.0), ("home", 1.0, 1.0))
 
 
 def seen(index, ranges_m, **more):
-    return Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, np.broadcast_to(ranges_m, 41).astype(float), 6.0), **more)
+    scan = Scan(BEARINGS, np.broadcast_to(ranges_m, 41).astype(float), 6.0)
+    return Observation(index, 0.5 * index, CAMERA, scan=scan, **more)
 
 
 def guard(settings=None):
@@ -129,8 +130,8 @@ class Glass(Flatland):
 
 def patrol(world, settings=None, localiser=None, grid=None):
     oracle = Oracle(world)
-    sentinel = Sentinel(parts(localiser or oracle), grid or world.grid(), (), places=world.facts.places, radius_m=world.radius,
-                        settings=settings or MissionSettings())
+    sentinel = Sentinel(parts(localiser or oracle), grid or world.grid(), (), places=world.facts.places,
+                        radius_m=world.radius, settings=settings or MissionSettings())
     return sentinel, list(steps(world, Through(world.camera), oracle, sentinel))
 
 
