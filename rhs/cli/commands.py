@@ -22,6 +22,7 @@ COMMANDS = {
     "gate": ("rhs.cli.gate", "did this change help? paired with the runs of a folder: gate FOLDER planner=mine"),
     "verify": ("rhs.cli.verify", "run it again and compare the rows"),
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
+    "worlds": ("rhs.cli.worlds", "the buildings that there are, with plans: worlds --pictures FOLDER"),
     "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),
     "new": ("rhs.cli.new", "a package with a plugin to begin with: new planner my_planner"),
     "completion": ("rhs.cli.completion", "tab completion of the command rhs: completion bash | zsh | fish"),

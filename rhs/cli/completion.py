@@ -17,13 +17,16 @@ from rhs.api.contracts import CHOICES
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 from rhs.config import registry
+from rhs.worlds.random.names import FAMILIES, PREFIX
 
-# Bash takes `=` for the end of a word, so it wants only what follows it.
+# Bash takes `=` and `:` for the end of a word, so it wants only what follows them.
 BASH = """_rhs() {
     local word="${COMP_LINE:0:COMP_POINT}"
     mapfile -t COMPREPLY < <(rhs completion words "$word" 2>/dev/null)
     word="${word##* }"
     [[ $word == *=* && $COMP_WORDBREAKS == *=* ]] && COMPREPLY=("${COMPREPLY[@]#"${word%"${word##*=}"}"}")
+    word="${word##*=}"
+    [[ $word == *:* && $COMP_WORDBREAKS == *:* ]] && COMPREPLY=("${COMPREPLY[@]#"${word%"${word##*:}"}"}")
     [[ ${#COMPREPLY[@]} == 1 && ${COMPREPLY[0]} == *[=.] ]] && compopt -o nospace
 }
 complete -o default -F _rhs rhs
@@ -86,7 +89,7 @@ def _values(word: str) -> Iterator[str]:
     if key in ("experiment", "stack"):
         known = [path.stem for path in (data_dir("conf") / key).glob("*.yaml")]
     elif key == "world":
-        known = [path.stem for path in data_dir("worlds").glob("*.yaml")]
+        known = [*(path.stem for path in data_dir("worlds").glob("*.yaml")), *(PREFIX + family for family in FAMILIES)]
     for name in known:
         yield f"{key}={before[0]}{before[1]}{name}"
 

@@ -38,7 +38,7 @@ class Core:
     """What every run has, whatever its task."""
 
     world: str = "square"
-    """a world of worlds/, or the path of a world file"""
+    """a world of worlds/, the path of a world file, or random:FAMILY, a building drawn for this seed: see `rhs worlds`"""
     seed: int = 0
     """seed of every random number of the run"""
     recording: str = "auto"

@@ -156,7 +156,7 @@ class RunContext:
         return self.config.parts[kind].settings
 
     def floor_plan(self) -> World | None:
-        return load_world(self.world) if self.config.driving else None
+        return load_world(self.world, seed=self.seed) if self.config.driving else None
 
     def parts(self, *, world: World | None = None, seed: int | None = None,
               changes: Mapping[str, Mapping[str, Any]] | None = None) -> Parts:

@@ -16,6 +16,7 @@ import numpy as np
 from rhs.base.errors import ConfigError
 from rhs.metrics.success import success_of
 from rhs.runfolder.row import KEYS, machine_dependent
+from rhs.worlds.random.names import building_of
 
 from .varied_settings import is_setting
 
@@ -95,7 +96,7 @@ def _par2_ms(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
     import pandas as pd
 
     took = numbers(table, "plan_ms")  # of the first answer, learning included
-    limit = pd.Series(took).groupby([table["world"].fillna("").to_numpy(), problems(table)]).transform("max").to_numpy()
+    limit = pd.Series(took).groupby([buildings(table), problems(table)]).transform("max").to_numpy()
     return np.where(planned(table), np.where(done == 1.0, took, 2.0 * limit), np.nan)
 
 
@@ -137,17 +138,25 @@ def independent(table: pandas.DataFrame) -> np.ndarray:
     return label
 
 
+def buildings(table: pandas.DataFrame) -> np.ndarray:
+    """(N,) the world of each run; of a drawn one, whose number is the run's seed, with that number."""
+    worlds = table["world"].astype("string").fillna("")
+    seeds = table["seed"] if "seed" in table.columns else [None] * len(table)
+    return np.array([building_of(world, seed) for world, seed in zip(worlds, seeds, strict=True)], dtype=object)
+
+
 def clusters(table: pandas.DataFrame, by: str = "") -> np.ndarray:
     """(N,) labels of what the runs are samples of: the column `by`; or else their worlds where there are several, their
-    problems where there are several, the independent ones among them otherwise (also for by="run")."""
+    problems where there are several, the independent ones among them otherwise (also for by="run"). Each drawn building is a
+    world of its own, although their rows say `random:FAMILY`."""
     known = table["independent_"].to_numpy() if "independent_" in table.columns else None
     if by == "run":
         return independent(table) if known is None else known
     if by:
         if by not in table.columns:
             raise ConfigError(f"--cluster {by}: no such column; give world, run, or another column of the table")
-        return table[by].astype("string").fillna("").to_numpy(dtype=object)
-    for label in (table["world"].astype("string").fillna("").to_numpy(dtype=object), problems(table)):
+        return buildings(table) if by == "world" else table[by].astype("string").fillna("").to_numpy(dtype=object)
+    for label in (buildings(table), problems(table)):
         if 1 < len(set(label)):
             return label
     return clusters(table, "run")

@@ -12,13 +12,14 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from rhs.api.floorplan import truth_grid
+from rhs.api.floorplan import World, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
 from .maps import load_map, read_yaml
 from .movingai import centre_m, load_movingai_map, load_scenarios
+from .random.names import is_random
 from .world import load_world, world_names
 
 _KEYS = ("start", "goal", "robot_radius_m", "classes")
@@ -39,8 +40,10 @@ class Arena:
     octile_m: float = float("nan")
 
 
-def load_arena(name_or_path: str, *, scenario: int = 0) -> Arena:
-    """The arena of that name or path. Raises ConfigError in one line."""
+def load_arena(name_or_path: str, *, scenario: int = 0, seed: int = 0) -> Arena:
+    """The arena of that name or path; seed: of a drawn world without a number. Raises ConfigError in one line."""
+    if is_random(name_or_path):
+        return _world(load_world(name_or_path, seed=seed))
     path = _find(name_or_path)
     if path.suffix == ".scen":
         return _scenario(path, scenario)
@@ -51,7 +54,7 @@ def load_arena(name_or_path: str, *, scenario: int = 0) -> Arena:
     keys = read_yaml(path)
     if "image" in keys:
         return _map_server(path, keys.get("planning", {}))
-    return _world(path)
+    return _world(load_world(path))
 
 
 def class_of(points_m: np.ndarray, classes: tuple[tuple[str, np.ndarray], ...]) -> str:
@@ -115,9 +118,8 @@ def _points(path: FilePath, key: str, values: object, count: int) -> np.ndarray:
     return points
 
 
-def _world(path: FilePath) -> Arena:
+def _world(world: World) -> Arena:
     """The true plan of a world; from its start to its first place."""
-    world = load_world(path)
     goal = np.array(world.places[0][1:]) if world.places else None
     return Arena(world.name, truth_grid(world), np.array(world.start[:2]), goal, world.robot_radius_m)
 

@@ -21,6 +21,7 @@ from rhs.api.floorplan import (
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
+from .random.names import FAMILIES, PREFIX, is_random
 from .world_checks import check_world
 from .world_yaml import Section, read_yaml
 
@@ -34,8 +35,13 @@ CEILING = Surface("tiles", (215.0, 215.0, 210.0), 12.0)
 FURNITURE = Surface("wood", (150.0, 110.0, 70.0), 20.0)
 
 
-def load_world(name_or_path: str | Path) -> World:
-    """A world by the name of a file in worlds/, or by path. Raises ConfigError: one line with file, line and advice."""
+def load_world(name_or_path: str | Path, *, seed: int = 0) -> World:
+    """A world by the name of a file in worlds/, or by path; or a drawn one, `random:FAMILY` (rhs.worlds.random.names), whose
+    number is `seed` where its name has none. Raises ConfigError: one line with file, line and advice."""
+    if is_random(name_or_path):
+        from .random.building import random_world
+
+        return random_world(str(name_or_path), seed)
     path = find_world(name_or_path)
     file = read_yaml(path)
     if _is_flat_map(file):
@@ -72,8 +78,9 @@ def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
     for folder in ([beside] if beside else []) + [data_dir("worlds")]:
         if text and (folder / f"{text}.yaml").is_file():
             return folder / f"{text}.yaml"
-    near = difflib.get_close_matches(text, world_names(), n=1, cutoff=0.5)
-    advice = f"did you mean '{near[0]}'?" if near else f"worlds: {', '.join(world_names())}"
+    near = difflib.get_close_matches(text, [*world_names(), *(PREFIX + family for family in FAMILIES)], n=1, cutoff=0.5)
+    drawn = ", ".join(f"{PREFIX}{family}" for family in FAMILIES)
+    advice = f"did you mean '{near[0]}'?" if near else f"worlds: {', '.join(world_names())}; drawn ones: {drawn}"
     raise ConfigError(f"world={text} is neither a world nor a path to a YAML file; {advice}")
 
 

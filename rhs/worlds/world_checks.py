@@ -4,25 +4,34 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 
 from rhs.api.floorplan import World, distance_m, truth_grid
+from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
-
-from .world_yaml import Section
 
 MAX_AREA_M2 = 40_000.0  # a grid of 4 million cells at 0.1 m
 
 
-def check_world(world: World, file: Section) -> None:
+class Located(Protocol):
+    """What a world was read from: says where a key stands, for the words of a refusal."""
+
+    def where(self, key: str, /) -> str:
+        """Such as `my.yaml:12`."""
+        ...
+
+
+def check_world(world: World, file: Located) -> None:
     """Refuse a world that is too large, and a start, place or route where the robot cannot stand."""
     _check_names_and_size(world, file)
     if np.hypot(*(world.route_m[0] - np.array(world.start[:2]))) > 1e-6:
         raise ConfigError(f"{file.where('route_m')}: route_m begins at {world.route_m[0].tolist()}; "
                           f"expected the start {list(world.start[:2])}")
     _check_point(world, file, "start", np.array(world.start[:2]), "START")
-    free = truth_grid(world).probability == 0.0
+    free = _true_plan(world).probability == 0.0
     if free[0].any() or free[-1].any() or free[:, 0].any() or free[:, -1].any() or not free.any():
         raise ConfigError(f"{file.where('start')}: START_OUTSIDE_MAP: start {list(world.start[:2])} is not enclosed by "
                           "walls; move it inside or close the gap")
@@ -34,7 +43,7 @@ def check_world(world: World, file: Section) -> None:
     _check_route(world, file)
 
 
-def _check_names_and_size(world: World, file: Section) -> None:
+def _check_names_and_size(world: World, file: Located) -> None:
     for key, things in (("walls", world.walls), ("boxes", world.boxes + world.obstacles)):
         names = [thing.name for thing in things]
         twice = sorted({name for name in names if names.count(name) > 1})
@@ -50,7 +59,7 @@ def _check_names_and_size(world: World, file: Section) -> None:
                           f"expected at most {MAX_AREA_M2:g} square metres")
 
 
-def _check_route(world: World, file: Section) -> None:
+def _check_route(world: World, file: Located) -> None:
     for x, y in world.route_m:
         _check_point(world, file, f"route point [{x:g}, {y:g}]", np.array([x, y]), "ROUTE")
     for a, b in zip(world.route_m[:-1], world.route_m[1:], strict=True):
@@ -65,15 +74,20 @@ def _check_route(world: World, file: Section) -> None:
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
 
 
+@lru_cache(maxsize=1)  # the many points of one route are looked up in one plan
+def _true_plan(world: World) -> OccupancyGrid:
+    return truth_grid(world)
+
+
 def _reached(world: World, points_m: np.ndarray) -> np.ndarray:
     """(N,) bool: the point lies in the building, in no wall and no box."""
-    grid = truth_grid(world)
+    grid = _true_plan(world)
     cells = grid.cells(points_m)
     free: np.ndarray = grid.probability[cells[:, 0], cells[:, 1]] == 0.0
     return free
 
 
-def _check_point(world: World, file: Section, what: str, point: np.ndarray, code: str) -> None:
+def _check_point(world: World, file: Located, what: str, point: np.ndarray, code: str) -> None:
     key = {"START": "start", "GOAL": "places", "ROUTE": "route_m"}[code]
     x_min, y_min, x_max, y_max = world.bounds_m
     x, y = point

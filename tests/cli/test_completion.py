@@ -13,7 +13,8 @@ from rhs.cli.main import main
 @pytest.mark.parametrize(("line", "among"), [
     ("rhs ta", "table"), ("rhs plan", "planner="), ("rhs planner=rr", "planner=rrt_connect"),
     ("rhs planner=prm,rrt_s", "planner=prm,rrt_star"), ("rhs planner=prm planner.mil", "planner.milestones="),
-    ("rhs world=square_s", "world=square_small"), ("rhs experiment=", "experiment="), ("rhs --res", "--resume")])
+    ("rhs world=square_s", "world=square_small"),
+    ("rhs world=random:of", "world=random:office"), ("rhs experiment=", "experiment="), ("rhs --res", "--resume")])
 def test_the_last_word_is_completed(line, among):
     found = completions(line)
     assert all(text.startswith(line.split(" ")[-1]) for text in found) and any(text.startswith(among) for text in found)

@@ -91,6 +91,9 @@ def test_worlds_then_problems_then_runs_are_what_is_sampled():
     assert len(set(problems)) == 2
     assert len(set(clusters(table({}, {"seed": 1, "ate_rmse_m": 1.0})))) == 2
     assert len(set(clusters(table({}, {"seed": 1})))) == 1  # the same row again
+    drawn = {"world": "random:office"}  # its number is the run's seed, unless it has one
+    same = clusters(table(drawn, drawn | {"seed": 1}, {"world": "random:office/1"}, {"world": "random:office/1", "seed": 1}))
+    assert same.tolist() == ["random:office/0"] + 3 * ["random:office/1"]
     with pytest.raises(Exception, match="no such column"):
         clusters(table({}), "wrld")
 

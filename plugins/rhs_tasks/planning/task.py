@@ -34,7 +34,7 @@ class PlanningJob:
 
     def __init__(self, settings: Planning, context: TaskContext) -> None:
         self.settings, self.context = settings, context
-        self.arena = chosen_arena(settings, context.world)
+        self.arena = chosen_arena(settings, context.world, context.seed)
 
     def run(self) -> Mapping[str, Value]:
         """Put the question, ask, pull the path tight, write the files: the columns follow from them, but for the times."""
@@ -48,9 +48,9 @@ class PlanningJob:
         return {f"plan_{key}": float(value) for key, value in path.details.items()} | times(first, again)
 
 
-def chosen_arena(settings: Planning, world: str) -> Arena:
+def chosen_arena(settings: Planning, world: str, seed: int) -> Arena:
     """The arena that was typed, with its start, goal and radius where they were typed."""
-    arena = load_arena(world, scenario=settings.planning.scenario)
+    arena = load_arena(world, scenario=settings.planning.scenario, seed=seed)
     ends: dict[str, Any] = {}
     for key in ("start", "goal"):
         typed, known = getattr(settings, key), getattr(arena, f"{key}_m")

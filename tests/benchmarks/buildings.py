@@ -1,0 +1,95 @@
+"""Patrols in random buildings: places reached of those that can be reached, collisions, wrong and sure, by family.
+
+    python tests/benchmarks/buildings.py --seeds 0-99 --out runs/buildings
+    python tests/benchmarks/buildings.py --families office home --seeds 10000-10019 planner=theta_star
+
+A sweep of `world=random:FAMILY` over seeds, each its own building; further words are those of a run. Killed, it goes on
+where it stopped when the same command is given again. `reachable`: places that a disc of the robot's radius and 5 cm gets
+to from the end of the survey with the obstacles in place, on the true plan. `clean`: every one of them visited, nothing
+touched. The mean of wrong_sure (belief_wrong_sure_share) is over runs, collisions are summed; `no row`: failed or killed. Writes
+buildings.csv beside the runs. Seeds below 10000 are for building and tuning, those from 10000 on for judging only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from shared import write
+
+from rhs.base.provenance import commit
+from rhs.runfolder.row import read_row
+from rhs.worlds.random.names import FAMILIES, building_of
+from rhs.worlds.random.obstacles import reached
+from rhs.worlds.world import load_world
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--families", nargs="+", default=list(FAMILIES), help="such as office, or office+plain")
+    parser.add_argument("--seeds", default="0-9", help="first-last, both included")
+    parser.add_argument("--out", type=Path, default=Path("runs/buildings"))
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--timeout", type=float, default=1800.0, help="seconds for one run")
+    parser.add_argument("words", nargs="*", help="key=value words of a run")
+    options = parser.parse_intermixed_args()
+    first, _, last = options.seeds.partition("-")
+    words = [f"world={','.join(f'random:{family}' for family in options.families)}",
+             f"seed=range({int(first)},{int(last or first) + 1})", *options.words]
+    command = [sys.executable, "-m", "rhs", "-m", *words, f"output={options.out}", "recording=off", "pictures=off"]
+    limits = [f"--jobs={options.jobs}", f"--timeout={options.timeout:g}"]
+    resume = ["--resume"] if (options.out / "sweep.json").exists() else []
+    subprocess.run([*command, *limits, *resume], check=False)
+    found = rows(options.out)
+    if not found:
+        sys.stderr.write(f"no rows in {options.out}\n")
+        return 1
+    write(options.out / "buildings.csv", found)
+    sys.stdout.write("\n".join([*table(found), f"command: {' '.join(command[1:])}", f"commit: {commit()}", ""]))
+    return 0
+
+
+def rows(folder: Path) -> list[dict[str, Any]]:
+    """One per run of the sweep: what became of it, and what could have."""
+    out = []
+    for path in sorted(folder.glob("*/row.json")):
+        row = read_row(path)
+        world = load_world(str(row["world"]), seed=int(row["seed"]))
+        can = reached(world, radius_m=world.robot_radius_m + 0.05, with_obstacles=True)
+        visited, touched = (float(row.get(name, np.nan)) for name in ("places_visited", "collisions"))
+        out.append({
+            "family": str(row["world"]).removeprefix("random:").partition("/")[0],
+            "building": building_of(str(row["world"]), row["seed"]), "status": row["status"],
+            "places": len(world.places), "reachable": len(can), "visited": visited, "collisions": touched,
+            "wrong_sure": float(row.get("belief_wrong_sure_share", np.nan)), "success": float(row.get("success", np.nan)),
+            "clean": float(visited >= len(can) and touched == 0), "obstacles": len(world.obstacles),
+            "ate_m": float(row.get("ate_rmse_m", np.nan)), "wall_ms": float(row.get("wall_ms", np.nan)),
+            "cause": str(row.get("cause") or row.get("reason") or "")})
+    return out
+
+
+def table(found: list[dict[str, Any]]) -> list[str]:
+    """Lines by family and of all."""
+    lines = [f"{'family':<22}{'runs':>5}{'no row':>7}{'visited':>9}{'reachable':>10}{'collisions':>11}{'in runs':>8}"
+             f"{'wrong_sure':>11}{'success':>8}{'clean':>7}"]
+    families = sorted({row["family"] for row in found})
+    for family in [*families, "all"]:
+        some = [row for row in found if family in (row["family"], "all")]
+        done = [row for row in some if row["status"] == "ok"]
+        total = {key: np.nansum([row[key] for row in done]) for key in ("visited", "reachable", "collisions")}
+        mean = {key: np.nanmean([row[key] for row in done] or [np.nan]) for key in ("wrong_sure", "success", "clean")}
+        touched = sum(row["collisions"] > 0 for row in done)
+        lines.append(f"{family:<22}{len(some):>5}{len(some) - len(done):>7}{total['visited']:>9.0f}"
+                     f"{total['reachable']:>10.0f}{total['collisions']:>11.0f}{touched:>8}{mean['wrong_sure']:>11.4f}{mean['success']:>8.2f}"
+                     f"{mean['clean']:>7.2f}")
+    causes = {row["building"]: row["cause"] for row in found if row["cause"]}
+    return [*lines, *(f"  {building}: {json.dumps(cause)[1:-1][:150]}" for building, cause in causes.items())]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
