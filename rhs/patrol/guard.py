@@ -78,11 +78,11 @@ class Guard:
         self.touched = bool(observation.contact) or self._still >= self.settings.still_views
 
     def back_off(self) -> Twist | None:
-        """Back the way it came, as far as that is known to be free; None without room. What was touched stays marked."""
+        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room."""
         self.touched, self._still = False, 0
         came = self.given
         if came is None or came.forward_mps == 0.0:
-            return None
+            came = Twist(self.pace.speed_mps, 0.0, 1.0)
         back = Twist(-came.forward_mps, -came.turn_radps, came.duration_s)
         way_m = self.around.free_way_m(back, 0.0, self.settings.back_off_m)
         return _cut(back, way_m) if way_m >= LEAST_M else None
