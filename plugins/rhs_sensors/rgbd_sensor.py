@@ -31,7 +31,9 @@ class RgbdSensor:
         self._image_rng, self._depth_rng, wheel_rng = context.rng.spawn(3)
         self._encoders = Encoders(settings, wheel_rng)
         self._rows = ScanRows(context.camera, settings)
-        self._band = ObstacleScanner(context.camera, settings.advanced.obstacle, max_range_m=settings.max_range_m)
+        self._band: ObstacleScanner | None = None
+        if context.camera.height_m > 0.0:  # of a recording whose camera hangs nobody knows where, nobody knows the floor
+            self._band = ObstacleScanner(context.camera, settings.advanced.obstacle, max_range_m=settings.max_range_m)
 
     def sense(self, capture: Capture) -> Observation:
         image = image_of(capture, self._camera)
@@ -47,7 +49,7 @@ class RgbdSensor:
             scan=self._rows.scan(depth),
             command=capture.command,
             wheel=self._encoders.read(capture.travel, exact=capture.sensed),
-            obstacle=self._band.scan(depth),
+            obstacle=None if self._band is None else self._band.scan(depth),
         )
 
     def _degraded(self, ideal: np.ndarray, noise: bool) -> np.ndarray:
