@@ -60,7 +60,7 @@ def _count(votes: np.ndarray, marks: np.ndarray, cells: np.ndarray, clear: np.fl
 
 def low_only(obstacle: Scan, scan: Scan | None) -> np.ndarray:
     """(N,) bool: beams of `obstacle` that end on something which the scan at the camera's height passes over."""
-    hit = np.isfinite(obstacle.ranges_m)
+    hit: np.ndarray = np.isfinite(obstacle.ranges_m)
     if scan is None or not len(scan.bearings_rad):
         return hit
     order = np.argsort(scan.bearings_rad)
