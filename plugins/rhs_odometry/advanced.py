@@ -77,3 +77,20 @@ class GuessNoise:
         return {"wheel": (self.wheel_share, self.wheel_m, self.wheel_rad),
                 "command": (self.command_share, self.command_m, self.command_rad),
                 "same again": (self.again_share, self.again_m, self.again_rad)}[name]
+
+
+@dataclass(frozen=True)
+class SwaySettings:
+    """When a robot on a floor counts as swaying (features/floor.py): its motions are then not held to the plane."""
+
+    views: int = 30
+    """the last so many motions decide: a robot that turns on the spot may not tilt for half of them"""
+    share: float = 0.1
+    """it sways when more than this share of them tilt it; fewer are wrong motions"""
+    gate_probability: float = 0.999
+    """chance that the noise of a motion explains its roll and pitch where there are none"""
+    least_deg: float = 0.05
+    """of roll and pitch that are always explained, degrees (1 sigma): joints of the floor, the camera's mounting"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, views=(1, 1000), share=(0.0, 1.0), gate_probability=(0.5, 1.0 - 1e-12), least_deg=(0.0, 90.0))

@@ -14,6 +14,7 @@ from rhs.api.floorplan import Box, Wall, World
 from .simulator_textures import WallPainter, generator, surface
 
 OVERLAP_M = 0.02  # walls reach a little below the floor and above the ceiling, so that no gap of a pixel shows
+UNDER_M = 0.005  # by which our floor lies below that of somebody else's building
 FLOOR_PX_PER_M = 80.0  # of floor and ceiling: the floor is never nearer to the camera than its height
 
 Quad = tuple[np.ndarray, np.ndarray]
@@ -29,8 +30,11 @@ def building(world: World, px_per_m: float) -> Iterator[Painted]:
             yield wall_faces(wall, number), painter.texture(wall, number)
     yield from furniture(world, world.boxes, px_per_m)
     x0, y0, x1, y1 = world.bounds_m
-    quads = floor_and_ceiling(world.bounds_m, max(wall.height_m for wall in world.walls))
-    for name, look, quad in zip(("floor", "ceiling"), (world.floor, world.ceiling), quads, strict=True):
+    below, above = floor_and_ceiling(world.bounds_m, max((wall.height_m for wall in world.walls), default=0.0))
+    surfaces = [("floor", world.floor, below), ("ceiling", world.ceiling, above)]
+    if world.mesh is not None:  # it has its own floor, and ours shows where it has none
+        surfaces = [("floor", world.floor, (below[0] - [0.0, 0.0, UNDER_M], below[1]))]
+    for name, look, quad in surfaces:
         image = surface(generator(world.seed, name), look, (x1 - x0, y1 - y0), FLOOR_PX_PER_M)
         yield [quad], image
 

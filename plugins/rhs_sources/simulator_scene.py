@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from rhs.api.errors import ConfigError
 from rhs.api.floorplan import World
 from rhs.api.geometry import Camera
 
@@ -48,6 +49,9 @@ def scene_of(world: World, camera: Camera, look: Look) -> Scene:
     """The scene of this world that the wanted renderer draws."""
     if look.renderer == "raster":
         return RasterScene(world, camera, look)
+    if world.mesh is not None:
+        raise ConfigError(f"source.renderer={look.renderer} does not draw somebody else's building; type "
+                          "source.renderer=raster")
     from .simulator_bullet_scene import BulletScene
 
     return BulletScene(world, camera, look)
@@ -62,6 +66,8 @@ class RasterScene(Scene):
         self.world, self.px_per_m = world, look.px_per_m
         self.drawer = Renderer(camera, probes=look.probes)
         self.mesh = Mesh.of_quads(building(world, look.px_per_m))
+        if world.mesh is not None:
+            self.mesh += Mesh.of_triangles(world.mesh.corners_m, world.mesh.uv, world.mesh.texture, world.mesh.images)
 
     def add_obstacles(self) -> None:
         if self.world.obstacles:

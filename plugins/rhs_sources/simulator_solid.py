@@ -12,6 +12,7 @@ from rhs.api.floorplan import Box, Wall, World
 from .simulator_bullet import pybullet, quiet
 
 WALL_HALF_THICKNESS_M = 0.001  # solid walls are 2 mm thick, so that distances to them are right to a millimetre
+SLACK_M = 1e-3  # PyBullet's shapes have margins of less than this
 FAR_ENOUGH_M = 3.0  # distances beyond this are not looked for
 
 
@@ -23,6 +24,7 @@ class Solid:
         with quiet():
             self.client = pybullet.connect(pybullet.DIRECT)
         self.bodies: list[int] = []
+        self.rounds: list[tuple[float, float, float]] = []  # of each body: its middle, and how far it reaches from there
         for wall in world.walls:
             for number in range(len(wall.segments_m)):
                 self._add_wall(wall, number)
@@ -47,6 +49,7 @@ class Solid:
     def _add(self, half_m, middle_m, yaw_rad: float) -> None:
         shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=list(half_m), physicsClientId=self.client)
         turn = pybullet.getQuaternionFromEuler([0.0, 0.0, yaw_rad])
+        self.rounds.append((middle_m[0], middle_m[1], float(np.hypot(half_m[0], half_m[1]))))
         self.bodies.append(pybullet.createMultiBody(0, shape, -1, list(middle_m), turn, physicsClientId=self.client))
 
     def _robot(self) -> int:
@@ -63,10 +66,30 @@ class Solid:
         pybullet.resetBasePositionAndOrientation(self.robot, [x_m, y_m, middle], [0, 0, 0, 1],
                                                  physicsClientId=self.client)
         nearest = within_m
-        for body in self.bodies:
-            for contact in pybullet.getClosestPoints(self.robot, body, nearest, physicsClientId=self.client):
+        gaps = self._gaps_at_least(x_m, y_m)
+        for number in np.argsort(gaps, kind="stable"):
+            if gaps[number] > nearest:
+                break
+            for contact in pybullet.getClosestPoints(self.robot, self.bodies[number], nearest, physicsClientId=self.client):
                 nearest = min(nearest, contact[8])
-        return nearest
+        return min(nearest, self._from_mesh(x_m, y_m, within_m))
+
+    def _gaps_at_least(self, x_m: float, y_m: float) -> np.ndarray:
+        """(N,) metres from the robot's side that no body is nearer than: seen from above, a body lies in a circle."""
+        middles = np.array(self.rounds).reshape(-1, 3)
+        away = np.hypot(middles[:, 0] - x_m, middles[:, 1] - y_m)
+        return away - middles[:, 2] - self.world.robot_radius_m - SLACK_M
+
+    def _from_mesh(self, x_m: float, y_m: float, within_m: float) -> float:
+        """The same to the mesh of somebody else's building if there is one, seen from above: what is in the way of an
+        upright robot, cut at its height."""
+        if self.world.mesh is None:
+            return within_m
+        from rhs.api.footprints import nearest_m
+
+        radius_m = self.world.robot_radius_m
+        gap_m: float = nearest_m(self.world.mesh.solid_m, x_m, y_m, within_m + radius_m) - radius_m
+        return gap_m
 
     def close(self) -> None:
         """Let PyBullet forget the world; safe to call twice."""

@@ -91,10 +91,26 @@ class Paintings:
 
 
 @dataclass(frozen=True, eq=False)
+class Mesh:
+    """A building as somebody else drew it, in metres, floor at z = 0.
+
+    corners_m (N, 3, 3): triangles, seen from both sides; uv (N, 3, 2): u right, v up, 0..1 over the image and on in copies
+    of it; texture (N,): which of images, each (H, W, 3) uint8 RGB. solid_m (P, 5, 2): convex outlines, seen from above, of
+    what stands in a robot's way (rhs.api.footprints)."""
+
+    corners_m: np.ndarray
+    uv: np.ndarray
+    texture: np.ndarray
+    images: tuple[np.ndarray, ...]
+    solid_m: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class World:
     """A building. start: (x m, y m, yaw rad). places: (name, x m, y m). route_m (N, 2): the survey from the start on.
 
-    obstacles are unknown to the survey and put in when the patrol begins. path: the file it was read from.
+    obstacles are unknown to the survey and put in when the patrol begins. path: the file it was read from. mesh: somebody
+    else's building, which may stand there without walls.
     """
 
     name: str
@@ -111,11 +127,13 @@ class World:
     floor: Surface
     ceiling: Surface
     seed: int
+    mesh: Mesh | None = None
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
-        """(x_min, y_min, x_max, y_max) of the walls."""
-        points = np.concatenate([wall.points_m for wall in self.walls])
+        """(x_min, y_min, x_max, y_max) of the walls, and of what is solid of a mesh."""
+        corners = [wall.points_m for wall in self.walls]
+        points = np.concatenate([*corners, *([] if self.mesh is None else [self.mesh.solid_m.reshape(-1, 2)])])
         return (*map(float, points.min(axis=0)), *map(float, points.max(axis=0)))  # type: ignore[return-value]
 
     def facts(self) -> WorldFacts:
@@ -158,6 +176,10 @@ def touched_cells(world: World, resolution_m: float, *, with_obstacles: bool = F
     polygons += [box.corners_m for box in world.boxes + (world.obstacles if with_obstacles else ())]
     for polygon in polygons:
         _touch(touched, polygon, resolution_m, origin)
+    if world.mesh is not None:
+        from .footprints import touch
+
+        touch(world.mesh.solid_m, resolution_m, *origin, touched)
     return touched
 
 
@@ -200,6 +222,12 @@ def distance_m(world: World, point_m: np.ndarray, *, with_obstacles: bool = Fals
         d = float(np.hypot(*np.maximum(np.abs(local) - 0.5 * np.array(box.size_m[:2]), 0.0)))
         if d < best:
             best, name = d, f"box '{box.name}'"
+    if world.mesh is not None:
+        from .footprints import nearest_m
+
+        d = nearest_m(world.mesh.solid_m, float(point_m[0]), float(point_m[1]), best)
+        if d < best:
+            best, name = d, "the building"
     return float(best), name
 
 

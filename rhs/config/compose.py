@@ -30,7 +30,8 @@ from . import registry
 from .parts import Chosen, build, check_combination
 
 TASK = "task"
-OUTPUTS = ("output", "overwrite", "recording", "pictures", "video", "live")  # what is kept; no number depends on these
+# What is kept and how many processes work: no number depends on these.
+OUTPUTS = ("output", "overwrite", "recording", "pictures", "video", "live", "processes")
 
 
 @dataclass

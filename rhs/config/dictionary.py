@@ -45,7 +45,7 @@ RUN = _rows(
     ("success", "", "1: the run did what was asked of it, 0: it did not; unknown where nothing was asked"),
     ("failure", "", "why not, in words"),
     ("task", "", "what was done: patrol, survey, planning, places, unroll, or a plugin's"),
-    ("world", "", "the world, map or recording"),
+    ("world", "", "the world, map or recording; random:FAMILY: the building of that family whose number is the seed"),
     *((kind, "", f"the {kind} plugin") for kind in PLUGIN_KINDS if kind not in ("task", "metric", "engine")),
     ("seed", "", "seed of every random number"),
     ("config_hash", "", "10 hex digits of task, kinds it needs, their settings, world and seed"),

@@ -8,8 +8,8 @@ from typing import Any
 
 from rhs.base.commands import check_regular
 from rhs.base.errors import RhsError
+from rhs.config.compose import OUTPUTS
 
-OUTPUTS = ("output", "overwrite", "recording", "video", "live")
 KEPT_APART = (*OUTPUTS, "task", "world", "seed")
 LARGEST_BYTES = 1 << 20
 MOST_VALUES = 20_000

@@ -42,14 +42,14 @@ class MapHeader:
     free_thresh: float
 
 
-def load_map(yaml_path: str | FilePath) -> OccupancyGrid:
+def load_map(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | None = None) -> OccupancyGrid:
     """Read a map_server YAML and its image. Cells: 0 free, 1 occupied, NaN unknown, between them in scale and raw mode.
 
     A map with a yaw is turned into axis-parallel cells, each as bad as the worst pixel that it touches: occupied before
-    unknown before free; cells that reach beyond the image are unknown.
+    unknown before free; cells that reach beyond the image are unknown. origin: for a file that gives none, as (x, y, yaw).
     Raises ConfigError, in one line, for anything missing or out of range.
     """
-    header = read_header(yaml_path)
+    header = read_header(yaml_path, origin=origin)
     probability = np.flipud(_occupancy(_read_image(header.image), header))
     x, y, yaw = header.origin
     if abs(np.sin(yaw)) < 1e-12 and np.cos(yaw) > 0:
@@ -83,16 +83,16 @@ def map_files(stem: str, grid: OccupancyGrid) -> dict[str, bytes]:
     return {f"{stem}.pgm": b"P5\n%d %d\n255\n" % (columns, rows) + np.flipud(grey).tobytes(), f"{stem}.yaml": text.encode()}
 
 
-def read_header(yaml_path: str | FilePath) -> MapHeader:
-    """The checked keys of a map_server YAML; unknown keys are left alone, as map_server does."""
+def read_header(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | None = None) -> MapHeader:
+    """The checked keys of a map_server YAML; unknown keys are left alone, as map_server does. origin: where it has none."""
     path = FilePath(yaml_path)
-    keys = read_yaml(path)
+    keys = ({} if origin is None else {"origin": list(origin)}) | read_yaml(path)
     missing = [k for k in ("image", "resolution", "origin") if k not in keys]
     if missing:
         raise ConfigError(f"{path}: map_server key {missing[0]!r} is missing; expected image, resolution, origin")
-    origin = keys["origin"]
-    if not isinstance(origin, list) or len(origin) not in (2, 3) or not all(_is_number(v) for v in origin):
-        raise ConfigError(f"{path}: origin is {origin!r}; expected [x m, y m, yaw rad]")
+    corner = keys["origin"]
+    if not isinstance(corner, list) or len(corner) not in (2, 3) or not all(_is_number(v) for v in corner):
+        raise ConfigError(f"{path}: origin is {corner!r}; expected [x m, y m, yaw rad]")
     mode = keys.get("mode", "trinary")
     if mode not in ("trinary", "scale", "raw"):
         raise ConfigError(f"{path}: mode is {mode!r}; expected trinary, scale or raw")
@@ -100,7 +100,7 @@ def read_header(yaml_path: str | FilePath) -> MapHeader:
     free = _number(path, keys, "free_thresh", 0.196, low=0.0, high=1.0)
     if free > occupied:
         raise ConfigError(f"{path}: free_thresh {free} is above occupied_thresh {occupied}; expected it below")
-    x, y, yaw = (*map(float, origin), 0.0)[:3]
+    x, y, yaw = (*map(float, corner), 0.0)[:3]
     return MapHeader(
         image=path.parent / str(keys["image"]),
         resolution_m=_number(path, keys, "resolution", 0.0, low=1e-6, high=1e6),
@@ -133,14 +133,14 @@ def _number(path: FilePath, keys: dict[Any, Any], name: str, default: float, *, 
 
 
 def _read_image(path: FilePath) -> np.ndarray:
-    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG and BMP."""
+    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG, BMP and JPEG."""
     import cv2
 
     if not path.is_file():
         raise ConfigError(f"map image {path} does not exist; correct the key `image` of its YAML")
     size = declared_size(head_of(path))
     if size is None:
-        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
+        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG, BMP or JPEG")
     if size[0] * size[1] > MOST_CELLS:
         raise ConfigError(f"{path}: {size[0]} x {size[1]} cells are more than the {MOST_CELLS} allowed")
     log = cv2.utils.logging
@@ -148,7 +148,7 @@ def _read_image(path: FilePath) -> np.ndarray:
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     log.setLogLevel(before)
     if image is None:
-        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG or BMP")
+        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG, BMP or JPEG")
     image = image[:, :, None] if image.ndim == 2 else image
     return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
 

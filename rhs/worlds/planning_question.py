@@ -17,6 +17,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
+from .buildings import FOREIGN
 from .maps import load_map, read_yaml
 from .movingai import centre_m, load_movingai_map, load_scenarios
 from .random.names import is_random
@@ -51,6 +52,8 @@ def load_arena(name_or_path: str, *, scenario: int = 0, seed: int = 0) -> Arena:
         raise ConfigError(f"planning.scenario={scenario}: only a .scen file has several problems, {path.name} is none")
     if path.suffix == ".map":
         return Arena(path.stem, load_movingai_map(path))
+    if path.suffix.lower() in FOREIGN:
+        return _world(load_world(path))
     keys = read_yaml(path)
     if "image" in keys:
         return _map_server(path, keys.get("planning", {}))
@@ -74,7 +77,7 @@ def _crosses(points: np.ndarray, gate: np.ndarray) -> bool:
 
 
 def _find(text: str) -> FilePath:
-    if "/" in text or text.endswith((".yaml", ".yml", ".map", ".scen")):
+    if "/" in text or FilePath(text).suffix.lower() in (".yaml", ".yml", ".map", ".scen", *FOREIGN):
         path = FilePath(text).expanduser()
         if not path.is_file():
             raise ConfigError(f"world={text}: there is no such file")

@@ -195,14 +195,18 @@ class Ground:
         turn = 2.0 * np.pi * (np.arange(RAYS)[rays] + 0.37) / RAYS
         along = np.arange(0.0, sight_m, step) / step
         offsets = (np.stack([np.sin(turn), np.cos(turn)])[:, :, None] * along).round().astype(int)  # (2, rays, steps)
-        size = max(1, round(0.3 / step))
-        columns = -(-self.grid.shape[1] // size)
-        seen = np.zeros(columns * -(-self.grid.shape[0] // size), bool)
+        seen = np.zeros(int(self._square(np.array(self.grid.shape))) + 1, bool)
         limit = np.array(self.grid.shape) - 1
         r, c = np.clip(cell[0] + offsets[0], 0, limit[0]), np.clip(cell[1] + offsets[1], 0, limit[1])
         open_ = np.logical_and.accumulate(self.open_[r, c], axis=1)
-        seen[(r[open_] // size) * columns + c[open_] // size] = True
+        seen[self._square(np.stack([r[open_], c[open_]]))] = True
         return seen
+
+    def _square(self, cells: np.ndarray) -> np.ndarray:
+        """Number of the square of about 0.3 m in which cells (2, ...) lie."""
+        size = max(1, round(0.3 / self.grid.resolution_m))
+        number: np.ndarray = (cells[0] // size) * (self.grid.shape[1] // size + 1) + cells[1] // size
+        return number
 
     def seen_ahead(self, route_m: np.ndarray) -> np.ndarray:
         """(squares,) bool: seen by a camera that looks ahead along the route and turns on the spot in its corners."""
@@ -219,11 +223,13 @@ class Ground:
         return seen
 
     def missed(self, route_m: np.ndarray) -> list[int]:
-        """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed."""
+        """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed. One
+        that lies in what was missed counts twice: on the way there the camera looks at it."""
         missing = self.needed & ~self.seen_ahead(route_m)
         chosen: list[int] = []
         while True:
             gain = (self.sees & missing).sum(axis=1)
+            gain = np.where(missing[self._square(self.cells[self.spots].T)], 2 * gain, gain)
             best = int(np.argmax(np.where(gain >= MISSED, gain / self.price[self.reached][self.spots], 0.0)))
             if gain[best] < MISSED:
                 return chosen

@@ -1,4 +1,5 @@
-"""Read a world from its YAML file (format: worlds/README.md) and refuse it, in one line, when something is wrong."""
+"""Read a world from its YAML file (format: worlds/README.md), or from somebody else's building (buildings.py), and refuse
+it, in one line, when something is wrong."""
 
 from __future__ import annotations
 
@@ -21,9 +22,11 @@ from rhs.api.floorplan import (
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
+from .buildings import FOREIGN, RADIUS_M, read_building, settled
+from .map_walls import Building
 from .random.names import FAMILIES, PREFIX, is_random
-from .world_checks import check_world
-from .world_yaml import Section, read_yaml
+from .world_checks import check_extent, check_world
+from .world_yaml import Section, no_keys, read_yaml
 
 __all__ = ["Box", "Paintings", "Surface", "Wall", "World", "load_world", "mapping_grid_frame", "truth_grid",
            "world_names"]
@@ -43,10 +46,13 @@ def load_world(name_or_path: str | Path, *, seed: int = 0) -> World:
 
         return random_world(str(name_or_path), seed)
     path = find_world(name_or_path)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return _foreign(path, path, no_keys(path))
     file = read_yaml(path)
     if _is_flat_map(file):
-        raise ConfigError(f"{path}:1: this is a map_server map, for planning; the simulator needs a world with walls, "
-                          "such as world=square")
+        return _foreign(path, path, no_keys(path))
+    if "building" in file.nodes:
+        return _foreign(path, path.parent / Path(file.text("building")).expanduser(), file)
     base_name = file.text("like", "")
     if base_name:
         base = read_yaml(find_world(base_name, beside=path.parent))
@@ -54,6 +60,16 @@ def load_world(name_or_path: str | Path, *, seed: int = 0) -> World:
             raise ConfigError(f"{file.where('like')}: like: '{base_name}' is itself like another world; name that one")
         file.inherit(base)
     world = _world(path, file)
+    check_world(world, file)
+    return world
+
+
+def _foreign(path: Path, building_path: Path, file: Section) -> World:
+    """Somebody else's building; what the file does not say about start, places and route is proposed."""
+    building = read_building(building_path, file)
+    world = _world(path, file, building)
+    check_extent(world, file)
+    world = settled(world, building, file)
     check_world(world, file)
     return world
 
@@ -68,9 +84,10 @@ def _is_flat_map(file: Section) -> bool:
 
 
 def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
-    """The file of a world: a name is looked for in `beside` and worlds/; anything with a slash or .yaml is a path."""
+    """The file of a world: a name is looked for in `beside` and worlds/; anything with a slash or a file's ending is a
+    path."""
     text = str(name_or_path)
-    if "/" in text or text.endswith((".yaml", ".yml")):
+    if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *FOREIGN) or ("." in text and Path(text).is_file()):
         path = Path(text).expanduser()
         if not path.is_file():
             raise ConfigError(f"world={text}: there is no such file")
@@ -84,27 +101,31 @@ def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
     raise ConfigError(f"world={text} is neither a world nor a path to a YAML file; {advice}")
 
 
-def _world(path: Path, file: Section) -> World:
-    x_m, y_m, yaw_deg = file.numbers("start", count=3)
-    walls_and_pilasters = [_wall(section) for section in file.sections("walls", required=True)]
-    if not walls_and_pilasters:
+def _world(path: Path, file: Section, building: Building | None = None) -> World:
+    """What the file says. With a building it need name neither walls nor start nor route: `settled` finds them."""
+    x_m, y_m, yaw_deg = file.numbers("start", None if building is None else (0.0, 0.0, 0.0), count=3)
+    walls_and_pilasters = [_wall(section) for section in file.sections("walls", required=building is None)]
+    if building is None and not walls_and_pilasters:
         raise ConfigError(f"{file.where('walls')}: walls is empty; a world needs walls around its start")
+    walls = (() if building is None else building.walls) + tuple(wall for wall, _ in walls_and_pilasters)
     places = file.section("places")
     world = World(
-        name=path.stem,
+        name=path.parent.name if path.name == "model.sdf" else path.stem,  # as Gazebo names its models
         path=path,
         start=(x_m, y_m, float(np.radians(yaw_deg))),
-        robot_radius_m=file.number("robot_radius_m", 0.3, low=0.05, high=2.0),
-        camera_height_m=file.number("camera_height_m", 1.2, low=0.1, high=3.0),
-        walls=tuple(wall for wall, _ in walls_and_pilasters),
+        robot_radius_m=file.number("robot_radius_m", 0.3 if building is None else RADIUS_M, low=0.05, high=2.0),
+        camera_height_m=file.number("camera_height_m", 1.2 if building is None else building.camera_height_m,
+                                    low=0.1, high=3.0),
+        walls=walls,
         boxes=tuple(b for _, boxes in walls_and_pilasters for b in boxes) + _boxes(file, "boxes"),
         obstacles=_boxes(file, "obstacles"),
         places=tuple((name, *_point(places, name)) for name in places.keys()),
-        route_m=file.points("route_m"),
+        route_m=file.points("route_m") if building is None or "route_m" in file.nodes else np.zeros((0, 2)),
         paintings=_paintings(file.section("paintings")),
         floor=_surface(file.section("floor"), FLOOR),
         ceiling=_surface(file.section("ceiling"), CEILING),
         seed=file.whole("seed", 0),
+        mesh=None if building is None else building.mesh,
     )
     file.finish()
     return world

@@ -26,7 +26,8 @@ class Located(Protocol):
 
 def check_world(world: World, file: Located) -> None:
     """Refuse a world that is too large, and a start, place or route where the robot cannot stand."""
-    _check_names_and_size(world, file)
+    _check_names(world, file)
+    check_extent(world, file)
     if np.hypot(*(world.route_m[0] - np.array(world.start[:2]))) > 1e-6:
         raise ConfigError(f"{file.where('route_m')}: route_m begins at {world.route_m[0].tolist()}; "
                           f"expected the start {list(world.start[:2])}")
@@ -43,7 +44,7 @@ def check_world(world: World, file: Located) -> None:
     _check_route(world, file)
 
 
-def _check_names_and_size(world: World, file: Located) -> None:
+def _check_names(world: World, file: Located) -> None:
     for key, things in (("walls", world.walls), ("boxes", world.boxes + world.obstacles)):
         names = [thing.name for thing in things]
         twice = sorted({name for name in names if names.count(name) > 1})
@@ -53,6 +54,10 @@ def _check_names_and_size(world: World, file: Located) -> None:
         if not re.fullmatch(r"\w[\w .-]{0,60}", str(name)):  # pictures are named after their places
             raise ConfigError(f"{file.where('places')}: the place {str(name)[:60]!r} needs a plain name: letters, digits, "
                               "spaces, dots and dashes")
+
+
+def check_extent(world: World, file: Located) -> None:
+    """Refuse a world whose grids would be too large."""
     x_min, y_min, x_max, y_max = world.bounds_m
     if (x_max - x_min) * (y_max - y_min) > MAX_AREA_M2:
         raise ConfigError(f"{file.where('walls')}: the walls span {x_max - x_min:g} x {y_max - y_min:g} m; "
@@ -68,7 +73,7 @@ def _check_route(world: World, file: Located) -> None:
             raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: the leg from {a.tolist()} to {b.tolist()} goes "
                               "through a wall or a box; lead it round")
     for end in (world.route_m[0], world.route_m[-1]):
-        distance, thing = distance_m(replace(world, walls=(), boxes=world.obstacles), end)
+        distance, thing = distance_m(replace(world, walls=(), boxes=world.obstacles, mesh=None), end)
         if distance < world.robot_radius_m:
             raise ConfigError(f"{file.where('obstacles')}: obstacle {thing} is put in {distance:.2f} m from the robot at "
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")

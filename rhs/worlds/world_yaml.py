@@ -35,6 +35,12 @@ def read_yaml(path: Path) -> Section:
     return Section(node, "the file")
 
 
+def no_keys(path: Path) -> Section:
+    """The keys of a file that is no YAML: none; errors name the file."""
+    mark = yaml.Mark(str(path), 0, 0, 0, None, None)
+    return Section(yaml.MappingNode("tag:yaml.org,2002:map", [], mark), "the file")
+
+
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
     """The standard loader's parser; aliases are refused because they make files hard to read and easy to explode."""
 

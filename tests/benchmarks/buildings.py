@@ -6,8 +6,8 @@
 A sweep of `world=random:FAMILY` over seeds, each its own building; further words are those of a run. Killed, it goes on
 where it stopped when the same command is given again. `reachable`: places that a disc of the robot's radius and 5 cm gets
 to from the end of the survey with the obstacles in place, on the true plan. `clean`: every one of them visited, nothing
-touched. The mean of wrong_sure (belief_wrong_sure_share) is over runs, collisions are summed; `no row`: failed or killed. Writes
-buildings.csv beside the runs. Seeds below 10000 are for building and tuning, those from 10000 on for judging only.
+touched. The mean of wrong_sure (belief_wrong_sure_share) is over runs, collisions are summed; `no row`: failed or killed.
+Writes buildings.csv beside the runs. Seeds below 10000 are for building and tuning, those from 10000 on for judging only.
 """
 
 from __future__ import annotations

@@ -72,6 +72,32 @@ def test_an_empty_map_and_no_motion_beyond_the_prior():
     np.testing.assert_allclose(found.state, [16.0, 1.0, 0.0], atol=0.01)
 
 
+def _slab(seen_from_both_sides: bool) -> OccupancyGrid:
+    """A wall 3 m long of one row of cells, y 2.0 to 2.1 m; the robot has looked at it from below, or from both sides."""
+    probability = np.full((50, 50), np.nan, np.float32)
+    probability[5:20, 5:45] = 0.02
+    probability[20, 10:40] = 0.98
+    if seen_from_both_sides:
+        probability[21:45, 5:45] = 0.02
+    return OccupancyGrid(probability, 0.1, (0.0, 0.0))
+
+
+@pytest.mark.parametrize(("both", "laid"), [(False, False), (True, True)])
+def test_the_unseen_back_of_a_thick_wall_is_not_laid_on_its_front(both, laid):
+    """The wall is 0.3 m thick in truth: its back lies 0.25 m behind the mapped front, within the matcher's reach."""
+    bearings = np.linspace(-0.5, 0.5, 161)
+    ranges = (3.5 - 2.3) / np.cos(bearings)  # from y = 3.5 m looking down on the back face at y = 2.3 m
+    found = ScanMatcher(_slab(both)).match(Scan(bearings, ranges, 8.0), np.array([2.5, 3.5, -np.pi / 2]), PRIOR)
+    assert (found is not None) == laid  # where the map was seen from above too, what is seen can only be that wall
+
+
+def test_the_front_of_the_same_wall_is_laid_on_it():
+    bearings = np.linspace(-0.5, 0.5, 161)
+    scan = Scan(bearings, (2.05 - 0.9) / np.cos(bearings), 8.0)
+    found = ScanMatcher(_slab(False)).match(scan, np.array([2.5, 0.78, np.pi / 2]), PRIOR)
+    assert found.state[1] == pytest.approx(0.9, abs=0.04)
+
+
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)
 
 

@@ -11,7 +11,7 @@ from painted_room import observe, paintings
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2
 from rhs.api.records import FeatureSettings, Observation, Tracking, Twist
-from rhs_odometry.features.procrustes import on_floor
+from rhs_odometry.features.floor import on_floor
 from rhs_odometry.features.procrustes_config import Procrustes
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)

@@ -127,7 +127,7 @@ def test_triangles_anywhere_also_through_the_plane_of_the_lens():
         corners = rng.normal([1.0, 0.0, 1.2], 1.5, (12, 1, 3)) + rng.normal(0.0, 2.0, (12, 3, 3))
         faces = np.column_stack([np.arange(36).reshape(12, 3), np.full(12, -1), np.zeros(12, int)]).astype(np.int32)
         texels, levels = pyramids([GREY])
-        mesh = Mesh(corners.reshape(-1, 3), faces, np.zeros((12, 3, 2)), texels, levels)
+        mesh = Mesh(corners.reshape(-1, 3), faces, np.zeros((12, 3, 2)), texels, levels, np.zeros(len(levels), bool))
         cast = assert_same_depth(mesh, tilted(0.0, 0.0, *rng.uniform(-0.5, 0.5, 3)))
         behind = (corners[:, :, 0] < 0).any(axis=1) & (corners[:, :, 0] > 0).any(axis=1)
         reached += behind.any() and np.isfinite(cast).any()

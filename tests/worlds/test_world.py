@@ -116,10 +116,10 @@ def test_a_missing_file_and_a_misspelt_name_are_refused(tmp_path):
         load_world("square_twins")
 
 
-def test_a_flat_map_is_no_building(tmp_path):
+def test_a_flat_map_without_its_picture_is_refused(tmp_path):
     path = tmp_path / "flat.yaml"
     path.write_text("image: flat.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match="this is a map_server map, for planning"):
+    with pytest.raises(ConfigError, match="map image .*flat.pgm does not exist"):
         load_world(path)
 
 

@@ -2,11 +2,13 @@
 
 A cloud of walls may slide along itself. The share of points that hold a direction (clouds.observability) decides: too
 little and the motion is `degenerate`, its covariance wide along that direction; with slipping=guess the guess of wheels
-or command replaces what the alignment says along it (solution remapping: Zhang, Kaess and Singh, ICRA 2016).
+or command replaces what the alignment says along it (solution remapping: Zhang, Kaess and Singh, ICRA 2016). And every
+alignment is looked at again (second_look.py): one that lays this view beside the last one is `degenerate` too.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -14,10 +16,12 @@ import numpy as np
 from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import inverse, log_se3, orthonormal
 from rhs.api.records import Motion, Observation, Tracking
+from rhs.estimation.filters.kalman import gate
 
-from ..features.procrustes import on_floor
+from ..features.floor import on_floor
 from ..fused.fallback import guess_motion
 from .clouds import Cloud, CloudMaker, observability
+from .second_look import second_look
 from .settings import CloudAdvanced
 
 
@@ -47,11 +51,13 @@ class CloudOdometry(Odometry):
         self._on_floor = settings.planar and context.camera.height_m > 0.0
         self._begun = False
         self._last = np.eye(4)
+        self._cloud: Cloud | None = None  # of the last view
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation."""
         assert observation.depth is not None
-        cloud = self._maker.cloud(observation.depth)
+        before, self._cloud = self._cloud, self._maker.cloud(observation.depth)
+        cloud = self._cloud
         name, guess, wide = self._guess(observation)
         if not self._begun:
             self._begun = len(cloud) >= self._settings.min_points
@@ -65,7 +71,7 @@ class CloudOdometry(Odometry):
         pose, trouble = self._registration.align(cloud, guess)
         if trouble:
             return self._done(Motion(guess, wide, Tracking.LOST, f"{trouble}; took {name}"))
-        return self._done(self._judge(cloud, pose, guess))
+        return self._done(self._checked(self._judge(cloud, pose, guess), cloud, before))
 
     def revise(self) -> None:
         """Nothing to say afterwards."""
@@ -99,6 +105,24 @@ class CloudOdometry(Odometry):
         covariance = 0.5 * (covariance + covariance.T)
         sure = np.sqrt(np.diag(np.linalg.inv(covariance)))
         return Motion(orthonormal(pose), covariance, status, reason, sure, details=details)
+
+    def _checked(self, motion: Motion, cloud: Cloud, before: Cloud | None) -> Motion:
+        """The motion, widened and called degenerate when another one lays the surface of this view on that of the last one
+        clearly better."""
+        if before is None or len(before) == 0:
+            return motion
+        a = self._advanced
+        look = second_look(before, cloud, self._maker, motion.previous_from_body, a.sure_sigmas)
+        off = float(look.better @ np.linalg.solve(motion.covariance, look.better))
+        if np.isnan(look.cost):
+            return replace(motion, status=Tracking.DEGENERATE, reason=motion.reason or "hardly anything is seen twice")
+        if look.cost - look.best < a.misfit or off < gate(6, a.gate_probability):
+            return motion
+        covariance = motion.covariance + np.outer(look.better, look.better)
+        metres, radians = (float(np.linalg.norm(part)) for part in (look.better[:3], look.better[3:]))
+        reason = f"the view before fits better after {metres:.2f} m and {np.degrees(radians):.1f} degrees more"
+        return replace(motion, covariance=covariance, status=Tracking.DEGENERATE, reason=motion.reason or reason,
+                       observability=np.sqrt(np.diag(np.linalg.inv(covariance))))
 
     def _done(self, motion: Motion) -> Motion:
         self._last = motion.previous_from_body

@@ -32,12 +32,17 @@ class CloudAdvanced:
     """an alignment further than this from its guess has locked on to something else, metres"""
     leap_rad: float = 0.6
     """or turned further from it, radians"""
+    misfit: float = 0.25
+    """an alignment is doubted when another motion lays the surfaces of two views on each other better by so much (mean
+    squared distance in sigmas) ..."""
+    gate_probability: float = 0.999
+    """... and its covariance does not explain the difference (chance that it does where the alignment is right)"""
     guess: GuessNoise = field(default_factory=GuessNoise)
 
     def __post_init__(self) -> None:
         check_ranges("", self, lean=(0.0, 1.0), slide_m=(1e-4, 10.0), sure_sigmas=(0.1, 1000.0), correlated=(1.0, 1e6),
                      least_m=(1e-9, 1.0), least_rad=(1e-9, 1.0), slipped_m=(1e-6, 100.0), leap_m=(1e-3, 1000.0),
-                     leap_rad=(1e-3, 3.2))
+                     leap_rad=(1e-3, 3.2), misfit=(0.0, 1000.0), gate_probability=(0.5, 1.0 - 1e-12))
 
 
 @dataclass

@@ -11,17 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import adjoint, compose_covariance, exp_se3, inverse, log_se3, planar, se2
+from rhs.api.geometry import adjoint, compose_covariance, inverse
 from rhs.api.records import Features, Motion, Observation, Revision, Tracking
 from rhs.estimation.views import features as vision
 from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_reprojection
 from rhs.estimation.views.settings import RansacSettings
 
 from ..fused.fallback import guess_motion
+from .floor import Floor
 from .procrustes_config import Procrustes
-
-# A robot on a floor: how far its height (metres) and its roll and pitch (radians) may stray between two views.
-FLOOR_SIGMAS = np.array([np.inf, np.inf, 1e-3, 1e-3, 1e-3, np.inf])
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +43,8 @@ class ProcrustesOdometry(Odometry):
         self._feature_settings = context.features
         self._rng = context.rng
         self._body_from_camera = camera.body_from_camera
-        self._on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
+        on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
+        self._floor = Floor(settings.advanced.sway) if on_floor else None
         self._noise = PointNoise(
             np.sqrt(camera.fx * camera.fy),
             settings.pixel_sigma_px,
@@ -116,8 +115,8 @@ class ProcrustesOdometry(Odometry):
             return Motion(guess, covariance, Tracking.LOST, reason, details=details)
         pose, covariance = self._since_previous(*body_motion(found, self._body_from_camera))
         information = np.linalg.inv(covariance)
-        if self._on_floor:
-            pose, covariance = on_floor(pose, information)
+        if self._floor is not None:
+            pose, covariance = self._floor.hold(pose, information)
         observability = np.sqrt(np.diag(information))
         weak = self._weakness(covariance)
         status = Tracking.DEGENERATE if weak else Tracking.OK
@@ -149,20 +148,3 @@ def body_motion(camera_motion: Rigid, body_from_camera: np.ndarray) -> tuple[np.
     move = adjoint(body_from_camera)
     covariance = move @ camera_motion.covariance @ move.T
     return pose, 0.5 * (covariance + covariance.T)
-
-
-def on_floor(pose: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The planar motion (4x4) nearest to `pose` in the sense of its 6x6 information, and its 6x6 covariance.
-
-    Dropping z, roll and pitch would throw away what they say about the rest: a motion that appears to pitch also
-    appears to go forward. Instead x, y and yaw are what the measurement gives them once the floor is known.
-    """
-    free = [0, 1, 5]
-    flat = se2(*planar(pose))
-    for _ in range(2):
-        error = log_se3(inverse(flat) @ pose)
-        step = np.linalg.solve(information[np.ix_(free, free)], information[free] @ error)
-        flat = flat @ exp_se3(np.array([step[0], step[1], 0.0, 0.0, 0.0, step[2]]))
-    tight = information + np.diag(1.0 / FLOOR_SIGMAS**2)
-    covariance = np.linalg.inv(tight)
-    return flat, 0.5 * (covariance + covariance.T)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_choice, check_range, check_ranges
 
-from ..advanced import GuessNoise
+from ..advanced import GuessNoise, SwaySettings
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Odometry
@@ -20,6 +20,7 @@ class ProcrustesAdvanced:
     reference_age: int = 5
     """a reference view is given up after so many lost views: by then the robot looks at something else"""
     guess: GuessNoise = field(default_factory=GuessNoise)
+    sway: SwaySettings = field(default_factory=SwaySettings)
 
     def __post_init__(self) -> None:
         check_ranges("", self, reference_age=(0, 10_000))

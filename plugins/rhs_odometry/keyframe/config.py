@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range, check_ranges
 
-from ..advanced import GuessNoise, PatchSearch, SurfaceSettings
+from ..advanced import GuessNoise, PatchSearch, SurfaceSettings, SwaySettings
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Odometry
@@ -56,6 +56,7 @@ class KeyframeAdvanced:
     visible_per_m: float = 0.05
     """a point is in view when the inverse depth measured there is its own up to this, 1/m"""
     guess: GuessNoise = field(default_factory=GuessNoise)
+    sway: SwaySettings = field(default_factory=SwaySettings)
     patches: PatchSearch = field(default_factory=PatchSearch)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
 

@@ -21,7 +21,7 @@ from rhs.estimation.views import features as vision
 from rhs.estimation.views.rigid import PointNoise, ransac_rigid
 from rhs.estimation.views.settings import RansacSettings
 
-from ..features.procrustes import on_floor
+from ..features.floor import Floor, on_floor
 from ..fused.fallback import guess_motion
 from .keyframe_map import Edge, KeyframeMap
 from .reprojection import PoseFit
@@ -41,7 +41,8 @@ class KeyframeOdometry(Odometry):
         self._settings, self._camera, self._rng = settings, camera, context.rng
         a = self._advanced = settings.advanced
         self._least = np.diag([a.least_edge_m] * 3 + [a.least_edge_rad] * 3) ** 2
-        self._on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
+        on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
+        self._floor = Floor(a.sway) if on_floor else None
         self._map = KeyframeMap(settings.inverse_depth_sigma, a)
         self._tracker = Tracker(settings, camera, self._map)
         self._previous: Observation | None = None
@@ -65,9 +66,10 @@ class KeyframeOdometry(Odometry):
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
             return self._lost(look, orthonormal(guess), wide, reason)
+        before = self._tracker.pose
         self._tracker.accept(look, fit)
-        if self._on_floor:
-            self._put_on_floor(fit)
+        if self._floor is not None:
+            self._put_on_floor(self._floor, before, fit)
         if self._wants_keyframe():
             self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
         spread = _covariance(fit)
@@ -149,7 +151,7 @@ class KeyframeOdometry(Odometry):
         """The edge that a fit measures, on the floor when the camera stands on a robot."""
         a_from_k = inverse(self._map.poses[a]) @ inverse(fit.camera_from_map)
         covariance = self._advanced.correlated * _covariance(fit) + self._least
-        if self._on_floor:
+        if self._floor is not None and not self._floor.sways:
             b = self._camera.body_from_camera
             there, back = adjoint(b), adjoint(inverse(b))
             information = np.linalg.inv(there @ covariance @ there.T)
@@ -187,11 +189,15 @@ class KeyframeOdometry(Odometry):
             self._map.tie([drift])
         return self._report(self._previous, self._spread, Tracking.LOST, reason)
 
-    def _put_on_floor(self, fit: PoseFit) -> None:
-        """A robot neither climbs nor tilts: take the planar pose nearest to the fitted one."""
+    def _put_on_floor(self, floor: Floor, before: np.ndarray, fit: PoseFit) -> None:
+        """A robot neither climbs nor tilts, unless it sways: take the planar pose nearest to the fitted one."""
         b = self._camera.body_from_camera
-        move = adjoint(inverse(b))
+        there, move = adjoint(b), adjoint(inverse(b))
         information = move.T @ (fit.information + 1e-3 * np.eye(6)) @ move
+        spread = there @ (_covariance(fit) + self._spread) @ there.T
+        floor.note(b @ inverse(before) @ self._tracker.pose @ inverse(b), spread)
+        if floor.sways:
+            return
         flat, _ = on_floor(b @ self._tracker.pose @ inverse(b), information)
         self._tracker.pose = inverse(b) @ flat @ b
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,13 +20,27 @@ Quad = tuple[np.ndarray, np.ndarray]
 class Mesh:
     """Faces with textures. vertices_m (V, 3) float64; faces (F, 5) int32: three or four vertices counter-clockwise as seen
     (the fourth -1: a triangle; four lie in one plane, convex), and the texture; uv (F, 3, 2) float64: place of the first
-    three in texels from the top left; texels, levels: of `pyramids`."""
+    three in texels from the top left; texels, levels: of `pyramids`; repeats (T,) bool: whether a texture goes on in copies
+    of itself beyond its edges, or in its outermost texels."""
 
     vertices_m: np.ndarray
     faces: np.ndarray
     uv: np.ndarray
     texels: np.ndarray
     levels: np.ndarray
+    repeats: np.ndarray
+
+    @classmethod
+    def of_triangles(cls, corners_m: np.ndarray, uv: np.ndarray, texture: np.ndarray, images: Sequence[np.ndarray]) -> Mesh:
+        """From triangles (N, 3, 3) that are seen from both sides, texture corners (N, 3, 2) (u right, v up, 0..1 over the
+        image and on in copies of it), and which of the images (H, W, 3) each wears."""
+        count = len(corners_m)
+        texels, levels = pyramids(images)
+        front = np.column_stack([np.arange(3 * count).reshape(-1, 3), np.full(count, -1), texture])
+        places = np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1) * levels[texture, 0, 1:][:, None]
+        faces = np.concatenate([front, front[:, [0, 2, 1, 3, 4]]]).astype(np.int32)
+        return cls(corners_m.reshape(-1, 3).astype(float), faces, np.concatenate([places, places[:, [0, 2, 1]]]), texels,
+                   levels, np.ones(len(images), bool))
 
     @classmethod
     def of_quads(cls, painted: Iterable[tuple[list[Quad], np.ndarray]]) -> Mesh:
@@ -39,7 +53,8 @@ class Mesh:
         uv = [np.column_stack([at[:3, 0] * image.shape[1], (1.0 - at[:3, 1]) * image.shape[0]])
               for quads, image in groups for _, at in quads]
         texels, levels = pyramids([image for _, image in groups])
-        return cls(np.concatenate(corners).astype(float), faces.astype(np.int32), np.array(uv, float), texels, levels)
+        return cls(np.concatenate(corners).astype(float), faces.astype(np.int32), np.array(uv, float), texels, levels,
+                   np.zeros(len(groups), bool))
 
     def __add__(self, other: Mesh) -> Mesh:
         """Both."""
@@ -48,7 +63,7 @@ class Mesh:
         faces[:, 4] += len(self.levels)
         levels[..., 0] += len(self.texels)
         pairs = ((self.vertices_m, other.vertices_m), (self.faces, faces), (self.uv, other.uv),
-                 (self.texels, other.texels), (self.levels, levels))
+                 (self.texels, other.texels), (self.levels, levels), (self.repeats, other.repeats))
         return Mesh(*(np.concatenate(pair) for pair in pairs))
 
 
@@ -83,5 +98,5 @@ class Renderer:
         image = np.empty((camera.height, camera.width, 3), np.uint8)
         depth_m = np.empty((camera.height, camera.width), np.float32)
         textures = np.ascontiguousarray(mesh.faces[self._shown[:count], 4])
-        shade(self._seen, self._planes, textures, mesh.texels, mesh.levels, self.probes, image, depth_m)
+        shade(self._seen, self._planes, textures, mesh.texels, mesh.levels, mesh.repeats, self.probes, image, depth_m)
         return image, depth_m

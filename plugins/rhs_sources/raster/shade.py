@@ -20,6 +20,7 @@ HALF = 0x800000800080  # one half of a grey level in each channel of `tap`, whic
 TEXELS = nb.types.Array(nb.uint32, 1, "C")
 LEVELS = nb.types.Array(I64, 3, "C")
 LINE = nb.types.Array(F64, 1, "C")
+FLAGS = nb.types.Array(nb.boolean, 1, "C")
 PICTURE = nb.types.Array(nb.uint8, 3, "C")
 
 
@@ -95,12 +96,13 @@ def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, p
         image[y, x + k, 2] = ((red_blue >> 32) * share + 0x800000) >> 24
 
 
-@typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, I64, PICTURE, DEPTHS), **FREE)
-def shade(seen, planes, textures, texels, levels, most, image, depth_m):
+@typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, FLAGS, I64, PICTURE, DEPTHS), **FREE)
+def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m):
     """Image (H, W, 3) and depth_m (H, W) of the faces seen; white and NaN where there is none.
 
     seen, planes: of `find_visible`. textures (N,): the texture of each row of planes. levels (T, L, 3): where each level
-    of a texture begins in texels, its width and height. most: probes at most; 0: the nearest texel, unfiltered."""
+    of a texture begins in texels, its width and height. repeats (T,): whether it goes on in copies of itself.
+    most: probes at most; 0: the nearest texel, unfiltered."""
     height, width = seen.shape
     us, vs = np.empty(BLOCK), np.empty(BLOCK)
     for y in range(height):
@@ -115,8 +117,11 @@ def shade(seen, planes, textures, texels, levels, most, image, depth_m):
                 w0, u0, v0, most_u, most_v = planes[n, 0], planes[n, 3], planes[n, 6], levels[t, 0, 1], levels[t, 0, 2]
                 for k in range(end - x):
                     z = 1.0 / (w + w0 * (x + k))
-                    us[k] = min(max((u + u0 * (x + k)) * z, 0.0), float(most_u))
-                    vs[k] = min(max((v + v0 * (x + k)) * z, 0.0), float(most_v))
+                    us[k], vs[k] = (u + u0 * (x + k)) * z, (v + v0 * (x + k)) * z
+                    if repeats[t]:
+                        us[k] -= np.floor(us[k] / most_u) * most_u
+                        vs[k] -= np.floor(vs[k] / most_v) * most_v
+                    us[k], vs[k] = min(max(us[k], 0.0), float(most_u)), min(max(vs[k], 0.0), float(most_v))
                     depth_m[y, x + k] = z
                 if most == 0:
                     paint_nearest(image, y, x, us, vs, end - x, texels, levels, t)

@@ -5,7 +5,8 @@ in the likelihood field of Thrun, Burgard, Fox, Probabilistic Robotics, 6.4; the
 point-to-line matching, Censi 2008), robust weights, with the believed pose as prior. Along a plain corridor the ends slide
 over the walls without a change: the Hessian says so, and what it does not see the prior keeps. Deviations from plain
 Gauss-Newton: information that is small against the best seen direction is noise of the cells and set to zero, and no
-direction is ever called sharper than the map is drawn.
+direction is ever called sharper than the map is drawn. A wall that the map knows from one side only is met from that
+side only: the unseen back of a pillar is no part of its mapped front.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ class ScanMatcher:
         self._gap = gap * grid.resolution_m
         normal, middle = _wall_lines(np.where(occupied, np.nan_to_num(grid.probability), 0.0))
         row, column = nearest
+        self._facing = _facing(grid, normal, self.settings.behind_cells)[row, column]
         self._normal = normal[row, column]
         self._point = (np.stack([column, row], axis=-1) + 0.5 + middle[row, column]) * grid.resolution_m + self._corner
 
@@ -94,8 +96,9 @@ class ScanMatcher:
         """Information (3, 3), its vector (3,) and the share of ends on walls, at a state."""
         c, s = np.cos(at[2]), np.sin(at[2])
         turned = points @ np.array([[c, s], [-s, c]])
-        gap, away, slope = self._lookup(turned + at[:2])
-        on_wall = gap < self.settings.reach_m
+        gap, away, slope, facing = self._lookup(turned + at[:2])
+        from_behind = (turned * facing).sum(axis=1) > self.settings.behind_cos * np.hypot(*turned.T)
+        on_wall = (gap < self.settings.reach_m) & ~from_behind
         weight = np.where(on_wall, self.settings.trust / self.settings.sigma_m**2, 0.0)
         weight = weight / (1.0 + (away / (2.0 * self.settings.sigma_m)) ** 2)
         by_x, by_y = slope @ np.array([c, s]), slope @ np.array([-s, c])
@@ -104,16 +107,16 @@ class ScanMatcher:
         weighted = jacobian * weight[:, None]
         return weighted.T @ jacobian, -weighted.T @ away, float(on_wall.mean())
 
-    def _lookup(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """At map positions (N, 2): distance to the nearest wall (N,), signed distance to its line (N,) and the line's normal
-        (N, 2), zero where the wall has no direction. Far away outside the map."""
+    def _lookup(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """At map positions (N, 2): distance to the nearest wall (N,), signed distance to its line (N,), the line's normal
+        (N, 2), zero where the wall has no direction, and where the wall looks (N, 2). Far away outside the map."""
         rows, columns = self._shape
         x, y = np.floor((places - self._corner) / self._cell).astype(int).T
         inside = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
         x, y = np.where(inside, x, 0), np.where(inside, y, 0)
         normal = self._normal[y, x]
         away = ((places - self._point[y, x]) * normal).sum(axis=1)
-        return np.where(inside, self._gap[y, x], 1e3), away, np.where(inside[:, None], normal, 0.0)
+        return np.where(inside, self._gap[y, x], 1e3), away, np.where(inside[:, None], normal, 0.0), self._facing[y, x]
 
     def _trusted(self, information: np.ndarray) -> tuple[np.ndarray, int]:
         """The information without the directions that are hardly seen, none sharper than floor_m; how many are left."""
@@ -146,6 +149,23 @@ def _wall_lines(mass: np.ndarray, sigma_cells: float = 2.5) -> tuple[np.ndarray,
     along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
     normal = np.stack([-np.sin(along), np.cos(along)], axis=-1)
     return np.where(straight[..., None], normal, 0.0), middle
+
+
+def _facing(grid: OccupancyGrid, normal: np.ndarray, reach_cells: int) -> np.ndarray:
+    """(H, W, 2) unit vector to the side from which a wall was seen: free cells on this side, none on the other. Zero for
+    walls seen from both sides and where there is no wall line."""
+    rows, columns = np.nonzero(grid.occupied() & normal.any(axis=-1))
+    free, towards = np.pad(grid.free(), reach_cells + 1), normal[rows, columns]
+    sides = []
+    for sign in (1.0, -1.0):
+        seen = np.zeros(len(rows), bool)
+        for cells in range(1, reach_cells + 1):
+            step = np.rint(sign * cells * towards).astype(int) + reach_cells + 1
+            seen |= free[rows + step[:, 1], columns + step[:, 0]]
+        sides.append(seen)
+    facing = np.zeros_like(normal)
+    facing[rows, columns] = towards * (sides[0].astype(float) - sides[1])[:, None]
+    return facing
 
 
 def ends(scan: Scan, settings: MatchSettings) -> np.ndarray:

@@ -31,6 +31,11 @@ class MatchSettings:
     """no direction gets sharper than this by one scan, metres; divided by lever_m for the heading"""
     lever_m: float = 3.0
     """a heading moves what the scan sees by so much per radian, metres"""
+    behind_cells: int = 3
+    """a wall was seen from a side when one of so many cells on that side is free"""
+    behind_cos: float = 0.2
+    """a beam that comes from the other side at more than this, the cosine of its angle to the wall's normal, meets
+    another surface than the mapped one"""
     iterations: int = 12
     """Gauss-Newton steps at most"""
     gate_probability: float = 0.999
@@ -39,7 +44,8 @@ class MatchSettings:
     def __post_init__(self) -> None:
         check_ranges("", self, beams=(8, 100_000), range_max_m=(0.1, 1000.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
                      reach_m=(1e-3, 100.0), least_share=(0.0, 1.0), blind_below=(0.0, 1.0), floor_m=(0.0, 10.0),
-                     lever_m=(1e-3, 1000.0), iterations=(1, 1000), gate_probability=(0.5, 1.0 - 1e-12))
+                     lever_m=(1e-3, 1000.0), behind_cells=(1, 100), behind_cos=(0.0, 1.0), iterations=(1, 1000),
+                     gate_probability=(0.5, 1.0 - 1e-12))
 
 
 @dataclass(frozen=True)

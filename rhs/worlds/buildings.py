@@ -1,0 +1,149 @@
+"""Somebody else's building: a flat map or a drawn plan pulled up into walls, a mesh, a scene. Where the robot starts, what
+it visits and how it is led are proposed where nobody says."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.floorplan import World, truth_grid
+from rhs.api.grid import OccupancyGrid
+from rhs.base.errors import ConfigError
+
+from .map_walls import Building, no_room, room_of, roomiest_m, walls_of
+from .maps import load_map
+from .mesh_files import MESHES
+from .mesh_world import read_solid
+from .scene_files import SCENES
+from .tour import Place, Tour, propose
+from .world_yaml import Section
+
+log = logging.getLogger("rhs.worlds")
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
+FOREIGN = (*PICTURES, *MESHES, *SCENES)
+MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
+RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
+LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
+
+
+def read_building(path: Path, file: Section) -> Building:
+    """The building in a file of any format that is read. Raises ConfigError in one line."""
+    if not path.is_file():
+        raise ConfigError(f"{file.where('building')}: building: there is no file {path}")
+    radius_m = file.number("robot_radius_m", RADIUS_M, low=0.05, high=2.0)
+    start_m = np.array(file.numbers("start", count=3)[:2]) if "start" in file.nodes else None
+    if path.suffix.lower() in (*MESHES, *SCENES):
+        return read_solid(path, file, radius_m, start_m)
+    if path.suffix.lower() in PICTURES:
+        path = _yaml_of(path)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
+                          f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
+    return building_of(load_map(path, origin=(0.0, 0.0, 0.0)), radius_m, start_m, str(path))
+
+
+def _yaml_of(picture: Path) -> Path:
+    """The file beside a picture that says how large a pixel is."""
+    path = picture.with_suffix(".yaml")
+    if not path.is_file():
+        raise ConfigError(f"{picture}: nobody says how large this plan is; write {path.name} beside it with the lines "
+                          f"`image: {picture.name}` and `resolution: 0.05` (metres a pixel)")
+    return path
+
+
+def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, name: str) -> Building:
+    """The room of a flat map that holds the start, or the roomiest one. Raises ConfigError where the robot does not fit."""
+    room = room_of(grid, radius_m, start_m)
+    if not room.any():
+        raise no_room(name, grid, radius_m, start_m)
+    walls = walls_of(grid, room)
+    pieces = sum(len(wall.points_m) - 1 for wall in walls)
+    if pieces > MOST_PIECES:
+        raise ConfigError(f"{name}: {pieces} pieces of wall, at most {MOST_PIECES} are pulled up; clean the map of specks")
+    return Building(walls, roomiest_m(grid, room))
+
+
+def settled(world: World, building: Building, file: Section) -> World:
+    """The world with a start, places and a route: those that the file gives, the others proposed."""
+    given = {key for key in ("start", "places", "route_m") if key in file.nodes}
+    if "start" not in given and "route_m" in given:
+        raise ConfigError(f"{file.where('route_m')}: route_m without start; write start: [x, y, degrees] where it begins")
+    if given == {"start", "places", "route_m"}:
+        return world
+    x, y = (round(float(value), 4) for value in building.stand_m)
+    inside = world if "start" in given else replace(world, start=(x, y, 0.0))
+    start = world.start if "start" in given else (x, y)
+    places: int | tuple[Place, ...] = world.places if "places" in given else 4
+    try:
+        tour = short_tour(truth_grid(inside), world.robot_radius_m, start=start, places=places, name=world.name)
+    except ConfigError as error:
+        raise ConfigError(f"{world.path}: {error}") from error
+    return replace(world, start=world.start if "route_m" in given else tour.start,
+                   places=world.places if "places" in given else on_route(tour.places, tour.route_m),
+                   route_m=world.route_m if "route_m" in given else tour.route_m)
+
+
+def on_route(places: tuple[Place, ...], route_m: np.ndarray) -> tuple[Place, ...]:
+    """Each place moved to the nearest point of the route (N, 2): a camera that looks ahead has not seen all that lies beside
+    its way."""
+    a, along = route_m[:-1], np.diff(route_m, axis=0)
+    squared = np.maximum((along * along).sum(axis=1), 1e-12)
+    moved = []
+    for name, x, y in places:
+        share = np.clip((((x, y) - a) * along).sum(axis=1) / squared, 0.0, 1.0)
+        feet = a + share[:, None] * along
+        foot = feet[np.argmin(np.hypot(*(feet - (x, y)).T))].round(4)
+        moved.append((name, float(foot[0]), float(foot[1])))
+    return tuple(moved)
+
+
+def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...], places: int | tuple[Place, ...],
+               name: str) -> Tour:
+    """A tour of what lies near its start, in a large building; says so. LONGEST_ROUTE_M bounds its length where no places
+    (name, x, y) are given that it must pass."""
+    tour = propose(grid, radius_m, start=start, places=places)
+    whole_m = length_m(tour.route_m)
+    if whole_m <= LONGEST_ROUTE_M or not isinstance(places, int):
+        return tour
+    ways_m = ways_from(grid, np.array(tour.start[:2]))
+    reach_m, found_m = float(ways_m[np.isfinite(ways_m)].max()), whole_m
+    while found_m > LONGEST_ROUTE_M:
+        reach_m *= max(0.5, min(0.9, LONGEST_ROUTE_M / found_m))
+        near = np.where(ways_m <= reach_m, grid.probability, np.nan).astype(np.float32)
+        tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start, places=places)
+        found_m = length_m(tour.route_m)
+    log.warning("%s: a route through all of it would be %.0f m long; proposed is one of %.0f m, within %.0f m of the start "
+                "(for another give start, places and route_m: worlds/README.md)", name, whole_m, found_m, reach_m)
+    return tour
+
+
+def length_m(route_m: np.ndarray) -> float:
+    """Metres along a polyline (N, 2)."""
+    return float(np.hypot(*np.diff(route_m, axis=0).T).sum())
+
+
+def ways_from(grid: OccupancyGrid, start_m: np.ndarray) -> np.ndarray:
+    """(H, W) metres of the shortest way through free cells (eight neighbours) from a point; inf where there is none."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    free = grid.free()
+    number = np.cumsum(free).reshape(free.shape) - 1
+    ones, others, lengths = [], [], []
+    height, width = free.shape
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
+        there = (slice(down, height), slice(max(0, right), width + min(0, right)))
+        both = free[here] & free[there]
+        ones.append(number[here][both])
+        others.append(number[there][both])
+        lengths.append(np.full(int(both.sum()), grid.resolution_m * float(np.hypot(down, right))))
+    count = int(free.sum())
+    graph = coo_array((np.concatenate(lengths), (np.concatenate(ones), np.concatenate(others))), shape=(count, count))
+    out = np.full(grid.shape, np.inf)
+    out[free] = dijkstra(graph.tocsr(), directed=False, indices=int(number[tuple(grid.cells(start_m)[0])]))
+    return out

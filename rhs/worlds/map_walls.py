@@ -1,0 +1,136 @@
+"""A flat map pulled up into walls: the outline of the room that a robot can be in, as polylines.
+
+The outline runs along the sides of cells, the room on its left, so that occupied cells are as thick as in the map and doors
+as wide. It is simplified by Douglas and Peucker, "Algorithms for the reduction of the number of points", Cartographica
+10(2), 1973 (OpenCV's approxPolyDP) with a tolerance of one cell: then the staircase of an oblique wall is a straight piece
+again, and no point of a wall is further than a cell from where the map has it. What is unknown is outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.floorplan import Mesh, Wall
+from rhs.api.grid import OccupancyGrid, configuration_space
+from rhs.base.errors import ConfigError
+
+TOLERANCE_CELLS = 0.99  # a straight wall drawn in cells strays from its line by less than one
+HEIGHT_M = 2.6
+INDOORS = 0.1  # least share of the roomiest room that one indoors must have to be preferred: no cupboard
+
+
+@dataclass(frozen=True, eq=False)
+class Building:
+    """What a file of somebody else holds. stand_m: (2,) a point in its room, far from everything. camera_height_m: of a
+    robot that sees its walls."""
+
+    walls: tuple[Wall, ...]
+    stand_m: np.ndarray
+    mesh: Mesh | None = None
+    camera_height_m: float = 1.2
+
+
+def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = None) -> np.ndarray:
+    """(H, W) bool: the free cells of one room: the one with the start (2,), or else the one that gives a robot of that
+    radius most space. A room that reaches the border counts only where there is no other of some size: round a drawn plan
+    lies white paper. Nothing where the robot fits nowhere."""
+    from scipy.ndimage import label
+
+    free = grid.free()
+    rooms, count = label(free)
+    if start_m is not None:
+        row, column = grid.cells(start_m)[0]
+        inside = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1] and free[row, column]
+        return rooms == rooms[row, column] if inside else np.zeros(grid.shape, bool)
+    fits = ~configuration_space(~free, radius_m / grid.resolution_m)
+    stands, spaces = label(fits)
+    if not spaces:
+        return np.zeros(grid.shape, bool)
+    sizes = np.bincount(stands.ravel(), minlength=spaces + 1)[1:]
+    owner = np.zeros(spaces + 1, int)
+    owner[stands[fits]] = rooms[fits]
+    edge = np.unique(np.concatenate([rooms[0], rooms[-1], rooms[:, 0], rooms[:, -1]]))
+    indoors = ~np.isin(owner[1:], edge)
+    ranked = np.where(indoors, sizes, 0) if np.any(sizes[indoors] >= INDOORS * sizes.max()) else sizes
+    return np.asarray(rooms == owner[1 + int(np.argmax(ranked))])
+
+
+def outlines(room: np.ndarray) -> list[np.ndarray]:
+    """Closed outlines of the cells (H, W) bool, each (N, 2) corners x, y in cells, the last equal to the first: sides of
+    cells, the room on the left, none of the pieces in line with the next."""
+    ahead = _sides(room)
+    loops = []
+    while ahead:
+        at = first = next(iter(ahead))
+        loop, before = [], (0, 0)
+        while True:
+            ends = ahead[at]
+            turn = ends[0] if len(ends) == 1 else _leftmost(before, at, ends)
+            ends.remove(turn)
+            if not ends:
+                del ahead[at]
+            step = (turn[0] - at[0], turn[1] - at[1])
+            if step != before:
+                loop.append(at)
+            at, before = turn, step
+            if at == first:
+                break
+        corners = np.array([*loop, first], float)
+        first_way, last_way = corners[1] - corners[0], corners[0] - corners[-2]
+        if first_way[0] * last_way[1] == first_way[1] * last_way[0]:
+            corners = np.vstack([corners[1:-1], corners[1]])  # the trace began in the middle of a side
+        loops.append(corners)
+    return loops
+
+
+def _sides(room: np.ndarray) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Corner -> corners that a side of a cell leads to, anticlockwise round each cell of the room."""
+    padded = np.pad(room, 1)
+    inside = padded[1:-1, 1:-1]
+    ways = (((-1, 0), (0, 0), (1, 0)), ((0, 1), (1, 0), (1, 1)), ((1, 0), (1, 1), (0, 1)), ((0, -1), (0, 1), (0, 0)))
+    ahead: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for (down, right), (ax, ay), (bx, by) in ways:
+        beyond = padded[1 + down:padded.shape[0] - 1 + down, 1 + right:padded.shape[1] - 1 + right]
+        for row, column in np.argwhere(inside & ~beyond).tolist():
+            ahead.setdefault((column + ax, row + ay), []).append((column + bx, row + by))
+    return ahead
+
+
+def _leftmost(before: tuple[int, int], at: tuple[int, int], ends: list[tuple[int, int]]) -> tuple[int, int]:
+    """Where two rooms touch at a corner the outline stays with the cell it follows."""
+    return max(ends, key=lambda end: before[0] * (end[1] - at[1]) - before[1] * (end[0] - at[0]))
+
+
+def simplified(loop: np.ndarray) -> np.ndarray:
+    """The closed outline (N, 2) with fewer corners, no point further than TOLERANCE_CELLS from where it was. One that would
+    shrink to a line is left as it is."""
+    import cv2
+
+    fewer = cv2.approxPolyDP(loop[:-1].astype(np.float32)[:, None], TOLERANCE_CELLS, True)[:, 0].astype(float)
+    return loop if len(fewer) < 3 else np.vstack([fewer, fewer[:1]])
+
+
+def walls_of(grid: OccupancyGrid, room: np.ndarray) -> tuple[Wall, ...]:
+    """The walls round the room and round what stands in it, the longest outline first."""
+    loops = sorted(map(simplified, outlines(room)), key=lambda loop: -float(np.abs(np.diff(loop, axis=0)).sum()))
+    return tuple(Wall(f"wall {number}", loop * grid.resolution_m + np.asarray(grid.origin_m), HEIGHT_M)
+                 for number, loop in enumerate(loops, 1))
+
+
+def no_room(name: str, grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None) -> ConfigError:
+    """What to say of a building in which the robot does not fit."""
+    if start_m is not None:
+        return ConfigError(f"{name}: no free space at the start ({start_m[0]:g}, {start_m[1]:g})")
+    return ConfigError(f"{name}: no room for a robot of radius {radius_m:g} m (found {int(grid.free().sum())} free cells of "
+                       f"{grid.resolution_m:g} m); correct the scale, or give robot_radius_m in a world file")
+
+
+def roomiest_m(grid: OccupancyGrid, room: np.ndarray) -> np.ndarray:
+    """(2,) the middle of the cell of a room that is furthest from its edge."""
+    from scipy.ndimage import distance_transform_edt
+
+    space = distance_transform_edt(np.pad(room, 1))[1:-1, 1:-1]
+    middle: np.ndarray = grid.centres(np.array([np.unravel_index(np.argmax(space), room.shape)]))[0]
+    return middle

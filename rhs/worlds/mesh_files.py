@@ -1,0 +1,163 @@
+"""Mesh files of other programs (OBJ, glTF, STL, COLLADA, PLY, OFF), read by trimesh (MIT) and, for COLLADA, pycollada (BSD):
+the extra `buildings` of this package."""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from rhs.base.commands import check_regular
+from rhs.base.errors import ConfigError
+
+from .soup import Part, part
+
+MESHES = (".obj", ".glb", ".gltf", ".stl", ".dae", ".ply", ".off")
+MOST_BYTES = 512 << 20
+MOST_TRIANGLES = 3_000_000
+Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # z_up_from_y_up
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFile:
+    """parts: as they stand in the file. unit_m: metres of its unit, None where the format does not say. up: `y` or `z`, None
+    where the format does not say. missing: names of pictures that could not be read."""
+
+    parts: tuple[Part, ...]
+    unit_m: float | None
+    up: str | None
+    missing: tuple[str, ...]
+
+
+def read_mesh(path: Path) -> MeshFile:
+    """All triangles of a mesh file, each where its scene puts it. Raises ConfigError in one line, whatever is wrong."""
+    check_readable(path)
+    if importlib.util.find_spec("trimesh") is None:
+        raise ConfigError(f"{path}: reading meshes takes the package trimesh, which is not installed; type: "
+                          "pip install 'rhs[buildings]'")
+    unit_m, up = _conventions(path)
+    try:
+        parts, missing = _parts(path)
+    except ConfigError:
+        raise
+    except Exception as error:  # trimesh and its parsers raise anything about a broken file
+        said = " ".join(str(error).split())[:120] or type(error).__name__
+        raise ConfigError(f"{path}: trimesh cannot read this mesh ({said})") from error
+    if not parts:
+        raise ConfigError(f"{path}: no triangles in this file; expected a mesh of a building")
+    return MeshFile(tuple(parts), unit_m, up, tuple(missing))
+
+
+def check_readable(path: Path, most_bytes: int = MOST_BYTES) -> None:
+    """Refuse what is no file, or too large."""
+    if not path.is_file():
+        raise ConfigError(f"{path}: there is no such file")
+    check_regular(path)
+    if path.stat().st_size > most_bytes:
+        raise ConfigError(f"{path}: {path.stat().st_size >> 20} MB are more than the {most_bytes >> 20} MB allowed")
+
+
+def check_xml(text: bytes, path: Path) -> None:
+    """Refuse XML that defines entities: a small file could ask for all the memory there is, or for other files."""
+    if re.search(rb"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
+        raise ConfigError(f"{path}: this XML has a DOCTYPE or ENTITY, which is not read; take that line out")
+
+
+def _conventions(path: Path) -> tuple[float | None, str | None]:
+    """Metres a unit and the axis that points up, as the format or the file says."""
+    kind = path.suffix.lower()
+    if kind in (".glb", ".gltf"):
+        return 1.0, "y"  # glTF 2.0, section 3.4
+    if kind != ".dae":
+        return None, None
+    text = path.read_bytes()
+    check_xml(text, path)
+    unit = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([0-9.eE+-]+)[\"']", text)
+    axis = re.search(rb"<up_axis>\s*([XYZ])_UP", text)
+    return (float(unit[1]) if unit else 1.0), (axis[1].decode().lower() if axis else "y")  # COLLADA 1.5: defaults
+
+
+def _parts(path: Path) -> tuple[list[Part], list[str]]:
+    """The parts of a file and the names of the files it wants in vain."""
+    import trimesh
+
+    wanted = _resolver(path)
+    log = logging.getLogger("trimesh")
+    before = log.level
+    log.setLevel(logging.CRITICAL)  # what it says of broken files is said better below
+    try:
+        with path.open("rb") as file:
+            scene = trimesh.load_scene(file, file_type=path.suffix[1:].lower(), resolver=wanted, process=False)
+    finally:
+        log.setLevel(before)
+    parts: list[Part] = []
+    total = 0
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if not isinstance(geometry, trimesh.Trimesh) or not len(geometry.faces):
+            continue
+        total += len(geometry.faces)
+        if total > MOST_TRIANGLES:
+            raise ConfigError(f"{path}: more than {MOST_TRIANGLES} triangles; make the mesh coarser")
+        parts.append(_part(geometry).moved(np.asarray(matrix, float)))
+    return parts, wanted.missing
+
+
+def _resolver(path: Path) -> Any:
+    """What finds the pictures and materials that a mesh names: beside it, or in ../materials/textures as Gazebo does."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Beside(FilePathResolver):
+        missing: list[str] = []
+
+        def get(self, name: str) -> bytes:
+            plain = unquote(str(name).strip().removeprefix("file://")).replace("\\", "/")
+            last = plain.rsplit("/", 1)[-1]
+            folder = path.parent
+            for place in (folder / plain, folder / last, folder.parent / "materials" / "textures" / last):
+                if last and place.is_file():
+                    return place.read_bytes()
+            self.missing.append(last or "a file without a name")
+            raise ConfigError(f"{path}: {plain} is not there")
+
+    resolver = Beside(str(path))
+    resolver.missing = []
+    return resolver
+
+
+def _part(geometry: Any) -> Part:
+    """A part from one trimesh.Trimesh with whatever it wears."""
+    corners = np.asarray(geometry.vertices, float)[geometry.faces]
+    visual = geometry.visual
+    if visual.kind != "texture":
+        out = part(corners)
+        if visual.kind in ("face", "vertex"):
+            colours = np.asarray(visual.face_colors)[:, :3]
+            out = Part(corners, colours.astype(np.uint8))
+        return out
+    whole = visual.uv is not None and len(visual.uv) == len(geometry.vertices)
+    uv = np.asarray(visual.uv, float)[geometry.faces] if whole else None
+    image, colour = _material(visual.material)
+    out = part(corners, uv)
+    out = out if colour is None else out.coloured(colour)
+    return out if image is None or uv is None else out.wearing(image)
+
+
+def _material(material: Any) -> tuple[np.ndarray | None, tuple[int, int, int] | None]:
+    """Picture (H, W, 3) and colour of a material of trimesh; None where it has none."""
+    picture = getattr(material, "baseColorTexture", None)
+    picture = getattr(material, "image", None) if picture is None else picture
+    colour = getattr(material, "baseColorFactor", None)
+    colour = getattr(material, "diffuse", None) if colour is None else colour
+    if colour is not None:
+        values = np.asarray(colour, float).ravel()[:3]
+        scale = 1.0 if np.asarray(colour).dtype.kind in "ui" else 255.0
+        colour = tuple(int(v) for v in np.clip(values * scale, 0, 255)) if len(values) == 3 else None
+    return (None if picture is None else np.asarray(picture.convert("RGB"))), colour

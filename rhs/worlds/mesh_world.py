@@ -1,0 +1,210 @@
+"""A mesh or scene file as a building: metres and z up, the floor at z = 0, what stands in a robot's way seen from above."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.floorplan import Mesh, Wall
+from rhs.api.grid import OccupancyGrid, frame_of
+from rhs.base.errors import ConfigError
+
+from .map_walls import HEIGHT_M, Building, no_room, room_of, roomiest_m
+from .mesh_files import MESHES, Y_UP, MeshFile, read_mesh
+from .scene_files import read_scene
+from .soup import Part, dressed, sound
+from .world_yaml import Section
+
+log = logging.getLogger("rhs.worlds")
+
+DOORS_M, LEAST_INDOORS_M2 = 1.4, 2.0  # wider than most doors; smaller than most rooms, less what is near their walls
+STEP_M = 0.04  # what is lower than this is driven over: carpets, thresholds
+PAD_M = 1.0  # free ground round a building that is open to the outside
+LEAST_M, MOST_M = 2.0, 300.0  # of a building's longer side in metres
+WIDEST_M = 1000.0  # with the ground it stands on
+LEVEL, UPRIGHT = 0.99, 0.3  # least |z| of a level face's normal, most of a wall's
+BIN_M, SPOT_M = 0.02, 0.25  # heights of one floor differ by less; squares in which its area is counted
+TALL_M = 0.3  # of a wall's triangle; the rim of a slab is lower
+MOST_LEVELS = 40  # heights that are looked at, the largest first: a floor is among them
+COVERED_M = 1.0  # what has so little room above it is no floor: the underside of a slab, the ground below it
+CAMERA_M = 0.25  # of a household robot: it sees what is taller, also a coffee table, and drives under what is higher
+
+
+def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray | None) -> Building:
+    """The building in a mesh or scene file. Raises ConfigError in one line."""
+    said: list[str] = []
+    parts, on_ground = _upright(path, file, said)
+    parts = sound(parts)
+    if not parts:
+        raise ConfigError(f"{path}: no triangles with an area in this file; expected a building")
+    corners, uv, texture, images = dressed(parts)
+    wide, deep = np.ptp(corners[..., :2], axis=(0, 1))
+    if max(wide, deep) > WIDEST_M:
+        raise ConfigError(f"{path}: spans {wide:.4g} x {deep:.4g} m; expected at most {WIDEST_M:g} m (another unit?)")
+    floor = floor_m(corners, on_ground)
+    corners[..., 2] -= floor
+    height = file.number("camera_height_m", camera_m(corners), low=0.1, high=3.0)
+    solid = solid_of(corners, height, path)
+    walls, stand = _enclosed(solid, radius_m, start_m, path)
+    if walls:
+        said.append(f"open to the outside: a fence is put up {PAD_M:g} m from it")
+    if abs(floor) > BIN_M:
+        said.append(f"floor found at z = {floor:.2f} m")
+    if said:
+        log.warning("%s: %s", path.name, "; ".join(said))
+    return Building(walls, stand, Mesh(corners, uv, texture, images, solid), height)
+
+
+def _upright(path: Path, file: Section, said: list[str]) -> tuple[list[Part], bool]:
+    """Parts in metres, z up; whether the ground is z = 0 by convention, as in SDF and URDF."""
+    if path.suffix.lower() not in MESHES:
+        scene = read_scene(path)
+        if scene.missing:
+            names = list(dict.fromkeys(scene.missing))
+            said.append(f"left out, as missing or unreadable: {len(names)} files or shapes ({', '.join(names[:3])}"
+                        f"{', ...' if len(names) > 3 else ''})")
+        return scene.parts, True
+    mesh = read_mesh(path)
+    if mesh.missing:
+        said.append(f"left out, as missing: {len(set(mesh.missing))} files ({', '.join(sorted(set(mesh.missing))[:3])})")
+    low, high = _extent(mesh.parts)
+    size = high - low
+    up = file.text("up", mesh.up or _thinnest(size, said), choices=("y", "z"))
+    unit_m = file.number("unit_m", _unit_m(mesh, size, path, said, given="unit_m" in file.nodes), low=1e-6, high=1e3)
+    matrix = (Y_UP if up == "y" else np.eye(4)) @ np.diag([unit_m, unit_m, unit_m, 1.0])
+    return [one.moved(matrix) for one in mesh.parts], False
+
+
+def _extent(parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
+    corners = np.concatenate([one.corners_m.reshape(-1, 3) for one in parts])
+    corners = corners[np.isfinite(corners).all(axis=1)]
+    if not len(corners):
+        return np.zeros(3), np.zeros(3)
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def _thinnest(size: np.ndarray, said: list[str]) -> str:
+    """The axis that points up where the format does not say: buildings are wider than high."""
+    up = "y" if size[1] < size[2] else "z"
+    if up == "y":
+        said.append("taken with y up (for another write up: z in a world file)")
+    return up
+
+
+def _unit_m(mesh: MeshFile, size: np.ndarray, path: Path, said: list[str], *, given: bool) -> float:
+    """Metres of the file's unit: as it says; else metres, or the smaller of millimetre and centimetre that makes a
+    building."""
+    unit = mesh.unit_m or 1.0
+    longest = float(size.max()) * unit
+    found = f"its extents are {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g}"
+    if given or LEAST_M <= longest <= MOST_M:
+        return unit
+    if mesh.unit_m is None and longest > MOST_M:
+        for guess, name in ((0.001, "millimetres"), (0.01, "centimetres")):
+            if LEAST_M + 1.0 <= longest * guess <= MOST_M:
+                said.append(f"{found}: taken as {name} (for another unit write unit_m in a world file)")
+                return guess
+    raise ConfigError(f"{path}: {found}, which is no building of {LEAST_M:g} to {MOST_M:g} m; give unit_m in a world file "
+                      "(worlds/README.md)")
+
+
+def _normals_z(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) |z| of the unit normals, and the areas."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    twice = np.linalg.norm(across, axis=1)
+    return np.abs(across[:, 2]) / twice, 0.5 * twice
+
+
+def floor_m(corners: np.ndarray, on_ground: bool) -> float:
+    """z of the floor: the lowest of the heights at which much of the building is level, and that has room above it. Zero, by
+    convention, for what stands on the ground (on_ground)."""
+    low, high = float(corners[..., 2].min()), float(corners[..., 2].max())
+    if on_ground and low <= 0.1 and high >= 0.3:
+        return 0.0
+    steep, area = _normals_z(corners)
+    tall = (steep < UPRIGHT) & (np.ptp(corners[..., 2], axis=1) > TALL_M)
+    walls = corners[tall] if tall.any() else corners
+    (x0, y0), (x1, y1) = walls[..., :2].min(axis=(0, 1)).tolist(), walls[..., :2].max(axis=(0, 1)).tolist()
+    shape = (max(1, int(np.ceil((y1 - y0) / SPOT_M))), max(1, int(np.ceil((x1 - x0) / SPOT_M))))
+    flat, areas = corners[steep > LEVEL], area[steep > LEVEL]
+    level = np.round(flat[:, 0, 2] / BIN_M).astype(int)
+    largest = sorted(np.unique(level).tolist(), key=lambda b: -float(areas[level == b].sum()))[:MOST_LEVELS]
+    spots = {b: _spots(flat[level == b], shape, (x0, y0)) for b in largest}
+    most = max((int(s.sum()) for s in spots.values()), default=0)
+    for b in sorted(spots):
+        above = [s for c, s in spots.items() if STEP_M < (c - b) * BIN_M < COVERED_M]
+        roofed = spots[b] & np.logical_or.reduce(above) if above else np.zeros(shape, bool)
+        if spots[b].sum() >= 0.25 * most and roofed.sum() < 0.5 * spots[b].sum():
+            return float(np.median(flat[level == b, 0, 2]))
+    return low
+
+
+def _spots(triangles: np.ndarray, shape: tuple[int, int], origin: tuple[float, float]) -> np.ndarray:
+    """(H, W) bool: squares of SPOT_M that level triangles touch."""
+    from rhs.api.footprints import outlines_between, touch
+
+    touched = np.zeros(shape, bool)
+    touch(outlines_between(triangles, -np.inf, np.inf), SPOT_M, float(origin[0]), float(origin[1]), touched)
+    return touched
+
+
+def camera_m(corners: np.ndarray) -> float:
+    """Height of the camera where nobody says: CAMERA_M, or lower where the walls are: six tenths of what nine tenths of them
+    reach."""
+    steep, area = _normals_z(corners)
+    upright = (steep < UPRIGHT) & (corners[..., 2].max(axis=1) > STEP_M)
+    if not upright.any():
+        return CAMERA_M
+    tops, weights = corners[upright][..., 2].max(axis=1), area[upright]
+    order = np.argsort(tops)
+    reached = tops[order][np.searchsorted(np.cumsum(weights[order]), 0.9 * weights.sum())]
+    return float(np.clip(0.05 * np.floor(0.6 * reached / 0.05 + 1e-9), 0.15, CAMERA_M))
+
+
+def solid_of(corners: np.ndarray, height_m: float, path: Path) -> np.ndarray:
+    """(P, 5, 2) outlines of what stands higher than a step and lower than the robot."""
+    from rhs.api.footprints import outlines_between
+
+    solid = outlines_between(corners, STEP_M, height_m)
+    if not len(solid):
+        raise ConfigError(f"{path}: nothing stands between {STEP_M:g} and {height_m:g} m above the floor; expected walls "
+                          "(another floor, unit or up axis? see worlds/README.md)")
+    return solid
+
+
+def _enclosed(solid: np.ndarray, radius_m: float, start_m: np.ndarray | None,
+              path: Path) -> tuple[tuple[Wall, ...], np.ndarray]:
+    """A fence if the robot could leave, and a point with room round it."""
+    from rhs.api.footprints import touch
+
+    (x0, y0), (x1, y1) = (solid.min(axis=(0, 1)) - PAD_M).tolist(), (solid.max(axis=(0, 1)) + PAD_M).tolist()
+    step = 0.1 if (x1 - x0) * (y1 - y0) < 40_000.0 else 1.0  # larger worlds are refused by their checks
+    shape, origin = frame_of((x0, y0, x1, y1), step)
+    touched = np.zeros(shape, bool)
+    touch(solid, step, *origin, touched)
+    grid = OccupancyGrid(touched.astype(np.float32), step, origin)
+    room = room_of(grid, radius_m, start_m)
+    if not room.any():
+        raise no_room(str(path), grid, radius_m, start_m)
+    outside = room[0].any() or room[-1].any() or room[:, 0].any() or room[:, -1].any()
+    x0, y0, x1, y1 = np.floor(10 * x0) / 10, np.floor(10 * y0) / 10, np.ceil(10 * x1) / 10, np.ceil(10 * y1) / 10
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]])
+    if not outside:
+        return (), roomiest_m(grid, room)
+    return (Wall("fence", corners, HEIGHT_M),), roomiest_m(grid, _indoors(grid, room))
+
+
+def _indoors(grid: OccupancyGrid, room: np.ndarray) -> np.ndarray:
+    """(H, W) bool: the cells of a room that is open to the outside which lie behind its doors: where something wider than a
+    door does not get to from outside. The room itself where there is no such place of some size."""
+    from scipy.ndimage import distance_transform_edt, label
+
+    wide = round(DOORS_M / grid.resolution_m)
+    around = np.pad(~grid.occupied(), 2 * wide, constant_values=True)
+    spaces, _ = label(distance_transform_edt(around) >= 0.5 * DOORS_M / grid.resolution_m)
+    cut = spaces[2 * wide:-2 * wide, 2 * wide:-2 * wide]
+    inside = room & (cut > 0) & (cut != spaces[0, 0])
+    return inside if inside.sum() * grid.resolution_m**2 >= LEAST_INDOORS_M2 else room
+
