@@ -69,7 +69,7 @@ def test_a_ceiling_never_seen_is_null_in_the_file():
 
 
 def test_a_table_that_the_scan_passes_over_is_in_the_map_and_what_one_view_only_saw_is_not():
-    """Free as the scan says, occupied in the cells where three views saw a table 2 m ahead; a speck of one view is left out."""
+    """Free as the scan says, occupied in the cells where three views saw a table 2 m ahead; one view's speck is left out."""
     bearings = np.linspace(-0.3, 0.3, 61)
     level = Scan(bearings, np.full(61, 4.0), 8.0)
     table = Scan(bearings, np.where(np.abs(bearings) < 0.1, 2.03, np.inf), 5.0, (0.0, 0.0), 3.2)
