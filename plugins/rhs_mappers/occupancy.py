@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rhs.api.contracts import Mapper
 from rhs.api.geometry import planar
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.api.records import Scan
@@ -25,7 +26,7 @@ from rhs.estimation.scans.rays import add_marks, mark_scan
 from .occupancy_config import Occupancy
 
 
-class OccupancyMapper:
+class OccupancyMapper(Mapper):
     """Draws scans into one grid over the area to map."""
 
     def __init__(self, settings: Occupancy, bounds_m: tuple[float, float, float, float]) -> None:

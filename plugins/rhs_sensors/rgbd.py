@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
+from rhs.estimation.scans.settings import BandSettings
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
+class RgbdAdvanced:
+    """Thresholds of `sensor=rgbd`."""
+
+    obstacle: BandSettings = field(default_factory=BandSettings)
+
+
+@dataclass
 class Rgbd:
-    """Colour, depth and the scan in the depth row at the camera's height, with the noise of a Kinect."""
+    """Colour, depth, the scan in the depth row at the camera's height and the nearest thing between floor and robot's
+    height, with the noise of a Kinect."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
@@ -48,6 +57,7 @@ class Rgbd:
     """chance per view that the wheels spin: they count wheel_slip_share too much"""
     wheel_slip_share: float = 0.5
     """share counted too much when the wheels spin"""
+    advanced: RgbdAdvanced = field(default_factory=RgbdAdvanced)
 
     def __post_init__(self) -> None:
         owner = "sensor.rgbd"

@@ -1,4 +1,8 @@
-"""The sensor `rgbd`: ideal depth made Kinect-like, and the depth row at the camera's height as a scan.
+"""The sensor `rgbd`: ideal depth made Kinect-like, the depth row at the camera's height as a scan, and what stands between
+the floor and the robot's height as another.
+
+The two stay apart: scans are laid on one another at one height, where walls look the same from everywhere; a table or a bed
+looks different from each side, and is what the robot must not touch.
 
 Depth noise and range: Nguyen, Izadi and Lovell 2012 (section 4.1) and Khoshelham and Elberink 2012 (disparity steps).
 """
@@ -12,6 +16,7 @@ import numpy as np
 from rhs.api.contracts import Context
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture, Observation, Scan
+from rhs.estimation.scans.obstacle_scan import ObstacleScanner
 
 from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
 from .rgbd import Rgbd
@@ -26,6 +31,9 @@ class RgbdSensor:
         self._image_rng, self._depth_rng, wheel_rng = context.rng.spawn(3)
         self._encoders = Encoders(settings, wheel_rng)
         self._rows = ScanRows(context.camera, settings)
+        self._band: ObstacleScanner | None = None
+        if context.camera.height_m > 0.0:  # of a recording whose camera hangs nobody knows where, nobody knows the floor
+            self._band = ObstacleScanner(context.camera, settings.advanced.obstacle, max_range_m=settings.max_range_m)
 
     def sense(self, capture: Capture) -> Observation:
         image = image_of(capture, self._camera)
@@ -41,6 +49,7 @@ class RgbdSensor:
             scan=self._rows.scan(depth),
             command=capture.command,
             wheel=self._encoders.read(capture.travel, exact=capture.sensed),
+            obstacle=None if self._band is None else self._band.scan(depth),
         )
 
     def _degraded(self, ideal: np.ndarray, noise: bool) -> np.ndarray:

@@ -59,6 +59,7 @@ class SimulatorSource(Source):
         self.stand = np.array(self.world.start)  # true x, y, yaw
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
         self.nearest_m, self.touched = np.inf if self.solid else np.nan, False
+        self.bumped = False  # the robot's bumper, since the last view
         self.world_from_body = se2(*self.stand)
         self._check_picture()
 
@@ -118,7 +119,7 @@ class SimulatorSource(Source):
             raise RhsError(f"source.simulator was given the command {command}; expected finite numbers")
         error = 1.0 + self.bias + self.rng.normal(0.0, self.settings.command_noise_percent / 100, 2)
         forward, turn = command.forward_mps * error[0], command.turn_radps * error[1]
-        before = self.stand
+        before, self.bumped = self.stand, False
         substeps = max(1, int(np.ceil(command.duration_s / SUBSTEP_S - 1e-9)))
         for _ in range(substeps):
             self._advance(forward, turn, command.duration_s / substeps)
@@ -131,7 +132,7 @@ class SimulatorSource(Source):
         share, goal = 1.0, unicycle(self.stand, forward_mps * seconds, turn_radps * seconds)
         there = self._distance(goal)
         if there < 0 and there < here:
-            self.touched = True
+            self.touched = self.bumped = True
             low, high = 0.0, 1.0
             for _ in range(BISECTIONS):
                 middle = 0.5 * (low + high)
@@ -158,7 +159,7 @@ class SimulatorSource(Source):
         for array in (image, depth) if travel is None else (image, depth, travel):
             array.flags.writeable = False
         self.index += 1
-        return Capture(self.index - 1, self.stamp_s, image, depth, command, travel)
+        return Capture(self.index - 1, self.stamp_s, image, depth, command, travel, contact=self.bumped)
 
     def _look(self) -> tuple[np.ndarray, np.ndarray]:
         """Picture and depth from here, through the lens if there is one."""

@@ -195,7 +195,11 @@ class Mapper(Protocol):
     """Draws an occupancy grid in the map frame from scans. `update` must not keep references to its arguments.
 
     A beam of a scan leaves `map_from_body @ origin_xy_m` under the body's yaw plus its bearing. Row 0 of the grid is the
-    least y, column 0 the least x; cell (0, 0) has its corner at `origin_m`."""
+    least y, column 0 the least x; cell (0, 0) has its corner at `origin_m`. Things below the scan (Observation.obstacle) are
+    drawn over its grid by whoever asked for it."""
+
+    # one that knows of things below the scan already: nothing is drawn over its grid
+    draws_furniture: bool = False
 
     def update(self, map_from_body: np.ndarray, scan: Scan) -> None: ...
 
@@ -282,6 +286,7 @@ class Localiser(Protocol):
 
 
 OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provides", "renderer", "stamps_repaired", "lost")),
+                                                     "mapper": (Mapper, ("draws_furniture",)),
                                                      "odometry": (Odometry, ("keeps_moving", "scale_from"))}
 
 

@@ -10,91 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import numpy as np
 
 from .errors import check_ranges
 from .geometry import Camera
-
-
-class Tracking(StrEnum):
-    """How far a Motion can be trusted."""
-
-    OK = "ok"
-    """measured"""
-    DEGENERATE = "degenerate"
-    """some direction is not observed; the covariance says which"""
-    LOST = "lost"
-    """nothing was measured; the motion is a guess"""
-
-
-class BeliefStatus(StrEnum):
-    """Whether a Belief is a place or a hope."""
-
-    TRACKING = "tracking"
-    """a place: the robot is sure of it"""
-    CONVERGING = "converging"
-    """a hope: likely, not yet confirmed"""
-    LOST = "lost"
-    """anywhere"""
-
-
-class PlanReason(StrEnum):
-    """Why a plan is, or is not, there."""
-
-    OK = "ok"
-    """there is a path"""
-    START_BLOCKED = "start_blocked"
-    """the start is in a blocked cell"""
-    GOAL_BLOCKED = "goal_blocked"
-    """the goal is in a blocked cell"""
-    OUTSIDE = "outside_map"
-    """start or goal lies outside the map"""
-    DISCONNECTED = "disconnected"
-    """no way leads from start to goal: the search was exhaustive"""
-    BUDGET_SPENT = "budget_spent"
-    """the planner gave up; a larger budget may find a way"""
-
-
-class Event(StrEnum):
-    """What happened in one view of a patrol or of task=localise; steps.csv joins several by `+`."""
-
-    ARRIVED = "arrived"
-    """the robot believes itself at the place of its mission"""
-    GAVE_UP = "gave_up"
-    """the mission ended without; its reason stands in missions.json"""
-    PLAN = "plan"
-    """a path was planned"""
-    NO_PLAN = "no_plan"
-    """the planner found none; why stands in plans.json"""
-    REPLAN = "replan"
-    """the path was left or is blocked by what was seen before: a new one is planned in the same mission"""
-    BLOCKED = "blocked"
-    """something the map does not know stands on the path: the mission was broken off and begun anew"""
-    WAIT = "wait"
-    """the robot stands still before something on its path"""
-    STOPPED = "stopped"
-    """the scan shows no room ahead: the robot stopped and turns"""
-    LOST = "lost"
-    """the robot does not know where it is and looks for itself"""
-    KIDNAPPED = "kidnapped"
-    """it was carried elsewhere without being told (a truth: for the table only)"""
-    STARTED = "started"
-    """task=localise: the localiser was started here, from nothing or from the pose that was typed"""
-
-
-class MissionStatus(StrEnum):
-    """How a mission stands, as written to missions.json."""
-
-    ACTIVE = "active"
-    """under way; at the end of a run: it was cut short"""
-    ARRIVED = "arrived"
-    """the robot believed itself at the place"""
-    ABORTED = "aborted"
-    """broken off because the way was blocked; another mission goes to the same place"""
-    GAVE_UP = "gave_up"
-    """the place was left out; `reason` says why"""
+from .statuses import BeliefStatus as BeliefStatus
+from .statuses import Event as Event
+from .statuses import MissionStatus as MissionStatus
+from .statuses import PlanReason as PlanReason
+from .statuses import Tracking as Tracking
 
 
 @dataclass(frozen=True)
@@ -126,13 +51,15 @@ class Scan:
     """Ranges over bearings in the body frame, beams leaving `origin_xy_m`.
 
     bearings_rad (N,): left positive. ranges_m (N,): metres along the beam, NaN unknown, +inf
-    nothing within max_range_m.
+    nothing within max_range_m. blind_m: nearer than this a beam may pass over
+    something unseen, and says nothing.
     """
 
     bearings_rad: np.ndarray
     ranges_m: np.ndarray
     max_range_m: float
     origin_xy_m: tuple[float, float] = (0.0, 0.0)
+    blind_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +71,7 @@ class Capture:
     view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
     sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
     extras: further modalities by name (`imu`, `right_image`, ...), arrays of any shape.
+    contact: whether the robot's bumper was pressed since the previous view; None: it has none (a recording).
     """
 
     index: int
@@ -155,6 +83,7 @@ class Capture:
     scan: Scan | None = None
     sensed: bool = False
     extras: Mapping[str, np.ndarray] = field(default_factory=dict)
+    contact: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +91,9 @@ class Observation:
     """What this sensor reports of a Capture. Arrays are read-only.
 
     wheel: (3,) encoder travel since the previous view (dx, dy, dyaw), with slip, or None.
-    extras: further modalities by name, as the source gave them.
+    extras: further modalities by name, as the source gave them. contact: of the bumper, as the source gave it.
+    obstacle: the nearest thing between the floor and the robot's height on each bearing, beside `scan`, whose beams all run
+    at one height (rhs.estimation.scans.obstacle_scan); None of a sensor that does not look for it.
     """
 
     index: int
@@ -174,6 +105,8 @@ class Observation:
     command: Twist | None = None
     wheel: np.ndarray | None = None
     extras: Mapping[str, np.ndarray] = field(default_factory=dict)
+    obstacle: Scan | None = None
+    contact: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +187,6 @@ class FeatureSettings:
         check_ranges("features", self, count=(10, 100_000), contrast=(0.0, 1.0), ratio=(0.1, 1.0))
 
 
-
 @dataclass(frozen=True, eq=False)
 class Thumbnail:
     """The thumbnail of a view: means over blocks of its picture, of which faint, wide patterns of a wall remain where
@@ -301,6 +233,7 @@ class View:
     covariance: np.ndarray
     scan: Scan | None
     features: Features | None
+    obstacle: Scan | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -109,6 +109,8 @@ def check_scan(scan: Scan, *, who: str) -> Scan:
         _refuse(who, "scan.max_range_m", _short(scan.max_range_m), "finite metres above 0")
     if len(scan.origin_xy_m) != 2 or not all(_number(v) and abs(v) <= FAR_M for v in scan.origin_xy_m):
         _refuse(who, "scan.origin_xy_m", _short(scan.origin_xy_m), "x and y in metres")
+    if not _number(scan.blind_m) or not 0.0 <= scan.blind_m <= FAR_M:
+        _refuse(who, "scan.blind_m", _short(scan.blind_m), f"metres in [0, {FAR_M:g}]")
     return replace(scan, bearings_rad=bearings, ranges_m=ranges)
 
 
@@ -123,6 +125,7 @@ def check_capture(capture: Capture, *, who: str, after_s: float = -math.inf) -> 
     _command(capture.command, who)
     travel = None if capture.travel is None else _array(capture.travel, who, "travel", (3,))
     scan = None if capture.scan is None else check_scan(capture.scan, who=who)
+    _contact(capture.contact, who)
     return replace(capture, travel=travel, scan=scan)
 
 
@@ -138,7 +141,9 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
     _command(observation.command, who)
     wheel = None if observation.wheel is None else _array(observation.wheel, who, "wheel", (3,), finite=False)
     scan = None if observation.scan is None else check_scan(observation.scan, who=who)
-    return replace(observation, wheel=wheel, scan=scan)
+    obstacle = None if observation.obstacle is None else check_scan(observation.obstacle, who=who)
+    _contact(observation.contact, who)
+    return replace(observation, wheel=wheel, scan=scan, obstacle=obstacle)
 
 
 def check_grid(grid: OccupancyGrid, *, who: str) -> OccupancyGrid:
@@ -341,6 +346,11 @@ def _same(shape: tuple[int, ...], size: tuple[int, int] | None, who: str, field:
     if size is not None and shape[:2] != size:
         _refuse(who, field, f"{shape[1]} x {shape[0]} pixels", f"{size[1]} x {size[0]}")
     return shape[0], shape[1]
+
+
+def _contact(contact: Any, who: str) -> None:
+    if contact is not None and not isinstance(contact, bool | np.bool_):
+        _refuse(who, "contact", _short(contact), "True, False, or None of a robot without a bumper")
 
 
 def _command(command: Twist | None, who: str) -> None:

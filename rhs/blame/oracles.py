@@ -127,6 +127,8 @@ class TrueClosing:
 class TrueMap:
     """The true plan as it was at the survey, in the cells of the mapper's own map."""
 
+    draws_furniture = True
+
     def __init__(self, mapper: Mapper, world: World) -> None:
         self._mapper, self._world = mapper, world
 

@@ -47,6 +47,8 @@ class SlamCloser:
 class SlamMapper:
     """Its map of now."""
 
+    draws_furniture = True  # it is handed whole observations
+
     def __init__(self, slam: Slam) -> None:
         self._slam = slam
 

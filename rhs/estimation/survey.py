@@ -13,7 +13,11 @@ from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Features, FeatureSettings, Observation, Step, View, Wall
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
+from rhs.estimation.scans.settings import VoteSettings
 from rhs.estimation.scans.wall_rays import lift_on_walls
+
+FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing of the map: one alone may be a speck
+FURNITURE = 0.95  # chance that a cell with so many is occupied
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,8 @@ class ViewCollector:
             features = freeze(self.features(step.observation, self.settings)) if stored else None
             belief = step.belief
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
-                                   belief.map_from_body, belief.covariance, step.scan, features))
+                                   belief.map_from_body, belief.covariance, step.scan, features,
+                                   step.observation.obstacle))
             self.last = step.observation
             if "log_stamp_s" in step.observation.extras:
                 self.own_stamps_s.append(float(step.observation.extras["log_stamp_s"][0]))
@@ -107,12 +112,30 @@ def close(views: tuple[View, ...], loop_closer: LoopCloser, *, who: str = "loop_
 
 
 def draw(views: tuple[View, ...], mapper: Mapper, *, who: str = "mapper") -> OccupancyGrid:
-    """The map, drawn anew from the corrected poses. who: the mapper as typed, for errors."""
+    """The map, drawn anew from the corrected poses, with what stands below the camera's height laid over what the mapper
+    drew of the scans. who: the mapper as typed, for errors."""
     mapper.reset()
     for view in views:
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
-    return check_grid(mapper.grid(), who=who)
+    grid = check_grid(mapper.grid(), who=who)
+    if mapper.draws_furniture or not any(view.obstacle is not None for view in views):
+        return grid
+    return furnished(grid, views)
+
+
+def furnished(grid: OccupancyGrid, views: tuple[View, ...]) -> OccupancyGrid:
+    """The grid with those cells occupied in which the views saw something that the scan passes over. The scan says that its
+    way is free at the camera's height, which is no word against a table."""
+    from rhs.estimation.scans.votes import Votes, low_only  # compiled code
+
+    low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
+    for view in views:
+        if view.obstacle is not None:
+            low.look(view.map_from_body, view.obstacle, hits=low_only(view.obstacle, view.scan), within_m=np.inf)
+    probability = grid.probability.copy()
+    probability[low.votes >= FURNITURE_VOTES] = FURNITURE
+    return replace(grid, probability=probability)
 
 
 def known_free(grid: OccupancyGrid, views: tuple[View, ...], radius_m: float) -> np.ndarray:

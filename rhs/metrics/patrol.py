@@ -9,7 +9,7 @@ from rhs.api.metric import LOOP, RunFiles, columns_of
 from rhs.api.trajectory import Trajectory
 
 from .accuracy import absolute_errors_m, pair, rmse
-from .survey import NAN, TOLERANCE_S, Values, _of
+from .survey import NAN, TOLERANCE_S, Values, _of, touches
 
 # A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
 VISITED_M = 0.5
@@ -33,13 +33,11 @@ def patrol_values(run: RunFiles) -> Values:
     patrol = patrol_steps(run)
     missions = run.json("missions") or []
     driven, believed = run.trajectory("truth_patrol"), run.trajectory("patrol")
-    clearances = np.array([float(row["clearance_m"] or "nan") for row in patrol])
     errors = arrival_errors_m(missions, patrol)
     return {
         "patrol_steps": len(patrol), "places_total": len(places), "missions": len(missions),
         "places_visited": int(np.sum(~(errors > VISITED_M))), "replans": sum(int(m["replans"]) for m in missions),
-        "collisions": _collisions(patrol) if np.isfinite(clearances).any() else NAN,
-        "clearance_min_m": _of(np.min, clearances[np.isfinite(clearances)]),
+        **touches(patrol, ""),
         "arrival_error_max_m": _of(np.max, errors[np.isfinite(errors)]),
         "patrol_rmse_m": _unaligned_rmse_m(believed, driven),
         "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
@@ -61,12 +59,6 @@ def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> np.n
     at = [(float(row["true_x_m"] or "nan"), float(row["true_y_m"] or "nan")) for row in said]
     count = min(len(at), len(goals))
     return np.linalg.norm(np.reshape(at[:count], (-1, 2)) - np.reshape(goals[:count], (-1, 2)), axis=1)
-
-
-def _collisions(patrol: list[dict[str, str]]) -> int:
-    """Number of separate touches: a touch that lasts several steps counts once."""
-    touching = np.array([row["collided"] == "1" for row in patrol], dtype=int)
-    return int((np.diff(touching, prepend=0) == 1).sum())
 
 
 def path_optimal_m(run: RunFiles, facts: dict, patrol: list[dict[str, str]]) -> float:

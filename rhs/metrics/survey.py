@@ -24,8 +24,18 @@ def survey_values(run: RunFiles) -> Values:
     survey = [row for row in run.steps if row["phase"] == "survey"]
     truth, online, closed = (run.trajectory(name) for name in ("truth_survey", "estimate", "corrected"))
     closed = online if closed is None else closed
-    values: Values = {"survey_steps": len(survey), **_status_shares(survey)}
+    values: Values = {"survey_steps": len(survey), **_status_shares(survey), **touches(survey, "survey_")}
     return values | trajectory_values(closed, truth) | _before_closing(online, truth)
+
+
+def touches(steps: list[dict[str, str]], phase: str) -> Values:
+    """Touches and least clearance of the steps of a phase, by the simulator; unknown where nobody judged. A touch that lasts
+    several steps counts once."""
+    clearances = np.array([float(row["clearance_m"] or "nan") for row in steps])
+    judged = clearances[np.isfinite(clearances)]
+    touching = np.array([row["collided"] == "1" for row in steps], dtype=int)
+    count = int((np.diff(touching, prepend=0) == 1).sum())
+    return {f"{phase}collisions": count if len(judged) else NAN, f"{phase}clearance_min_m": _of(np.min, judged)}
 
 
 def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, alignment: str = "se3",
@@ -102,6 +112,9 @@ ACCURACY = (
 SURVEY = columns_of(
     survey_values,
     ("survey_steps", "", "views of the survey", "steps.csv"),
+    ("survey_collisions", "", "separate touches of anything in the survey, by the simulator: the robot was led there",
+     "steps.csv, truth"),
+    ("survey_clearance_min_m", "m", "least distance from the robot's body to anything in the survey", "steps.csv, truth"),
     ("tracked_share", "share", "views of the survey whose motion was measured (status ok)", "steps.csv"),
     ("degenerate_share", "share", "views in which some direction was not observed", "steps.csv"),
     ("lost_share", "share", "views in which nothing was measured", "steps.csv"),
@@ -140,5 +153,5 @@ SURVEY = columns_of(
     ("end_error_before_closing_m", "m", "end error as believed while the survey went on", "thesis 3.5"),
     ("drift_pct", "%", "end error before closing, share of the distance", "rhs.metrics.survey"),
     words=("ate_alignment",),
-    counts=("survey_steps",),
+    counts=("survey_steps", "survey_collisions"),
 )

@@ -92,10 +92,10 @@ def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, f
 
 
 def with_extras(observation: Observation, capture: Capture) -> Observation:
-    """The observation with the extra modalities of its capture, which pass every sensor that says nothing of them."""
-    if not capture.extras or not isinstance(observation, Observation):
+    """The observation with the bumper and the extra modalities of its capture, which pass every sensor."""
+    if not isinstance(observation, Observation) or (not capture.extras and capture.contact is None):
         return observation
-    return replace(observation, extras=freeze({**capture.extras, **observation.extras}))
+    return replace(observation, extras=freeze({**capture.extras, **observation.extras}), contact=capture.contact)
 
 
 def names(**parts: object) -> dict[str, str]:

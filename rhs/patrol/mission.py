@@ -10,6 +10,15 @@ from rhs.api.contracts import Odometry
 from rhs.api.records import MissionStatus
 from rhs.base.errors import check_choice, check_range
 
+from .guard import GuardSettings
+
+
+@dataclass
+class MissionAdvanced:
+    """Thresholds of the patrol."""
+
+    guard: GuardSettings = field(default_factory=GuardSettings)
+
 
 @dataclass
 class MissionSettings:
@@ -31,7 +40,13 @@ class MissionSettings:
     watch_m: float = 2.5
     """how far ahead the path is watched for obstacles, metres"""
     wall_tolerance_m: float = 0.3
-    """scan points this close to a wall of the map are the wall, metres"""
+    """scan points this close to a wall of the map are the wall, metres, of far beams; of near ones less"""
+    contacts: int = 3
+    """a place on the way to which the robot touched something more often is given up"""
+    lost_views: int = 400
+    """views of not knowing where it is before a place is given up"""
+    lost_views_total: int = 800
+    """the same of the whole patrol: then every place left is given up"""
     turn: str = "auto"
     """turn on the spot, or on an arc that keeps the camera moving: pivot | arc | auto, which takes what the odometry
     wants"""
@@ -45,6 +60,7 @@ class MissionSettings:
     """forward speed, metres per second"""
     kidnap: bool = False
     """carry the robot elsewhere, without telling it, once per place"""
+    advanced: MissionAdvanced = field(default_factory=MissionAdvanced)
 
     def __post_init__(self) -> None:
         check_range("mission", "arrive_m", self.arrive_m, low=0.05, high=5.0, unit="m")
@@ -55,6 +71,9 @@ class MissionSettings:
         check_range("mission", "views_max", self.views_max, low=1, high=10_000_000)
         check_range("mission", "watch_m", self.watch_m, low=0.2, high=20.0, unit="m")
         check_range("mission", "wall_tolerance_m", self.wall_tolerance_m, low=0.0, high=2.0, unit="m")
+        check_range("mission", "contacts", self.contacts, low=1, high=10_000)
+        check_range("mission", "lost_views", self.lost_views, low=1, high=10_000_000)
+        check_range("mission", "lost_views_total", self.lost_views_total, low=1, high=10_000_000)
         check_choice("mission", "turn", self.turn, ("auto", "pivot", "arc"))
         check_range("mission", "arc_radius_m", self.arc_radius_m, low=0.1, high=5.0, unit="m")
         check_range("mission", "step_m", self.step_m, low=0.02, high=2.0, unit="m")

@@ -1,54 +1,87 @@
-"""Things that stand where the map says free: seen in the scan, remembered for one mission only (thesis 5.6)."""
+"""Things that stand where the map says free: seen in the scans, forgotten when seen through, remembered for one mission only
+(thesis 5.6)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rhs.api.geometry import planar
-from rhs.api.grid import OccupancyGrid, inflate
+from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
+from rhs.estimation.scans.settings import VoteSettings
+
+NEAR_WALL_M, NEAR_WALL_PER_M = 0.12, 0.05  # a hit this near a wall is the wall: map and belief, and 3 degrees of heading
 
 
-def scan_points(map_from_body: np.ndarray, scan: Scan, *, within_m: float) -> np.ndarray:
-    """(K, 2) map points of the beams of `scan` that hit something nearer than `within_m`."""
-    hit = np.isfinite(scan.ranges_m) & (scan.ranges_m < within_m)
+def scan_points(map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
+    """(N, 2) map points of the ends of all beams; NaN where there is none."""
     x, y, yaw = planar(map_from_body)
     c, s = np.cos(yaw), np.sin(yaw)
     ox, oy = scan.origin_xy_m
-    bx = ox + scan.ranges_m[hit] * np.cos(scan.bearings_rad[hit])
-    by = oy + scan.ranges_m[hit] * np.sin(scan.bearings_rad[hit])
+    with_end = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, np.nan)
+    bx = ox + with_end * np.cos(scan.bearings_rad)
+    by = oy + with_end * np.sin(scan.bearings_rad)
     return np.stack([x + c * bx - s * by, y + s * bx + c * by], axis=1)
 
 
 class ObstacleWatch:
-    """Compares scans with the finished map and keeps what the map does not know until told to forget it.
+    """Compares scans with the finished map and keeps what the map does not know until it is seen through or forgotten.
 
-    A cell counts as an obstacle when scan points fell into it in at least `confirm` views, the map calls it free, and
-    no wall of the map lies within `tolerance_m` (which absorbs the error of the belief).
+    A cell counts as an obstacle when beams ended in it in at least `confirm` views, less those whose beams went through, the
+    map calls it free, and no wall of the map lies near. Near grows with the distance of the hit up to `tolerance_m`, as the
+    belief's error of heading moves it: a box beside a wall is told from the wall when the robot comes near.
     """
 
     def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, confirm: int = 2,
-                 within_m: float = 4.0) -> None:
-        self.grid = grid
-        self.within_m = within_m
-        self.confirm = confirm
-        near_wall = inflate(grid.occupied(), tolerance_m / grid.resolution_m)
-        self.explained = near_wall | ~free
-        self.votes = np.zeros(grid.shape, np.int32)
+                 within_m: float = 4.0, votes: VoteSettings | None = None) -> None:
+        from scipy.ndimage import distance_transform_edt
+
+        from rhs.estimation.scans.votes import Votes  # compiled code, half a second to load
+
+        self.grid, self.within_m, self.tolerance_m = grid, within_m, tolerance_m
+        settings = votes or VoteSettings()
+        self.least_votes = confirm - settings.clear
+        walls = grid.occupied()
+        gap_cells = distance_transform_edt(~walls) if walls.any() else np.full(grid.shape, np.inf)
+        self.gap_m = np.where(free, gap_cells * grid.resolution_m, 0.0)  # to the nearest wall; 0 where nothing is known
+        self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
 
     def forget(self) -> None:
         """A new mission begins with the map as surveyed."""
-        self.votes[:] = 0
+        self.at_eye.votes[:] = 0
+        self.below.votes[:] = 0
 
-    def look(self, map_from_body: np.ndarray, scan: Scan) -> None:
-        """Count one scan: at most one vote per cell and view."""
-        points = scan_points(map_from_body, scan, within_m=self.within_m)
-        points = points[self.grid.inside(points)] if len(points) else points
-        if len(points):
-            cells = np.unique(self.grid.cells(points), axis=0)
-            self.votes[cells[:, 0], cells[:, 1]] += 1
+    def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None) -> None:
+        """Count one view: its scan, and what its whole depth image shows besides."""
+        from rhs.estimation.scans.votes import low_only
+
+        if scan is not None:
+            self.at_eye.look(map_from_body, scan, hits=self._unknown(map_from_body, scan), within_m=self.within_m)
+        if obstacle is not None:
+            hits = low_only(obstacle, scan) & self._unknown(map_from_body, obstacle)
+            self.below.look(map_from_body, obstacle, hits=hits, within_m=self.within_m)
+
+    def _unknown(self, map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
+        """(N,) bool: the beam ends where the map knows of nothing."""
+        near_m = np.minimum(self.tolerance_m, NEAR_WALL_M + NEAR_WALL_PER_M * scan.ranges_m)
+        return self.unknown(scan_points(map_from_body, scan), near_m)
+
+    def unknown(self, points_m: np.ndarray, near_m: float | np.ndarray = NEAR_WALL_M) -> np.ndarray:
+        """(N,) bool: the map calls the point (N, 2) free and has no wall within near_m of it. NaN is not."""
+        known = np.isfinite(points_m).all(axis=1)
+        points = np.where(known[:, None], points_m, 0.0)
+        cells = np.clip(self.grid.cells(points), 0, np.array(self.grid.shape) - 1)
+        far: np.ndarray = known & self.grid.inside(points) & (self.gap_m[cells[:, 0], cells[:, 1]] > near_m)
+        return far
+
+    def bump(self, points_m: np.ndarray) -> None:
+        """Something was touched at these map points (K, 2)."""
+        points = points_m[self.unknown(points_m)]
+        cells = self.grid.cells(points)
+        self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
 
     @property
     def cells(self) -> np.ndarray:
         """(H, W) bool: where something stands that the map does not know."""
-        return (self.votes >= self.confirm) & ~self.explained
+        cells: np.ndarray = (self.at_eye.votes >= self.least_votes) | (self.below.votes >= self.least_votes)
+        return cells

@@ -3,7 +3,8 @@
 Views were stored in the direction of the survey only; a robot that faces the other way recognises nothing until it has
 turned. And one recognised place is not enough where places look alike: what is recognised has to be driven past. So the
 robot turns on the spot until something is recognised (its belief is likelier right than wrong) and then goes on that way;
-when a whole turn showed nothing, it goes on for a while where there is room.
+when a whole turn showed nothing, it goes on for a while where there is room. So it does when what is recognised stands
+before a wall or in a corner, where a robot that hopes only turns to and fro.
 """
 
 from __future__ import annotations
@@ -29,15 +30,32 @@ class Search:
 
     def begin(self) -> None:
         """The robot is not lost: the next search begins with a look round."""
-        self._turned_rad, self._way_m, self._side = 0.0, 0.0, 0.0
+        self._turned_rad, self._way_m, self._side, self._away = 0.0, 0.0, 0.0, 0
+        self._barred_rad, self._leave_m = 0.0, 0.0  # turned where there was no way to go on; metres to go whatever is hoped
+
+    def turn_away(self) -> None:
+        """There is no way ahead, whatever the scan says: the next commands turn the robot by a quarter, on the same side."""
+        self._away = max(self._away, round(0.5 * np.pi / self._pace.turn_step_rad))
+        self._side = self._side or 1.0
 
     def next(self, belief: Belief, scan: Scan | None) -> Twist:
         """The next command."""
         if scan is None:
             return turn(self._pace.turn_step_rad, self._pace)
+        if self._away > 0:
+            self._away -= 1
+            return turn(self._side * self._pace.turn_step_rad, self._pace)
+        if self._leave_m > 0.0:
+            command = self._go(scan)
+            self._leave_m -= command.forward_mps * command.duration_s
+            return command
         if belief.probability >= HOPE:
             self._turned_rad, self._way_m = 0.0, 0.0
-            return self._go(scan)
+            command = self._go(scan)
+            self._barred_rad += abs(command.turn_radps) * command.duration_s if command.forward_mps == 0.0 else 0.0
+            if self._barred_rad >= 2.0 * np.pi:
+                self._leave_m, self._barred_rad = GO_ON_M, 0.0
+            return command
         if self._turned_rad < 2.0 * np.pi - 1e-6:
             self._turned_rad += self._pace.turn_step_rad
             self._side = self._side or _open_side(scan)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from rhs.api.contracts import Blockage, Blocked, Source
-from rhs.api.frozen import freeze
 from rhs.api.geometry import planar, wrap
-from rhs.api.grid import OccupancyGrid, configuration_space, inflate, nearest_open
+from rhs.api.grid import OccupancyGrid
 from rhs.api.records import (
     Belief,
     BeliefStatus,
@@ -21,26 +18,23 @@ from rhs.api.records import (
     Motion,
     Observation,
     Path,
-    PlanningProblem,
     Scan,
     Twist,
     View,
 )
 from rhs.api.task import Parts
-from rhs.api.validate import check_capture, check_path
+from rhs.api.validate import check_capture
 from rhs.estimation.survey import known_free
 
-from .control import Pace, ahead_on_path, closest_on_path, steer, turn
+from .control import Pace, ahead_on_path, closest_on_path, steer, target_on, turn
+from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch
+from .planning import RoomyPlanner
 from .relocate import Search, clear_ahead_m
 
-LOST_VIEWS = 400
-LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
-COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
-GOAL_SLACK_M = 0.05  # a goal may be moved by the distance at which a place counts as visited, less this
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -62,6 +56,9 @@ class Sentinel:
         self.book = Logbook(places)
         self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
                          arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
+        self.guard = Guard(radius_m, self.pace, settings.advanced.guard)
+        self.obstacle: Scan | None = None  # of the last view
+        self.lost_in_all = 0
         self.plans: list[tuple[int, Path]] = []
         self.kidnapper: Kidnapper | None = None
         self.search = Search(radius_m, self.pace)
@@ -69,12 +66,12 @@ class Sentinel:
 
     def _take_map(self, grid: OccupancyGrid) -> None:
         """Plan and watch on this map from now on."""
-        free, settings = known_free(grid, self.views, self.radius_m), self.settings
-        least_m = self.radius_m + settings.margin_m
+        free = known_free(grid, self.views, self.radius_m)
         self.grid = grid
-        self.grown = [(growth, configuration_space(~free, growth)) for growth in
-                      np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
-        self.watch = ObstacleWatch(grid, free, tolerance_m=settings.wall_tolerance_m)
+        self.roads = RoomyPlanner(self.planner, grid, free, radius_m=self.radius_m, settings=self.settings,
+                                  who=self.who["planner"])
+        self.watch = ObstacleWatch(grid, free, tolerance_m=self.settings.wall_tolerance_m,
+                                   votes=self.settings.advanced.guard.votes)
 
     def _begin_place(self) -> None:
         self.path: Path | None = None
@@ -88,6 +85,8 @@ class Sentinel:
         self.views_spent = 0
         self.last_pose: np.ndarray | None = None
         self.lost_steps = 0
+        self.contacts = 0
+        self.barred = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -96,11 +95,13 @@ class Sentinel:
         return self._driven(source, Twist(0.0, 0.0, 0.05)) if self.book.places else None
 
     def locate(self, observation: Observation, motion: Motion) -> Belief:
+        self.guard.observe(observation, motion)
+        self.obstacle = observation.obstacle
         return self.localiser.update(observation, motion)
 
     def note(self, belief: Belief, scan: Scan) -> None:
         if belief.status is BeliefStatus.TRACKING:
-            self.watch.look(belief.map_from_body, scan)
+            self.watch.look(belief.map_from_body, scan, self.obstacle)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -109,12 +110,16 @@ class Sentinel:
 
     def _driven(self, source: Source, command: Twist) -> Capture:
         """What the source shows after a command; nothing at all would end the patrol as if it were over."""
+        self.guard.given = command
         return check_capture(source.drive(command), who=self.who["source"])
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
-        """Arrived? Lost? Blocked? Otherwise follow the path."""
+        """Touched? Arrived? Lost? Blocked? Otherwise follow the path."""
         events = self.kidnapper.news() if self.kidnapper is not None else []
         self.views_spent += 1
+        if self.guard.touched and (back := self._back_off(belief, events)) is not None:
+            mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
+            return Decision(back, None, tuple(events), mission.mission)
         if belief.status is not BeliefStatus.TRACKING:
             return self._find_oneself(belief, scan, events)
         self.lost_steps = 0
@@ -132,6 +137,19 @@ class Sentinel:
 
     # --- one mission --------------------------------------------------------------------------------------------
 
+    def _back_off(self, belief: Belief, events: list[Event]) -> Twist | None:
+        """After a touch: mark what was not seen, go back the way the robot came, plan anew; None without room behind."""
+        events.append(Event.CONTACT)
+        self.contacts += 1
+        self.path = None
+        points = self.guard.bump()
+        self.search.turn_away()
+        if belief.status is BeliefStatus.TRACKING:
+            x, y, yaw = planar(belief.map_from_body)
+            c, s = np.cos(yaw), np.sin(yaw)
+            self.watch.bump(points @ np.array([[c, s], [-s, c]]) + (x, y))
+        return self.guard.back_off()
+
     def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[Event]) -> Twist | None:
         """The next command of the current mission, or None when it has just ended."""
         if self.look_again:
@@ -141,6 +159,9 @@ class Sentinel:
             return None
         if self.views_spent > self.settings.views_max:
             self._finish(MissionStatus.GAVE_UP, f"budget spent: mission.views_max={self.settings.views_max} views", events)
+            return None
+        if self.contacts > self.settings.contacts:
+            self._finish(MissionStatus.GAVE_UP, f"contact: touched something unseen {self.contacts} times", events)
             return None
         if self.path is not None and (blockage := self._blockage(pose)) is not None:
             command = self._answer(blockage, pose, events)
@@ -153,10 +174,30 @@ class Sentinel:
         if self.path is None and not self._plan(pose, events):
             return self._after_failed_plan(events)
         assert self.path is not None
-        return self._with_room(steer(self.path.points_m, belief.map_from_body, self.pace), scan, events)
+        command = steer(self.path.points_m, belief.map_from_body, self.pace)
+        if not self.guard.sees:
+            return self._with_room(command, scan, events)
+        target = target_on(self.path.points_m, pose[:2], self.pace) - pose[:2]
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return self._safely(command, np.array([[c, s], [-s, c]]) @ target, events)
+
+    def _safely(self, command: Twist, target_m: np.ndarray, events: list[Event]) -> Twist:
+        """The command as far as what was seen allows it; a robot without room plans anew, and goes back if that does not
+        help. target_m (2,): where it shall lead, in the body frame."""
+        allowed, why = self.guard.allow(command, target_m)
+        if why is not None:
+            events.append(why)
+        if allowed is not None:
+            self.barred = 0
+            return allowed
+        self.path, self.barred = None, self.barred + 1
+        if self.barred % 3 == 0 and (back := self.guard.back_off()) is not None:
+            return back
+        side = 1.0 if target_m[1] > 0 else -1.0
+        return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def _with_room(self, command: Twist, scan: Scan | None, events: list[Event]) -> Twist:
-        """The command, cut to what the scan shows to be free ahead; a robot without room waits, then looks elsewhere."""
+        """The command of a robot that believes in walls without measuring them, cut to what is free ahead among them."""
         if command.forward_mps <= 0 or scan is None:
             return command
         room_m = clear_ahead_m(scan, self.radius_m) - STOP_SHORT_M
@@ -172,33 +213,20 @@ class Sentinel:
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += 1
         mission = self.book.missions[-1]
-        plan = self._plan_with_room(pose[:2], np.array(mission.goal_m))
+        things = self._near_things(pose) if self.barred else np.zeros((0, 2))
+        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things)
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
         self.last_reason = plan.reason
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
 
-    def _plan_with_room(self, start_m: np.ndarray, goal_m: np.ndarray) -> Path:
-        """The way with the most room that is hardly longer than the one with the least."""
-        from rhs.estimation.paths.shorten import shortened  # compiled code, half a second to load
-
-        def ask(growth_cells: float, mapped: np.ndarray) -> Path:
-            blocked = mapped | inflate(self.watch.cells, growth_cells)
-            near_m = nearest_open(self.grid, blocked, goal_m, self.settings.arrive_m - GOAL_SLACK_M)
-            problem = freeze(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, start_m.copy(), near_m))
-            began_s = time.process_time()
-            plan = self.planner.plan(problem)
-            plan_ms = 1e3 * (time.process_time() - began_s)
-            plan = check_path(plan, problem, who=self.who["planner"])
-            return shortened(replace(plan, plan_ms=plan_ms), problem)
-
-        least = ask(*self.grown[-1])
-        for growth_cells, mapped in self.grown[:-1] if least.found else ():
-            plan = ask(growth_cells, mapped)
-            if plan.found and length_m(plan) <= LONGER * length_m(least) + 0.5:
-                return plan
-        return least
+    def _near_things(self, pose: np.ndarray) -> np.ndarray:
+        """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map."""
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        points = self.guard.around.things() @ np.array([[c, s], [-s, c]]) + pose[:2]
+        near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
+        return near
 
     def _after_failed_plan(self, events: list[Event]) -> Twist | None:
         """Forget what was seen and look again once; then give the place up, with the planner's reason."""
@@ -207,7 +235,8 @@ class Sentinel:
             self.watch.forget()
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
-        self._finish(MissionStatus.GAVE_UP, f"no path: {self.last_reason}", events)
+        touched = f" (touches: {self.contacts})" if self.contacts else ""
+        self._finish(MissionStatus.GAVE_UP, f"no path: {self.last_reason}{touched}", events)
         return None
 
     def _blockage(self, pose: np.ndarray) -> Blockage | None:
@@ -219,7 +248,7 @@ class Sentinel:
         ahead = ahead_on_path(self.path.points_m, pose[:2], self.settings.watch_m)
         where = self.grid.centres(np.argwhere(obstacles))
         gaps = np.linalg.norm(where[:, None, :] - ahead[None, :, :], axis=2).min(axis=1)
-        hits = where[gaps < self.radius_m + 0.5 * self.grid.resolution_m]
+        hits = where[gaps < self.radius_m + self.settings.margin_m - 0.5 * self.grid.resolution_m]
         if len(hits) == 0:
             return None
         known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)
@@ -273,18 +302,23 @@ class Sentinel:
         """Not knowing where it is, the robot looks for itself until it knows again, or gives the place up."""
         self.path = None
         self.lost_steps += 1
+        self.lost_in_all += 1
         mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
         events.append(Event.LOST)
-        if self.lost_steps > LOST_VIEWS:
-            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {LOST_VIEWS} views", events)
+        settings = self.settings
+        if self.lost_steps > settings.lost_views or self.lost_in_all > settings.lost_views_total:
+            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views",
+                         events)
             if self.book.done:
                 return Decision(None, None, tuple(events), mission.mission)
-        return Decision(self.search.next(belief, scan), None, tuple(events), mission.mission)
-
-
-def length_m(path: Path) -> float:
-    """Length of a path, metres."""
-    return float(np.linalg.norm(np.diff(path.points_m, axis=0), axis=1).sum())
+        sight = self.obstacle if self.obstacle is not None else scan
+        command, why = self.guard.allow(self.search.next(belief, sight))
+        if why is not None:
+            events.append(why)
+        if command is None:
+            self.search.turn_away()
+            command = self.search.next(belief, sight)
+        return Decision(command, None, tuple(events), mission.mission)
 
 
 def closest_gap(path: Path, pose: np.ndarray) -> float:

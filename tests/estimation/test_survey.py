@@ -1,13 +1,17 @@
-"""What a survey leaves of the walls that one eye found: in the frame of the map, moved with the closed loop."""
+"""What a survey leaves: the walls that one eye found, in the frame of the map and moved with the closed loop; the furniture
+below the scan."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rhs.api.geometry import camera_from_fov, inverse, se2
-from rhs.api.records import Closure, Motion, Revision, Tracking, View, Wall
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Closure, Motion, Revision, Scan, Tracking, View, Wall
 from rhs.estimation import survey
+from rhs.estimation.survey import furnished
 
 CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
 
@@ -62,3 +66,19 @@ def test_each_end_of_a_wall_goes_with_the_view_nearest_to_it():
 def test_a_ceiling_never_seen_is_null_in_the_file():
     rows = survey.wall_rows((Wall(np.zeros(2), np.array([1.0, 0.0])), Wall(np.zeros(2), np.ones(2), 0.0, 2.6)))
     assert [row["ceiling_m"] for row in json.loads(json.dumps(rows, allow_nan=False))] == [None, 2.6]
+
+
+def test_a_table_that_the_scan_passes_over_is_in_the_map_and_what_one_view_only_saw_is_not():
+    """Free as the scan says, occupied in the cells where three views saw a table 2 m ahead; one view's speck is left out."""
+    bearings = np.linspace(-0.3, 0.3, 61)
+    level = Scan(bearings, np.full(61, 4.0), 8.0)
+    table = Scan(bearings, np.where(np.abs(bearings) < 0.1, 2.03, np.inf), 5.0, (0.0, 0.0), 3.2)
+    speck = Scan(bearings, np.where(bearings > 0.25, 3.0, np.inf), 5.0, (0.0, 0.0), 3.2)
+    pose = np.eye(4)
+    pose[:2, 3] = 0.5, 2.0
+    views = tuple(replace(view(k, pose), scan=level, obstacle=seen) for k, seen in enumerate([table, table, table, speck]))
+    free = OccupancyGrid(np.full((40, 60), 0.05, np.float32), 0.1, (0.0, 0.0))
+    drawn = furnished(free, views)
+    rows, columns = np.nonzero(drawn.occupied())
+    assert set(columns) == {25} and 17 <= rows.min() <= rows.max() <= 22
+    assert not free.occupied().any(), "nobody changes what it is given"

@@ -55,6 +55,15 @@ def test_before_a_wall_it_turns_on_the_same_way_round_until_there_is_room():
     assert search.next(_belief(0.9), OPEN).forward_mps > 0.0
 
 
+def test_what_is_recognised_in_a_corner_is_left_after_a_whole_turn():
+    search = Search(0.3, Pace(turn_step_rad=np.radians(12.0), step_m=0.25))
+    for _ in range(30):
+        assert search.next(_belief(0.6), WALL).forward_mps == 0.0
+    on = [search.next(_belief(p), OPEN) for p in (0.6, 0.2, 0.6, 0.2, 0.2, 0.2, 0.2, 0.2)]
+    assert sum(c.forward_mps * c.duration_s for c in on) == pytest.approx(GO_ON_M), "no look round before it has left"
+    assert search.next(_belief(0.2), OPEN).forward_mps == 0.0
+
+
 def test_it_steers_to_where_there_is_room():
     corridor_to_the_left = Scan(BEARINGS, np.where(BEARINGS > 0.3, 5.0, 1.0), 6.0)
     assert 0.3 < open_bearing(corridor_to_the_left) < 0.5

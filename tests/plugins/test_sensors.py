@@ -74,6 +74,16 @@ def test_arrays_are_read_only_and_the_capture_is_untouched():
     assert capture.image.flags.writeable
 
 
+def test_what_stands_below_the_scan_is_reported_beside_it_where_the_height_of_the_camera_is_known():
+    """Depth 3 m everywhere from 0.6 m up: the wall, in both scans. A camera at height 0 is one of nobody knows where."""
+    seen = build(Rgbd(noise=False)).sense(wall(3.0)).obstacle
+    assert len(seen.bearings_rad) == 160 and not seen.ranges_m.flags.writeable
+    assert seen.ranges_m * np.cos(seen.bearings_rad) == pytest.approx(3.0, abs=0.02)
+    nowhere = camera_from_fov(320, 240, 57.0, height_m=0.0)
+    assert build(Rgbd(), camera=nowhere).sense(wall(3.0, camera=nowhere)).obstacle is None
+    assert build(Mono()).sense(wall(3.0)).obstacle is None
+
+
 def test_scan_of_a_flat_wall_ahead():
     """A wall 3 m ahead of the camera is 3 / cos(bearing) metres away along each beam; half the view is 28.5."""
     scan = build(Rgbd(noise=False)).sense(wall(3.0)).scan

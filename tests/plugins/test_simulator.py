@@ -110,11 +110,13 @@ def test_least_clearance_on_the_way_is_remembered(source):
 
 def test_the_robot_stops_at_the_wall_says_so_and_can_leave(source):
     source.teleport(se2(3.0, 1.0, -np.pi / 2))
-    source.drive(Twist(0.5, 0.0, 4.0))
+    assert source.drive(Twist(0.5, 0.0, 0.5)).contact is False
+    assert source.drive(Twist(0.5, 0.0, 4.0)).contact is True
     assert planar(source.truth())[1] == pytest.approx(0.3, abs=2e-3)
     gap, touched = source.clearance_m()
     assert touched and gap == pytest.approx(0.0, abs=1e-3)
-    source.drive(Twist(0.0, np.pi / 4, 4.0))  # turning in contact is possible, and so is leaving
+    # turning in contact is possible, and so is leaving
+    assert source.drive(Twist(0.0, np.pi / 4, 4.0)).contact is False, "the bumper is not pressed any more"
     source.drive(Twist(0.5, 0.0, 1.0))
     assert planar(source.truth())[1] == pytest.approx(0.8, abs=2e-3)
     source.clearance_m()

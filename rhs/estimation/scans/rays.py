@@ -74,6 +74,24 @@ def mark_scan(marks: np.ndarray, touched: np.ndarray, origin: np.ndarray, angles
 
 
 @compiled
+def mark_stretches(marks: np.ndarray, touched: np.ndarray, origin: np.ndarray, angles: np.ndarray, stretches: np.ndarray,
+                   ends: np.ndarray) -> int:
+    """As mark_scan, of beams that speak of a stretch only: stretches (N, 2) from and to along the beam, in cells, FREE; and
+    of the one cell at ends (N,), in cells, HIT, where that is finite."""
+    count = 0
+    for k in range(len(angles)):
+        dx, dy = np.cos(angles[k]), np.sin(angles[k])
+        begin, end = stretches[k, 0], stretches[k, 1]
+        if end > begin:
+            x, y = origin[0] + dx * begin, origin[1] + dy * begin
+            count = _mark_beam(marks, touched, count, x, y, dx, dy, end - begin, False)
+        if np.isfinite(ends[k]):
+            x, y = origin[0] + dx * ends[k], origin[1] + dy * ends[k]
+            count = _mark_beam(marks, touched, count, x, y, dx, dy, 0.0, True)
+    return count
+
+
+@compiled
 def add_marks(log_odds: np.ndarray, observed: np.ndarray, marks: np.ndarray, touched: np.ndarray, count: int,
               free_step: np.float32, hit_step: np.float32, bound: np.float32) -> None:
     """Add one step per touched cell to log_odds (H, W), clamp to +-bound, note it observed, and clear the marks."""

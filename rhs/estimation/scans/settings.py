@@ -160,3 +160,53 @@ class PointSettings:
         check_ranges("", self, range_max_m=(0.1, 1000.0), span_m=(1e-3, 10.0), span_steps=(1.0, 100.0), flat=(0.0, 1.0),
                      reach_m=(0.01, 100.0), reach_least_m=(0.01, 100.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
                      lever_m=(1e-3, 1000.0), blind_below=(0.0, 1.0), cell_m=(0.005, 2.0))
+
+
+@dataclass(frozen=True)
+class BandSettings:
+    """What of a depth image counts as an obstacle: the band between the floor and the robot's height
+    (rhs.estimation.scans.obstacle_scan)."""
+
+    robot_height_m: float = 0.0
+    """height of the robot, metres; 0: as high as its camera and headroom_m more"""
+    headroom_m: float = 0.1
+    """of a robot whose height nobody says above its camera, metres: it sways"""
+    floor_m: float = 0.04
+    """lower things are driven over, metres: a door sill is 2 cm, a shoe 8"""
+    floor_per_m: float = 0.01
+    """and what of this share of the distance: a Kinect's depth noise moves the floor up by 0.5 cm at 3 m, 1.4 cm at 7 m"""
+    unsure_per_m: float = 0.05
+    """share of the distance added where the floor was not seen: a camera that sways by 3 degrees lifts it by so much"""
+    range_m: float = 5.0
+    """further things are left to later views, metres"""
+    columns: int = 160
+    """beams; the image is thinned to about so many columns, half a Kinect's 320: a chair leg of 4 cm is 2 of them at 3 m"""
+    level_slope: float = 0.3
+    """a patch may belong to the floor when it rises by less than this share of its length"""
+    most_tilt: float = 0.1
+    """greatest slope of the floor before the camera: it pitches and rolls by less than 6 degrees"""
+    floor_within_m: float = 5.0
+    """the floor is fitted to what is nearer than this, metres"""
+    floor_patches: int = 30
+    """fewer level patches than this are no floor"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, robot_height_m=(0.0, 10.0), headroom_m=(0.0, 5.0), floor_m=(0.0, 1.0), floor_per_m=(0.0, 0.5),
+                     unsure_per_m=(0.0, 0.5), range_m=(0.2, 100.0), columns=(8, 10_000), level_slope=(0.01, 10.0),
+                     most_tilt=(0.0, 1.0), floor_within_m=(0.2, 100.0), floor_patches=(3, 1_000_000))
+
+
+@dataclass(frozen=True)
+class VoteSettings:
+    """Obstacles as votes of a grid, for and against (rhs.estimation.scans.votes)."""
+
+    clear: float = 0.5
+    """votes that a beam passing through a cell takes from it; one that ends there gives 1. A thing is seen ending beams more
+    surely than passing them: a beam beside it passes the same cell"""
+    most: float = 5.0
+    """votes a cell keeps: what has gone is forgotten after most / clear views through it"""
+    short_m: float = 0.15
+    """the last stretch before a beam's end speaks neither way, metres: noise of depth and of the pose"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, clear=(0.0, 10.0), most=(1.0, 1000.0), short_m=(0.0, 5.0))

@@ -1,0 +1,121 @@
+"""The nearest thing between the floor and the robot's height on every bearing of a depth image.
+
+The floor is found in each view, not assumed: a plane through the level patches below the camera by iteratively reweighted
+least squares (Tukey's biweight, narrower from pass to pass; Holland and Welsch 1977). What rises above it by more
+than its own noise and reaches no higher than the robot is an obstacle; what hangs higher is not. Loads numba: import it
+when it is needed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.frozen import freeze
+from rhs.api.geometry import Camera
+from rhs.api.jit import compiled
+from rhs.api.records import Scan
+
+from .settings import BandSettings
+
+WIDTHS_M = (0.4, 0.16, 0.08, 0.04, 0.03)  # of the biweight, pass by pass: beginning at what a tilted camera explains
+LOW_M = 0.16  # the floor is this near to where it should be below the camera: a wrong height of the camera
+PLANE_SIGMA = np.array([0.1, 0.05, 0.05])  # of the plane (m, 1, 1) where too little floor is seen to say
+POINT_SIGMA_M = 0.02  # of one patch, its neighbours share its error
+SPAN_PX = 3  # rows of the thinned image that a patch spans
+
+
+class ObstacleScanner:
+    """Reads depth images of one camera. max_range_m: of the sensor; further things are left out beyond settings.range_m."""
+
+    def __init__(self, camera: Camera, settings: BandSettings, *, max_range_m: float) -> None:
+        self.settings = settings
+        every = max(1, round(camera.width / settings.columns))
+        self._rows, self._columns = np.arange(every // 2, camera.height, every), np.arange(every // 2, camera.width, every)
+        pixels = np.stack(np.meshgrid(self._columns, self._rows), axis=-1).reshape(-1, 2).astype(float)
+        rays = camera.rays(pixels) @ camera.body_from_camera[:3, :3].T
+        self._rays = rays.reshape(len(self._rows), len(self._columns), 3).astype(np.float32)
+        self._eye_m = camera.body_from_camera[:3, 3].astype(np.float32)
+        self._flat = np.hypot(self._rays[..., 0], self._rays[..., 1])
+        self._reach_m = min(settings.range_m, max_range_m)
+        bearing = np.arctan2(self._rays[..., 1], self._rays[..., 0])
+        self._bearings = freeze(np.sort(bearing[len(self._rows) // 2]).astype(float))
+        between = 0.5 * (self._bearings[1:] + self._bearings[:-1])
+        self._bins = np.searchsorted(between, bearing).astype(np.int32)  # each pixel's nearest beam
+        self._origin = (float(self._eye_m[0]), float(self._eye_m[1]))
+        self.height_m = settings.robot_height_m or camera.height_m + settings.headroom_m
+        self._blind_m = self._seen_from_m()
+
+    def scan(self, depth: np.ndarray) -> Scan:
+        """Ranges (N,) of a depth image (H, W): NaN where most of a bearing is unknown, inf where nothing stands in reach."""
+        z = np.ascontiguousarray(depth[np.ix_(self._rows, self._columns)], np.float32)
+        plane, known = self.floor(z)
+        slack = np.float32(self.settings.floor_per_m + (0.0 if known else self.settings.unsure_per_m))
+        ranges = _nearest(z, self._rays, self._flat, self._bins, self._eye_m, plane.astype(np.float32),
+                          (np.float32(self.settings.floor_m), slack, np.float32(self.height_m), np.float32(self._reach_m)))
+        return Scan(self._bearings, freeze(ranges), self._reach_m, self._origin, self._blind_m)
+
+    def floor(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
+        """((3,) a, b, c of the floor a + b x + c y in the body frame, whether it was seen) of a thinned depth image."""
+        settings = self.settings
+        x, y, up = (z * self._rays[..., axis] + self._eye_m[axis] for axis in range(3))
+        low, high = slice(SPAN_PX, None, 2), slice(None, -SPAN_PX, 2)
+        with np.errstate(invalid="ignore"):
+            along = np.hypot(x[low] - x[high], y[low] - y[high])
+            away = np.hypot(x[low], y[low])
+            level = np.abs(up[low] - up[high]) < settings.level_slope * along
+            near = (away < settings.floor_within_m) & (np.abs(up[low]) < LOW_M + settings.most_tilt * away)
+        x, y, up = (part[low][level & near].astype(float) for part in (x, y, up))
+        if len(x) < settings.floor_patches:
+            return np.zeros(3), False
+        return _plane(np.stack([np.ones_like(x), x, y], axis=1), up)
+
+    def _seen_from_m(self) -> float:
+        """Metres from which on all above the floor is in the picture; the whole reach of a camera that never sees it."""
+        lowest = self._rays[-1, :, 2] / self._flat[-1]
+        if lowest.max() >= 0.0:
+            return self._reach_m
+        return float(min(self._reach_m, (self._eye_m[2] - self.settings.floor_m) / -lowest.max()))
+
+
+def _plane(terms: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Reweighted least squares of up = terms @ plane, and whether a third of the patches lie on it."""
+    prior = np.diag(1.0 / PLANE_SIGMA**2)
+    plane, share = np.zeros(3), 0.0
+    for width in WIDTHS_M:
+        off = (up - terms @ plane) / width
+        weight = np.where(np.abs(off) < 1.0, (1.0 - off**2) ** 2, 0.0)
+        share = float(np.mean(np.abs(off) < 1.0))
+        weighed = terms * (weight / POINT_SIGMA_M**2)[:, None]
+        plane = np.linalg.solve(weighed.T @ terms + prior, weighed.T @ up)
+    return (plane, True) if share > 1.0 / 3.0 else (np.zeros(3), False)
+
+
+@compiled
+def _nearest(z: np.ndarray, rays: np.ndarray, flat: np.ndarray, bins: np.ndarray, eye: np.ndarray, plane: np.ndarray,
+             band: tuple[np.float32, np.float32, np.float32, np.float32]) -> np.ndarray:
+    """(N,) least range over the rows of each bearing of what lies in the band, two neighbouring rows agreeing."""
+    rows, columns = z.shape
+    least, slack, top, reach = band
+    ranges = np.full(columns, np.inf)
+    known, of = np.zeros(columns, np.int32), np.zeros(columns, np.int32)  # pixels of the beam
+    for j in range(columns):
+        before = np.inf
+        for i in range(rows):
+            beam = bins[i, j]
+            of[beam] += 1
+            depth = z[i, j]
+            here = np.inf
+            if depth > 0.0:
+                known[beam] += 1
+                away = depth * flat[i, j]
+                x, y = eye[0] + depth * rays[i, j, 0], eye[1] + depth * rays[i, j, 1]
+                height = eye[2] + depth * rays[i, j, 2] - (plane[0] + plane[1] * x + plane[2] * y)
+                if away <= reach and height < top and height > least + slack * away:
+                    here = away
+                    if abs(here - before) < 0.15 * here:
+                        ranges[beam] = min(ranges[beam], here, before)
+            before = here
+    for k in range(columns):
+        if np.isinf(ranges[k]) and 2 * known[k] <= of[k]:
+            ranges[k] = np.nan
+    return ranges

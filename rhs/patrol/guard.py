@@ -1,0 +1,161 @@
+"""Between what the pilot wants and what the wheels do: no command leads nearer to anything seen than a margin, nor over
+ground that nobody has looked at, nor faster than the robot can stop in the way it has seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rhs.api.errors import check_ranges
+from rhs.api.records import Event, Motion, Observation, Tracking, Twist
+from rhs.estimation.scans.settings import VoteSettings
+
+from .control import TURN_RATE_MAX_RADPS, Pace, turn
+from .surroundings import Surroundings
+
+CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of the arcs tried when the wished one is barred
+LEAST_M = 0.08  # a shorter way is none
+FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
+EDGE_RAD = np.radians(4.0)  # this near the edge of the view a patch is not looked at yet
+
+
+@dataclass(frozen=True)
+class GuardSettings:
+    """How careful the robot drives."""
+
+    side_m: float = 0.05
+    """least distance of the robot's side to anything seen, metres: half the margin of the plans, so that a path planned with
+    it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
+    look_s: float = 15.0
+    """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in"""
+    remember_s: float = 60.0
+    """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
+    ahead_m: float = 0.15
+    """the ground is looked at this much further than the next command leads, metres"""
+    brake_mps2: float = 0.5
+    """braking of the robot: its speed lets it stop in the way that it sees free, metres per second squared"""
+    back_off_m: float = 0.2
+    """after a touch the robot goes back so far the way it came, metres"""
+    still_views: int = 3
+    """commands on end that moved it less than still_share of their way are a touch, whatever the bumper says"""
+    still_share: float = 0.25
+    """see still_views; wheels that slip by half still move it more"""
+    votes: VoteSettings = field(default_factory=VoteSettings)
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
+                     brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
+
+
+class Guard:
+    """Watches over the commands of one patrol. `touched`: since the last view the robot ran into something."""
+
+    def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings) -> None:
+        self.radius_m, self.pace, self.settings = radius_m, pace, settings
+        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s)
+        self.touched = False
+        self.given: Twist | None = None
+        self._still = 0
+        self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
+
+    @property
+    def sees(self) -> bool:
+        """Whether anything is measured: a camera that only believes in walls cannot look at ground."""
+        return self.around.sight is not None
+
+    @property
+    def _since_s(self) -> float:
+        return self.around.now_s - self.settings.look_s
+
+    def observe(self, observation: Observation, motion: Motion) -> None:
+        """Take one view and what came of the command before it."""
+        self.around.observe(observation, motion)
+        wished_m = abs(self.given.forward_mps) * self.given.duration_s if self.given else 0.0
+        moved_m = float(np.hypot(*motion.previous_from_body[:2, 3]))
+        if wished_m > LEAST_M and motion.status is not Tracking.LOST:
+            self._still = self._still + 1 if moved_m < self.settings.still_share * wished_m else 0
+        self.touched = bool(observation.contact) or self._still >= self.settings.still_views
+
+    def back_off(self) -> Twist | None:
+        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room."""
+        self.touched, self._still = False, 0
+        came = self.given
+        if came is None or came.forward_mps == 0.0:
+            came = Twist(self.pace.speed_mps, 0.0, 1.0)
+        back = Twist(-came.forward_mps, -came.turn_radps, came.duration_s)
+        way_m = self.around.free_way_m(back, 0.0, self.settings.back_off_m)
+        return _cut(back, way_m) if way_m >= LEAST_M else None
+
+    def bump(self) -> np.ndarray:
+        """Mark what was touched; its (K, 2) points in the body frame."""
+        return self.around.bump(self.given.forward_mps if self.given else 1.0)
+
+    def allow(self, command: Twist, target_m: np.ndarray | None = None) -> tuple[Twist | None, Event | None]:
+        """The command, or the one that is safe in its place, and why; None where nothing is.
+
+        target_m (2,): where it shall lead, in the body frame, so that another arc may be taken."""
+        if not self.sees or command.forward_mps < 0.0:
+            return command, None
+        wished_m = command.forward_mps * command.duration_s
+        if wished_m > 0.0 and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
+            self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._since_s,
+                                              up_to_m=wished_m + self.settings.ahead_m)
+        if (look := self._look()) is not None:
+            return look, Event.LOOK
+        if wished_m == 0.0:
+            return command, None  # a round robot turns on the spot
+        seen_m = self._free_m(command, 1.5)
+        if seen_m >= wished_m:
+            return self._slowed(command, seen_m), None
+        other = None if target_m is None else self._other(target_m, wished_m, seen_m)
+        if other is not None:
+            return other, None
+        return (self._slowed(_cut(command, seen_m), seen_m), None) if seen_m >= LEAST_M else (None, Event.STOPPED)
+
+    def _free_m(self, command: Twist, up_to_m: float) -> float:
+        return self.around.free_way_m(command, self.settings.side_m, up_to_m)
+
+    def _look(self) -> Twist | None:
+        """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then
+        never will be."""
+        around, sight = self.around, self.around.sight
+        self._to_see = around.still_unseen(self._to_see, self._since_s)
+        if sight is None or len(self._to_see) < FEW_PATCHES:
+            return None
+        bearing = np.arctan2(*around.in_body(self._to_see).T[::-1])
+        right, left = sight.bearings_rad.min() + EDGE_RAD, sight.bearings_rad.max() - EDGE_RAD
+        inside = (bearing >= right) & (bearing <= left)
+        around.count_as_seen(self._to_see[inside])
+        self._to_see, bearing = self._to_see[~inside], bearing[~inside]
+        if len(bearing) < FEW_PATCHES:
+            return None
+        first = float(bearing[np.argmin(np.abs(bearing))])
+        beyond = first - left if first > 0 else first - right
+        return turn(beyond + np.sign(first) * EDGE_RAD, Pace(turn_step_rad=self.pace.turn_step_rad))
+
+    def _other(self, target_m: np.ndarray, wished_m: float, best_m: float) -> Twist | None:
+        """The arc that leads nearest to the target of those on which the robot gets further."""
+        best, least = None, np.inf
+        for curve in CURVES_PER_M:
+            speed = min(self.pace.speed_mps, TURN_RATE_MAX_RADPS / max(abs(curve), 1e-9))
+            length_m = min(wished_m, self.pace.turn_step_rad / max(abs(curve), 1e-9))
+            arc = Twist(speed, speed * curve, length_m / speed)
+            way_m = self._free_m(arc, 1.5)
+            if way_m < length_m or way_m < best_m + LEAST_M:
+                continue
+            end = length_m * np.array([np.cos(0.5 * curve * length_m), np.sin(0.5 * curve * length_m)])
+            if (gap := float(np.linalg.norm(target_m - end))) < least:
+                best, least = self._slowed(arc, way_m), gap
+        return best
+
+    def _slowed(self, command: Twist, seen_m: float) -> Twist:
+        """The same arc no faster than the robot can stop in the way seen free."""
+        most = float(np.sqrt(2.0 * self.settings.brake_mps2 * max(seen_m, LEAST_M)))
+        share = min(1.0, most / command.forward_mps)
+        return Twist(command.forward_mps * share, command.turn_radps * share, command.duration_s / share)
+
+
+def _cut(command: Twist, way_m: float) -> Twist:
+    """The command, ended after so many metres."""
+    return Twist(command.forward_mps, command.turn_radps, way_m / abs(command.forward_mps))

@@ -1,0 +1,79 @@
+"""Asks the planner for the way with the most room that is hardly longer than the one with the least."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from rhs.api.contracts import Planner
+from rhs.api.frozen import freeze
+from rhs.api.grid import OccupancyGrid, configuration_space, inflate, nearest_open
+from rhs.api.records import Path, PlanningProblem, PlanReason
+from rhs.api.validate import check_path
+
+from .mission import MissionSettings
+
+LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
+COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
+GOAL_SLACK_M = 0.05  # a goal may be moved by the distance at which a place counts as visited, less this
+
+
+class RoomyPlanner:
+    """A planner on one map of a patrol. who: what to call the planner in errors."""
+
+    def __init__(self, planner: Planner, grid: OccupancyGrid, free: np.ndarray, *, radius_m: float,
+                 settings: MissionSettings, who: str) -> None:
+        self.planner, self.grid, self.settings, self.who = planner, grid, settings, who
+        least_m = radius_m + settings.margin_m
+        self._grown = [(growth, configuration_space(~free, growth)) for growth in
+                       np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
+
+    def plan(self, start_m: np.ndarray, goal_m: np.ndarray, *, obstacles: np.ndarray, things_m: np.ndarray) -> Path:
+        """The way from (2,) to (2,), metres in the map, round what stands there besides the map: obstacles (H, W) bool, in
+        cells of it, and things_m (K, 2), seen just now and finer."""
+        gap_cells = self._gap_m(things_m) / self.grid.resolution_m
+
+        def ask(growth_cells: float, mapped: np.ndarray) -> Path:
+            return self._ask(mapped | inflate(obstacles, growth_cells) | (gap_cells < growth_cells), start_m, goal_m)
+
+        least = ask(*self._grown[-1])
+        for room in self._grown[:-1] if least.found else ():
+            plan = ask(*room)
+            if plan.found and length_m(plan) <= LONGER * length_m(least) + 0.5:
+                return plan
+        if least.reason is PlanReason.GOAL_BLOCKED and not self._something_at(goal_m, obstacles):
+            return replace(least, reason=PlanReason.NEVER_SEEN)
+        return least
+
+    def _ask(self, blocked: np.ndarray, start_m: np.ndarray, goal_m: np.ndarray) -> Path:
+        from rhs.estimation.paths.shorten import shortened  # compiled code, half a second to load
+
+        near_m = nearest_open(self.grid, blocked, goal_m, self.settings.arrive_m - GOAL_SLACK_M)
+        problem = freeze(PlanningProblem(blocked, self.grid.resolution_m, self.grid.origin_m, start_m.copy(), near_m))
+        began_s = time.process_time()
+        plan = self.planner.plan(problem)
+        plan_ms = 1e3 * (time.process_time() - began_s)
+        plan = check_path(plan, problem, who=self.who)
+        return shortened(replace(plan, plan_ms=plan_ms), problem)
+
+    def _gap_m(self, things_m: np.ndarray) -> np.ndarray:
+        """(H, W) metres from each cell's centre to the nearest thing."""
+        gaps = np.full(self.grid.shape, np.inf)
+        if len(things_m):
+            from scipy.spatial import cKDTree
+
+            cells = np.argwhere(np.isfinite(self.grid.probability))
+            gaps[cells[:, 0], cells[:, 1]] = cKDTree(things_m).query(self.grid.centres(cells), distance_upper_bound=2.0)[0]
+        return gaps
+
+    def _something_at(self, goal_m: np.ndarray, obstacles: np.ndarray) -> bool:
+        """Whether anything known to stand somewhere bars the goal; what was never seen does not."""
+        things = inflate(self.grid.occupied() | obstacles, self._grown[-1][0])
+        return bool(things[tuple(self.grid.cells(goal_m[None])[0])])
+
+
+def length_m(path: Path) -> float:
+    """Length of a path, metres."""
+    return float(np.linalg.norm(np.diff(path.points_m, axis=0), axis=1).sum())

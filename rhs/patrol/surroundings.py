@@ -1,0 +1,156 @@
+"""What the robot has seen round itself in the last seconds, in the frame of its own motion: whatever its belief in the map
+is worth, it does not drive into what it has seen, nor where it has not looked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.geometry import planar, se2
+from rhs.api.records import Motion, Observation, Scan, Twist
+from rhs.estimation.scans.settings import VoteSettings
+
+SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
+KEPT_M = 2.0  # the robot stays this near its middle
+THING = 0.75  # votes from which a cell holds a thing: one beam that ended there and none that passed
+NEAR_M = 2.5  # things further from the robot are no matter of the next command
+STEP_M = 0.025  # between two places of the robot on an arc
+PATCH_M = 0.1  # grain of the ground that has to be seen
+
+
+class Surroundings:
+    """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
+
+    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float) -> None:
+        from rhs.estimation.scans.votes import Votes  # compiled code
+
+        self.radius_m, self.remember_s = radius_m, remember_s
+        cells = round(SIDE_M / CELL_M)
+        corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
+        self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
+        self.seen_s = np.full((cells, cells), -np.inf)
+        self.pose, self.now_s = np.eye(4), -np.inf
+        self.sight: Scan | None = None  # the widest measured scan of the last view
+        reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
+        self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
+
+    def observe(self, observation: Observation, motion: Motion) -> None:
+        """Take one view; scans that an odometry only believes in do not count as sight. A motion that nobody knows (the gate
+        replaced it: wheels spun, or somebody carried the robot) makes what was seen before worthless."""
+        from rhs.estimation.scans.votes import low_only
+
+        if motion.replaced:
+            self.forget()
+        self.pose = self.pose @ se2(*planar(motion.previous_from_body))
+        self.now_s = observation.stamp_s
+        self._follow()
+        scan, obstacle = observation.scan, observation.obstacle
+        self.sight = obstacle if obstacle is not None else scan
+        if scan is not None:
+            self._saw(self.at_eye.look(self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M))
+        if obstacle is not None:
+            self._saw(self.below.look(self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M))
+        self._stand()
+
+    def forget(self) -> None:
+        """Nothing was seen yet."""
+        for layer in (self.at_eye, self.below):
+            layer.votes[:] = 0.0
+        self.seen_s[:] = -np.inf
+
+    def _saw(self, cells: np.ndarray) -> None:
+        self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
+
+    def _stand(self) -> None:
+        """Where the robot stands there is nothing else."""
+        here = self._cells(self.pose[:2, 3] + self._patches)
+        inside = np.hypot(*self._patches.T) < self.radius_m
+        self._saw(here[inside])
+        core = here[np.hypot(*self._patches.T) < self.radius_m - 2 * CELL_M]
+        for layer in (self.at_eye, self.below):
+            layer.votes[core[:, 0], core[:, 1]] = 0.0
+
+    def _follow(self) -> None:
+        """Keep the robot near the middle of the grid; what falls out at the border is forgotten."""
+        off = self.pose[:2, 3] - (self.at_eye.origin_m + 0.5 * SIDE_M)
+        if np.abs(off).max() < KEPT_M:
+            return
+        columns, rows = shift = np.rint(off / CELL_M).astype(int)
+        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.seen_s, -np.inf)):
+            kept = np.full_like(array, empty)
+            height, width = array.shape
+            to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
+            to_c, from_c = slice(max(0, -columns), width - max(0, columns)), slice(max(0, columns), width - max(0, -columns))
+            if abs(rows) < height and abs(columns) < width:
+                kept[to_r, to_c] = array[from_r, from_c]
+            array[:] = kept
+        for layer in (self.at_eye, self.below):
+            layer.origin_m = layer.origin_m + shift * CELL_M
+
+    def _cells(self, points_m: np.ndarray) -> np.ndarray:
+        """(K, 2) row and column of (K, 2) points of the frame."""
+        column_row = np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)
+        return np.clip(column_row[:, ::-1], 0, len(self.seen_s) - 1)
+
+    def things(self) -> np.ndarray:
+        """(K, 2) things near the robot, metres in its body frame."""
+        reach = round(NEAR_M / CELL_M)
+        row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
+        near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
+        there = (self.at_eye.votes[near] >= THING) | (self.below.votes[near] >= THING)
+        rows, columns = np.nonzero(there & (self.seen_s[near] >= self.now_s - self.remember_s))
+        points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
+        body = self.in_body(points)
+        return body[np.hypot(*body.T) < NEAR_M]
+
+    def bump(self, ahead: float) -> np.ndarray:
+        """Something was touched at the front (ahead > 0) or the back; the (K, 2) points of it in the body frame."""
+        angles = np.radians(np.linspace(-30.0, 30.0, 7)) + (0.0 if ahead > 0 else np.pi)
+        points = (self.radius_m + CELL_M) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        cells = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3])
+        self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
+        self._saw(cells)
+        return points
+
+    def free_way_m(self, command: Twist, margin_m: float, up_to_m: float) -> float:
+        """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
+        nearer to; at most up_to_m."""
+        things = self.things()
+        at, way = _arc(command, up_to_m)
+        if not len(things):
+            return up_to_m
+        gaps = np.linalg.norm(at[:, None] - things, axis=2)
+        wrong = (gaps < self.radius_m + margin_m) & (gaps < np.linalg.norm(things, axis=1) - 0.01)
+        bad = wrong.any(axis=1)
+        return float(way[np.argmax(bad)] - STEP_M) if bad.any() else up_to_m
+
+    def unseen(self, command: Twist, *, margin_m: float, up_to_m: float, since_s: float) -> np.ndarray:
+        """(K, 2) patches that the robot would pass over on the command's arc and that no view since since_s has covered, in
+        this frame. Not those within margin_m of where it stands."""
+        at, _ = _arc(command, up_to_m)
+        gaps = np.linalg.norm(self._patches[:, None] - at[None, ::2], axis=2).min(axis=1)
+        ahead = self._patches[(gaps < self.radius_m) & (np.hypot(*self._patches.T) > self.radius_m + margin_m)]
+        return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
+
+    def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
+        """Those of the points (K, 2) of this frame that no view since since_s has covered."""
+        cells = self._cells(points_m)
+        return points_m[self.seen_s[cells[:, 0], cells[:, 1]] < since_s]
+
+    def count_as_seen(self, points_m: np.ndarray) -> None:
+        """These points (K, 2) of this frame were looked at and cannot be seen better."""
+        self._saw(self._cells(points_m))
+
+    def in_body(self, points_m: np.ndarray) -> np.ndarray:
+        """(K, 2) points of this frame, in the robot's body frame."""
+        body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
+        return body
+
+
+def _arc(command: Twist, length_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """((M, 2) places of the robot's middle in its body frame now, (M,) metres of way) on the command's arc."""
+    way = np.arange(STEP_M, length_m + STEP_M, STEP_M)
+    sign = 1.0 if command.forward_mps >= 0 else -1.0
+    curvature = command.turn_radps / command.forward_mps if command.forward_mps else 0.0
+    turn = sign * way * curvature
+    chord = sign * way * np.sinc(turn / (2.0 * np.pi))
+    return np.stack([chord * np.cos(0.5 * turn), chord * np.sin(0.5 * turn)], axis=1), way

@@ -1,0 +1,216 @@
+"""The robot does not drive into what it has seen, nor where nobody has looked; what it touches it leaves alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flatland import BEARINGS, Flatland, Oracle, Through, parts, ring
+
+from rhs.api.geometry import camera_from_fov, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Belief, BeliefStatus, Event, Motion, Observation, PlanReason, Scan, Tracking, Twist
+from rhs.patrol.control import Pace
+from rhs.patrol.guard import Guard, GuardSettings
+from rhs.patrol.loop import steps
+from rhs.patrol.mission import MissionSettings
+from rhs.patrol.obstacles import ObstacleWatch
+from rhs.patrol.planning import RoomyPlanner
+from rhs.patrol.sentinel import Sentinel
+
+CAMERA = camera_from_fov(32, 24, 57.0, height_m=1.0)
+STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
+AHEAD = Twist(0.5, 0.0, 0.5)
+CORNERS = (("a", 4.0, 1.0), ("b", 7.0, 4.0), ("home", 1.0, 1.0))
+
+
+def seen(index, ranges_m, **more):
+    scan = Scan(BEARINGS, np.broadcast_to(ranges_m, 41).astype(float), 6.0)
+    return Observation(index, 0.5 * index, CAMERA, scan=scan, **more)
+
+
+def guard(settings=None):
+    return Guard(0.3, Pace(step_m=0.25, turn_step_rad=np.radians(12.0)), settings or GuardSettings())
+
+
+def wall_at(x_m):
+    return x_m / np.cos(BEARINGS)
+
+
+def test_the_way_ends_where_the_robots_side_would_be_too_near_a_thing():
+    """A wall 1 m ahead, a robot of 0.3 m that keeps 0.05 m: 0.65 m of way, on any arc less than that to the side."""
+    watched = guard()
+    watched.observe(seen(1, wall_at(1.0)), STILL)
+    assert watched.around.free_way_m(AHEAD, 0.05, 2.0) == pytest.approx(0.65, abs=0.06)
+    assert watched.around.free_way_m(Twist(-0.5, 0.0, 0.5), 0.05, 0.5) == 0.5, "going away from a wall is free"
+
+
+def test_a_command_is_cut_to_the_way_and_slower_before_a_thing():
+    watched = guard()
+    watched.observe(seen(1, wall_at(0.52)), STILL)
+    watched.around.seen_s[:] = 0.5  # the robot has looked everywhere
+    allowed, why = watched.allow(AHEAD)
+    assert why is None and 0.08 <= allowed.forward_mps * allowed.duration_s <= 0.2 and allowed.forward_mps < 0.5
+    watched.observe(seen(2, wall_at(0.38)), STILL)
+    watched.around.seen_s[:] = 1.0
+    assert watched.allow(AHEAD) == (None, Event.STOPPED)
+
+
+def test_ground_that_nobody_looked_at_is_looked_at_before_it_is_driven_on_and_once_is_enough():
+    """The view reaches 29 degrees to each side; an arc to the left leads over ground at 50 degrees."""
+    watched, way = guard(), []
+    arc = Twist(0.4, 1.0, 0.5)
+    motion = STILL
+    for index in range(1, 12):
+        watched.observe(seen(index, 5.0), motion)
+        command, why = watched.allow(arc)
+        way.append(why)
+        if why is not Event.LOOK:
+            break
+        assert command.forward_mps == 0.0
+        yaw = command.turn_radps * command.duration_s
+        motion = Motion(se2(0.0, 0.0, yaw), 1e-6 * np.eye(6), Tracking.OK)
+    assert 2 <= way.count(Event.LOOK) <= 10 and way[-1] is None and command.forward_mps > 0.0
+
+
+def test_what_was_seen_stays_known_beside_the_robot_where_the_camera_no_longer_looks():
+    watched = guard()
+    watched.observe(seen(1, wall_at(1.0)), STILL)
+    quarter = Motion(se2(0.0, 0.0, np.radians(-90.0)), 1e-6 * np.eye(6), Tracking.OK)
+    watched.observe(seen(2, 5.0), quarter)
+    back_to_it = Twist(0.6, 1.0, 1.0)  # a circle of 0.6 m radius to the left, where the wall is now
+    assert watched.around.free_way_m(back_to_it, 0.05, 1.5) < 1.2 < watched.around.free_way_m(AHEAD, 0.05, 1.5)
+
+
+def test_what_went_away_is_cleared_by_looking_through_it_and_a_motion_nobody_knows_makes_all_worthless():
+    watched = guard()
+    for index in range(1, 4):
+        watched.observe(seen(index, wall_at(1.0)), STILL)
+    for index in range(4, 11):
+        watched.observe(seen(index, wall_at(3.0)), STILL)
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == 1.5
+    watched.observe(seen(11, wall_at(1.0)), STILL)
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.5) < 1.0
+    watched.observe(seen(12, np.nan), replace(STILL, replaced=True))
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == 1.5
+
+
+def test_a_low_box_under_the_camera_is_remembered_until_its_floor_is_seen():
+    watched = guard()
+    low = Scan(BEARINGS, wall_at(1.0), 5.0, (0.0, 0.0), 3.0)
+    watched.observe(seen(1, wall_at(4.0), obstacle=low), STILL)
+    over = Scan(BEARINGS, wall_at(4.0), 5.0, (0.0, 0.0), 3.0)  # nearer than 3 m the camera looks over it
+    for index in range(2, 20):
+        watched.observe(seen(index, wall_at(4.0), obstacle=over), STILL)
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == pytest.approx(0.65, abs=0.06)
+
+
+def test_commands_that_do_not_move_the_robot_are_a_touch_without_any_bumper():
+    watched = guard()
+    for index in range(1, 4):
+        watched.given = AHEAD
+        watched.observe(seen(index, 5.0), STILL)
+        assert watched.touched == (index == 3)
+
+
+class Glass(Flatland):
+    """A thing that no scan sees stands in the corridor; the robot has a bumper."""
+
+    def __init__(self, *args, glass, **kwargs):
+        super().__init__(*args, **kwargs)
+        self.glass = glass
+
+    def drive(self, command):
+        scanned, self.occupied = self.occupied, self.occupied | self.glass
+        before, self.hit = self.hit, False
+        capture = super().drive(command)
+        touched, self.hit = self.hit, self.hit or before
+        self.occupied = scanned
+        return replace(capture, contact=touched, scan=self._scan())
+
+
+def patrol(world, settings=None, localiser=None, grid=None):
+    oracle = Oracle(world)
+    sentinel = Sentinel(parts(localiser or oracle), grid or world.grid(), (), places=world.facts.places,
+                        radius_m=world.radius, settings=settings or MissionSettings())
+    return sentinel, list(steps(world, Through(world.camera), oracle, sentinel))
+
+
+def test_after_a_touch_the_robot_backs_off_marks_what_it_did_not_see_and_goes_round_it():
+    glass = np.zeros((80, 80), bool)
+    glass[9:12, 25:28] = True  # 0.3 m of glass in the middle of a corridor 2 m wide
+    sentinel, out = patrol(Glass(ring(), (1.0, 1.0, 0.0), CORNERS, glass=glass))
+    assert [m.status for m in sentinel.book.missions if m.status != "aborted"] == ["arrived"] * 3
+    touches = [k for k, step in enumerate(out) if "contact" in step.events]
+    assert 1 <= len(touches) <= 3
+    for k in touches:
+        assert out[k + 1].command.forward_mps < 0.0, "backs off at once"
+        assert 0.1 < np.linalg.norm(out[k + 1].truth[:2, 3] - out[k].truth[:2, 3]) <= 0.21
+
+
+def test_a_box_behind_a_corner_is_not_touched():
+    hidden = np.zeros((80, 80), bool)
+    hidden[26:30, 66:70] = True  # 0.6 m behind the corner, 0.9 m free beside it
+    for start in ((1.0, 1.0, 0.0), (2.0, 1.0, 3.0)):
+        sentinel, out = patrol(Flatland(ring(), start, CORNERS, hidden=hidden))
+        assert [m.status for m in sentinel.book.missions if m.status != "aborted"] == ["arrived"] * 3
+        assert not any(step.collided for step in out)
+        assert min(step.clearance_m for step in out) > 0.02
+
+
+def test_a_robot_caged_by_glass_gives_up_within_a_bound():
+    glass = np.zeros((80, 80), bool)
+    glass[1:20, 18] = glass[18, 1:20] = True
+    sentinel, out = patrol(Glass(ring(), (1.0, 1.0, 0.0), (("a", 4.0, 1.0),), glass=glass))
+    assert sentinel.book.missions[-1].status == "gave_up" and "touch" in sentinel.book.missions[-1].reason
+    assert len(out) < 120 and sum(step.collided for step in out) <= 8
+
+
+class NeverSure:
+    def update(self, observation, motion):
+        return Belief(np.eye(4), np.eye(6), BeliefStatus.LOST, 0.0)
+
+
+def test_a_lost_patrol_ends_within_its_bound_whatever_the_number_of_places():
+    settings = MissionSettings(lost_views=30, lost_views_total=50)
+    sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), CORNERS * 5), settings, NeverSure())
+    assert len(out) < 50 + 2 * 15 and {m.status for m in sentinel.book.missions} == {"gave_up"}
+    assert not any(step.collided for step in out)
+
+
+def test_a_place_nobody_has_seen_is_never_seen_and_one_inside_a_wall_is_blocked():
+    probability = np.full((40, 80), 0.05, np.float32)
+    probability[:, 50:] = np.nan
+    probability[20:, 30] = 0.95
+    grid = OccupancyGrid(probability, 0.1, (0.0, 0.0))
+    from flatland import Dijkstra
+
+    roads = RoomyPlanner(Dijkstra(), grid, grid.free(), radius_m=0.3, settings=MissionSettings(), who="planner=dijkstra")
+    nothing = {"obstacles": np.zeros(grid.shape, bool), "things_m": np.zeros((0, 2))}
+    start = np.array([1.0, 1.0])
+    assert roads.plan(start, np.array([7.0, 1.0]), **nothing).reason is PlanReason.NEVER_SEEN
+    assert roads.plan(start, np.array([3.05, 3.0]), **nothing).reason is PlanReason.GOAL_BLOCKED
+    box = nothing["obstacles"].copy()
+    box[10, 40] = True
+    assert roads.plan(start, np.array([4.0, 1.0]), **{**nothing, "obstacles": box}).reason is PlanReason.GOAL_BLOCKED
+    assert roads.plan(start, np.array([4.0, 1.0]), **nothing).found
+
+
+def test_what_walked_by_leaves_no_wall_behind():
+    grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
+    watch = ObstacleWatch(grid, grid.free(), tolerance_m=0.3)
+    here, person, gone = se2(1.0, 1.0, 0.0), Scan(BEARINGS, wall_at(1.5), 6.0), Scan(BEARINGS, np.full(41, 4.5), 6.0)
+    person.ranges_m[np.abs(BEARINGS) > 0.1] = 4.5
+    for _ in range(10):
+        watch.look(here, person)
+    assert watch.cells.any()
+    for _ in range(10):
+        watch.look(here, gone)
+    assert not watch.cells.any()
+
+
+def test_a_box_beside_a_wall_is_told_from_the_wall_from_near():
+    """The wall of the map is at y = 2; something stands 0.25 m before it."""
+    grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
+    watch = ObstacleWatch(grid, grid.free(), tolerance_m=0.3)
+    points = np.array([[4.0, 1.74], [4.0, 1.95]])
+    assert watch.unknown(points, 0.17).tolist() == [True, False]
