@@ -129,7 +129,7 @@ def judged(room: str, views: Sequence[Seen], said: Sequence[Belief], cpu_ms: np.
     beliefs = Beliefs(np.array([one.observation.stamp_s for one in views]),
                       np.array([one.world_from_body[:2, 3] for one in views]), np.hypot(errors[:, 0], errors[:, 1]),
                       np.abs(errors[:, 5]), np.array([belief.probability for belief in said], float), sure,
-                      np.array([one.carried for one in views]))
+                      np.array([one.carried for one in views]), np.arange(len(views)) == 0)
     return Patrolled(room, beliefs, nees[sure], cpu_ms)
 
 
