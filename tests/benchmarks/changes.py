@@ -30,11 +30,10 @@ from rhs.estimation.views.references import Reference, registered, small
 from rhs.estimation.views.view_pose import Snapshot
 from rhs.worlds.world import load_world
 
-import os
-DRAW = os.environ.get('DRAW')
 SIZE_M, MARKED_M, OFF_M = 0.3, 0.4, 0.1
 BELIEF_M, BELIEF_RAD = 0.03, np.radians(1.0)
 DIM = Light(0.6, 0.7)
+MORE = 6  # stands on the survey's way besides the places
 EVERY = 3  # views of the survey
 
 
@@ -48,7 +47,8 @@ class Place:
 def places_of(world: World, route: list[np.ndarray], rng: np.random.Generator) -> list[Place]:
     """Each place of the world: a stand near it, and a box in view of it that stands clear of everything and of the way."""
     out: list[Place] = []
-    for name, x, y in world.places:
+    spots = [*world.places, *((f"way {k}", *route[k][:2]) for k in sorted(rng.choice(len(route), MORE, replace=False)))]
+    for name, x, y in spots:
         nearest = min(route, key=lambda pose: float(np.hypot(pose[0] - x, pose[1] - y)))
         stand = nearest + np.append(rng.normal(0, OFF_M, 2), rng.normal(0, np.radians(15)))
         if distance_m(world, stand[:2])[0] < world.robot_radius_m:
@@ -65,11 +65,11 @@ def _thing(world: World, route: list[np.ndarray], stand: np.ndarray, number: int
         row, column = grid.cells(middle[None])[0]
         if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]) or grid.probability[row, column] != 0.0:
             continue
-        sight = stand[:2] + np.linspace(0, 1, 30)[:, None] * (middle - stand[:2])
+        sight = stand[:2] + np.linspace(0, 1, 150)[:, None] * (middle - stand[:2])
         clear = min(distance_m(world, point)[0] for point in sight)
         off_route = min(float(np.hypot(*(pose[:2] - middle))) for pose in route)
         box = Box(f"thing {number}", (float(middle[0]), float(middle[1])), (SIZE_M, SIZE_M, SIZE_M), float(rng.uniform(0, 1.5)))
-        if clear > 0.22 and off_route > world.robot_radius_m + 0.22 and _in_picture(world, box, stand):
+        if clear > 0.05 and distance_m(world, middle)[0] > 0.22 and off_route > world.robot_radius_m + 0.22 and _in_picture(world, box, stand):
             return box
     return None
 
@@ -143,31 +143,10 @@ def building(name: str, folder: Path, seed: int) -> list[dict[str, Any]]:
             trials += [("put", put, before), ("taken", gone, before_gone)]
         for kind, eye, survey in trials:
             found = marks(eye, survey, place.stand)
-            if DRAW:
-                draw(Path(DRAW) / f"{len(rows):02d}_{name.replace('/', '_')}_{place.name}_{kind}.png", eye, survey, place)
             rows.append({"building": name, "place": place.name, "trial": kind, "compared": found is not None,
                          **judged(found or [], place.thing if kind in ("put", "taken") else None,
                                   things if kind == "taken" else ())})
     return rows
-
-
-def draw(path, eye, before, place):
-    import cv2
-    now = eye.look(place.stand)
-    chosen = registered(now.sight, now.snapshot, before, rng=np.random.default_rng(0))
-    found = compare(now.sight, chosen) if chosen else []
-    pics = []
-    for s in [now.sight, *chosen]:
-        im = cv2.resize(s.image[..., ::-1], None, fx=2, fy=2).copy()
-        for c in found:
-            o = c.outline(s)
-            if len(o): cv2.polylines(im, [np.rint(2*o).astype(np.int32)], True, {"new": (0,0,255), "gone": (255,0,0)}.get(c.verdict, (0,255,255)), 1)
-        if place.thing is not None:
-            p = s.camera.project(transform(inverse(s.map_from_camera), np.array([[*place.thing.centre_m, .15]])))[0]
-            if np.isfinite(p).all(): cv2.circle(im, tuple(np.rint(2*p).astype(int).clip(-99,999).tolist()), 4, (0,255,0), 1)
-        pics.append(im)
-    path.parent.mkdir(exist_ok=True)
-    cv2.imwrite(str(path), np.hstack(pics))
 
 
 def judged(found: list[Change], thing: Box | None, allowed: tuple[Box, ...]) -> dict[str, Any]:

@@ -23,11 +23,13 @@ class ChangeSettings:
     """or one of its shares of red, green and blue by more than this"""
     least_m: float = 0.12
     """what is smaller, across its longer side, is not marked, metres"""
-    least_px: int = 16
+    narrow_px: int = 5
+    """nor what is narrower than this, as the rim of a thing seen from a little further aside is"""
+    least_px: int = 25
     """nor what covers fewer pixels"""
     references: int = 4
     """pictures of the survey at most that one of the patrol is compared with"""
 
     def __post_init__(self) -> None:
         check_ranges("", self, depth_m=(0.0, 10.0), depth_sigmas=(0.0, 100.0), slack_px=(0, 20), brightness_log=(0.01, 5.0),
-                     chroma=(0.005, 1.0), least_m=(0.0, 10.0), least_px=(1, 10_000), references=(1, 100))
+                     chroma=(0.005, 1.0), least_m=(0.0, 10.0), narrow_px=(1, 50), least_px=(1, 10_000), references=(1, 100))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -43,7 +44,7 @@ class Sight:
         pose: np.ndarray = self.map_from_body @ self.camera.body_from_camera
         return pose
 
-    @property
+    @cached_property
     def points_m(self) -> np.ndarray:
         """(H * W, 3) what each pixel shows, in the map; NaN where depth is unknown."""
         rows, columns = np.indices(self.depth.shape)
@@ -205,7 +206,7 @@ def _shift_by_facing(difference: np.ndarray, fair: np.ndarray, facing: np.ndarra
 
 def _regions(verdict: str, sight: Sight, marked: np.ndarray, settings: ChangeSettings) -> list[Change]:
     """The connected regions of marked pixels that are large enough, in pixels and in metres."""
-    solid = cv2.morphologyEx(marked.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    solid = cv2.morphologyEx(marked.astype(np.uint8), cv2.MORPH_OPEN, np.ones((settings.narrow_px,) * 2, np.uint8))
     solid = cv2.morphologyEx(solid, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, labels, areas, _ = cv2.connectedComponentsWithStats(solid, connectivity=8)
     points, found = sight.points_m, []

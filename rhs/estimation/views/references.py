@@ -1,4 +1,4 @@
-"""Which earlier pictures show what a picture shows, and how they lie to it: chosen by pose, registered by key-points."""
+"""Which earlier pictures show what a picture shows, and how they lie to it: chosen by pose, registered by key-points and depth."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from rhs.api.geometry import Camera, inverse, planar, wrap
 
 from .change_settings import ChangeSettings
 from .changes import Sight, rays_end
+from .depth_alignment import aligned
 from .settings import SightingSettings
 from .view_pose import Snapshot, sight
 
@@ -45,8 +46,8 @@ def small(image: np.ndarray, depth: np.ndarray, sight_camera: Camera, map_from_b
 
 def registered(now: Sight, features: Snapshot, references: Sequence[Reference], *, rng: np.random.Generator,
                settings: ChangeSettings = ChangeSettings()) -> list[Sight]:
-    """The earlier pictures that show most of this one, each moved to where its key-points, or else the beliefs, put it
-    beside `now`. Those that agree with it nowhere are left out."""
+    """The earlier pictures that show most of this one, each moved to where its key-points, or else the beliefs, and then its depth put
+    it beside `now`. Those that agree with it nowhere are left out."""
     seen, chosen = np.zeros(now.depth.shape, bool), []
     for reference in _by_nearness(now, references)[:CANDIDATES]:
         placed, same = _placed(now, features, reference, rng, settings)
@@ -78,6 +79,7 @@ def _placed(now: Sight, features: Snapshot, reference: Reference, rng: np.random
         dx, dy, turn = planar(inverse(believed.map_from_body) @ pose)
         if np.hypot(dx, dy) <= BELIEVED_M and abs(float(wrap(turn))) <= BELIEVED_RAD:
             tries.append(replace(believed, map_from_body=pose))
+    tries = [aligned(one, now) for one in tries]
     marks = [rays_end(now, one, settings)[1] for one in tries]
     best = max(range(len(tries)), key=lambda k: (int(marks[k].sum()) + (0.02 * marks[k].size if k else 0)))
     return tries[best], marks[best]
