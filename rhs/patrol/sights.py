@@ -1,7 +1,7 @@
 """What the patrol keeps of the survey's pictures, and what it finds changed at each place (changes.json).
 
-Of every stored view that has an image and depth a picture 160 wide is kept in memory, at most MOST of them; those that a place
-is compared with are written to places_before/. Nothing here knows the truth.
+Of every stored view that has an image and depth a picture 160 wide is kept in memory, at most MOST of them; those that a
+place is compared with are written to places_before/. Nothing here knows the truth.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ class Sights:
         row: dict[str, Any] = {
             "picture": picture, "index": step.index, "x_m": round(float(x_m), 4), "y_m": round(float(y_m), 4),
             "yaw_rad": round(float(yaw_rad), 5), "sigma_m": round(sigma_m, 5),
-            "sigma_yaw_rad": round(float(np.sqrt(step.belief.covariance[5, 5])), 6), "width_px": 0, "before": [], "changes": []}
+            "sigma_yaw_rad": round(float(np.sqrt(step.belief.covariance[5, 5])), 6), "width_px": 0,
+            "before": [], "changes": []}
         if self.references and _complete(step.observation):
             row |= self._found(step, picture, folder, rng)
         self.rows.append(row)
@@ -89,7 +90,7 @@ def _small(observation: Observation, map_from_body: np.ndarray) -> Any:
     from rhs.estimation.views.references import small
 
     assert observation.image is not None and observation.depth is not None
-    return small(observation.image, observation.depth, observation.camera, map_from_body)
+    return small(observation.image, observation.depth, camera=observation.camera, map_from_body=map_from_body)
 
 
 def _plain(change: Any, now: Any, before: Sequence[Any]) -> dict[str, Any]:

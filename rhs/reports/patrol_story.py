@@ -1,4 +1,4 @@
-"""A patrol told to a person, from the files of its folder: what happened, what changed at each place, how sure the robot was."""
+"""A patrol told to a person, from the files of its folder: what happened, what changed where, how sure the robot was."""
 
 from __future__ import annotations
 

@@ -198,15 +198,15 @@ def _changes(section: Section, boxes: list[str]) -> Changes:
             near = difflib.get_close_matches(name, boxes, n=1, cutoff=0.5)
             advice = f"did you mean '{near[0]}'?" if near else f"boxes: {', '.join(boxes) or 'none'}"
             raise ConfigError(f"{section.where(key)}: {key}: no box is named '{name}'; {advice}")
-    stands = tuple((name, *moved.numbers(name, count=3)) for name in moved.keys())
+    stands = {name: moved.numbers(name, count=3) for name in moved.keys()}
     moved.finish()
-    both = sorted({name for name, *_ in stands} & set(removed))
+    both = sorted(set(stands) & set(removed))
     if both:
         raise ConfigError(f"{section.where('moved')}: '{both[0]}' is both moved and removed; expected one of the two")
     lamp = section.number("lamp_deg", low=-360.0, high=360.0) if "lamp_deg" in section.nodes else None
     light = Light(section.number("light", 1.0, low=0.05, high=3.0), None if lamp is None else float(np.radians(lamp)))
     section.finish()
-    return Changes(tuple(removed), tuple((name, x, y, float(np.radians(yaw))) for name, x, y, yaw in stands), light)
+    return Changes(tuple(removed), tuple((name, x, y, float(np.radians(yaw))) for name, (x, y, yaw) in stands.items()), light)
 
 
 def _point(section: Section, key: str) -> tuple[float, float]:

@@ -76,7 +76,8 @@ def _check_route(world: World, file: Located) -> None:
     for end in (world.route_m[0], world.route_m[-1]):
         distance, thing = distance_m(replace(world, walls=(), boxes=come, mesh=None), end)
         if distance < world.robot_radius_m:
-            raise ConfigError(f"{file.where('obstacles')}: {thing} is put in {distance:.2f} m from the robot at "
+            key = "obstacles" if thing in [f"box '{box.name}'" for box in world.obstacles] else "changes"
+            raise ConfigError(f"{file.where(key)}: {thing} is put in {distance:.2f} m from the robot at "
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
 
 

@@ -21,10 +21,12 @@ from rhs.api.geometry import Camera, inverse, transform
 from .change_settings import ChangeSettings
 from .rigid import PointNoise
 
+USUAL = ChangeSettings()
 NEW, GONE, DIFFERENT = "new", "gone", "looks different"
 DARK = 12.0  # grey levels below which colour is mostly noise
 BRIGHT = 250.0  # grey levels from which on a pixel may be saturated
 FACING = 8  # bins of the compass for the direction an upright surface faces; two more for floors and ceilings
+BESIDE_PX = 15  # what came or went shades and hides what is within half of this round it
 SAME_M = 0.3  # regions of one kind nearer than this, middle to middle, are one
 
 
@@ -81,7 +83,7 @@ class Change:
         return hull
 
 
-def compare(now: Sight, before: Sequence[Sight], settings: ChangeSettings = ChangeSettings()) -> list[Change]:
+def compare(now: Sight, before: Sequence[Sight], settings: ChangeSettings = USUAL) -> list[Change]:
     """What changed in `now` against pictures taken `before`, all registered in one map; largest first."""
     passed, same, differs = np.zeros((3, *now.depth.shape), bool)
     compared = np.zeros(now.depth.shape, bool)
@@ -95,7 +97,7 @@ def compare(now: Sight, before: Sequence[Sight], settings: ChangeSettings = Chan
     gone = [change for number, earlier in enumerate(before)
             for change in _regions(GONE, earlier, _missed(now, before, number, settings), settings)]
     structure = _distinct(new) + _distinct(gone)
-    looks = [change for change in _regions(DIFFERENT, now, differs & ~_near(now, structure), settings)]
+    looks = _regions(DIFFERENT, now, differs & ~_near(now, structure), settings)
     return sorted(structure + looks, key=lambda change: -change.size_m)
 
 
@@ -108,8 +110,8 @@ def rays_end(sight: Sight, other: Sight, settings: ChangeSettings) -> tuple[np.n
     noise = PointNoise(sight.camera.fx)
     tolerance = settings.depth_m + settings.depth_sigmas * np.sqrt(2.0) * noise.depth(np.nan_to_num(z_m, nan=1.0))
     with np.errstate(invalid="ignore"):
-        nearer = z_m < nearest_m - tolerance
-        same = (z_m > nearest_m - tolerance) & (z_m < furthest_m + tolerance) & np.isfinite(other.depth[rows, columns])
+        nearer: np.ndarray = np.asarray(z_m < nearest_m - tolerance)
+        same: np.ndarray = (z_m > nearest_m - tolerance) & (z_m < furthest_m + tolerance) & np.isfinite(other.depth[rows, columns])
     return nearer.reshape(sight.depth.shape), same.reshape(sight.depth.shape)
 
 
@@ -215,16 +217,17 @@ def _regions(verdict: str, sight: Sight, marked: np.ndarray, settings: ChangeSet
         mine = mine[np.isfinite(mine).all(axis=1)]
         if areas[number, cv2.CC_STAT_AREA] < settings.least_px or len(mine) < 3:
             continue
-        change = _measured(verdict, sight, mine)
+        change = _measured(verdict, mine)
         if change.size_m >= settings.least_m:
             found.append(change)
     return found
 
 
-def _measured(verdict: str, sight: Sight, points_m: np.ndarray) -> Change:
-    """Its size as seen: extents across and up, without the outermost twentieth on each side."""
-    across = sight.map_from_camera[:3, 0]
-    low, high = np.percentile(np.column_stack([points_m @ across, points_m[:, 2]]), (2.5, 97.5), axis=0)
+def _measured(verdict: str, points_m: np.ndarray) -> Change:
+    """Its size as seen: level along its longer way and up, without the outermost fortieth on each side."""
+    level = points_m[:, :2] - points_m[:, :2].mean(axis=0)
+    along = np.linalg.eigh(level.T @ level)[1][:, 1]
+    low, high = np.percentile(np.column_stack([level @ along, points_m[:, 2]]), (2.5, 97.5), axis=0)
     width_m, height_m = (high - low) / 0.95
     return Change(verdict, points_m, float(width_m), float(height_m), np.median(points_m, axis=0), len(points_m))
 
@@ -245,4 +248,4 @@ def _near(now: Sight, structure: list[Change]) -> np.ndarray:
         outline = change.outline(now)
         if len(outline) >= 3:
             cv2.fillConvexPoly(near, np.rint(outline).astype(np.int32), 1)
-    return cv2.dilate(near, np.ones((9, 9), np.uint8)).astype(bool)
+    return cv2.dilate(near, np.ones((BESIDE_PX,) * 2, np.uint8)).astype(bool)

@@ -1,8 +1,8 @@
 """One depth picture laid on another by its surfaces: projective point-to-plane ICP on the floor.
 
-Blais and Levine 1995 for the pairing (each point with what the other picture shows where it lands), Chen and Medioni 1992 for
-the distance along the normal. Here with three degrees of freedom, the belief as a prior, so that a lone wall leaves the place
-along it as it was believed, and Huber weights, so that what changed pulls little.
+Blais and Levine 1995 for the pairing (each point with what the other picture shows where it lands), Chen and Medioni 1992
+for the distance along the normal. Here with three degrees of freedom, the belief as a prior, so that a lone wall leaves the
+place along it as it was believed, and Huber weights, so that what changed pulls little.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def aligned(moved: Sight, fixed: Sight) -> Sight:
         if found is None:
             return moved
         at, distance_m, normal = found
-        jacobian = np.column_stack([normal[:, :2], normal[:, 1] * (at[:, 0] - origin[0]) - normal[:, 0] * (at[:, 1] - origin[1])])
+        arm = at[:, :2] - origin
+        jacobian = np.column_stack([normal[:, :2], normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
         weight = 1.0 / np.maximum(np.abs(distance_m), HUBER_M) / HUBER_M
         prior = np.diag([PRIOR_M**-2, PRIOR_M**-2, PRIOR_RAD**-2]) * len(at) ** 0.5
         information = (jacobian * weight[:, None]).T @ jacobian + prior

@@ -1,4 +1,4 @@
-"""Which earlier pictures show what a picture shows, and how they lie to it: chosen by pose, registered by key-points and depth."""
+"""Which earlier pictures show what a picture shows, and how they lie to it: by pose, then by key-points and depth."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from rhs.api.geometry import Camera, inverse, planar, wrap
 
 from .change_settings import ChangeSettings
-from .changes import Sight, rays_end
+from .changes import USUAL, Sight, rays_end
 from .depth_alignment import aligned
 from .settings import SightingSettings
 from .view_pose import Snapshot, sight
@@ -18,7 +18,7 @@ from .view_pose import Snapshot, sight
 NEAR_M, NEAR_RAD = 4.0, np.radians(75.0)  # further off, or turned further away, no picture is tried
 NEW_SHARE = 0.05  # another picture is taken as long as it shows this much of the view that none did before
 BELIEVED_M, BELIEVED_RAD = 0.6, np.radians(25.0)  # key-points that say something further from the belief are mistaken
-CANDIDATES = 16
+CANDIDATES = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,15 +29,15 @@ class Reference:
     snapshot: Snapshot
 
 
-def small(image: np.ndarray, depth: np.ndarray, sight_camera: Camera, map_from_body: np.ndarray, *, width_px: int = 160) -> Sight:
+def small(image: np.ndarray, depth: np.ndarray, *, camera: Camera, map_from_body: np.ndarray, width_px: int = 160) -> Sight:
     """A picture made about so many pixels wide: blocks of colour are averaged, of depth the middle pixel is kept."""
     import cv2
 
     block = max(1, round(image.shape[1] / width_px))
     rows, columns = image.shape[0] // block, image.shape[1] // block
-    camera = replace(sight_camera, width=columns, height=rows, fx=sight_camera.fx / block, fy=sight_camera.fy / block,
-                     skew=sight_camera.skew / block, cx=(sight_camera.cx - 0.5 * (block - 1)) / block,
-                     cy=(sight_camera.cy - 0.5 * (block - 1)) / block)
+    camera = replace(camera, width=columns, height=rows, fx=camera.fx / block, fy=camera.fy / block,
+                     skew=camera.skew / block, cx=(camera.cx - 0.5 * (block - 1)) / block,
+                     cy=(camera.cy - 0.5 * (block - 1)) / block)
     colour = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     colour = cv2.resize(colour[: rows * block, : columns * block], (columns, rows), interpolation=cv2.INTER_AREA)
     middle = depth[block // 2 :: block, block // 2 :: block][:rows, :columns]
@@ -45,10 +45,11 @@ def small(image: np.ndarray, depth: np.ndarray, sight_camera: Camera, map_from_b
 
 
 def registered(now: Sight, features: Snapshot, references: Sequence[Reference], *, rng: np.random.Generator,
-               settings: ChangeSettings = ChangeSettings()) -> list[Sight]:
-    """The earlier pictures that show most of this one, each moved to where its key-points, or else the beliefs, and then its depth put
-    it beside `now`. Those that agree with it nowhere are left out."""
-    seen, chosen = np.zeros(now.depth.shape, bool), []
+               settings: ChangeSettings = USUAL) -> list[Sight]:
+    """The earlier pictures that show most of this one, each moved to where its key-points, or else the beliefs, and then its
+    depth put it beside `now`. Those that agree with it nowhere are left out."""
+    chosen: list[Sight] = []
+    seen = np.zeros(now.depth.shape, bool)
     for reference in _by_nearness(now, references)[:CANDIDATES]:
         placed, same = _placed(now, features, reference, rng, settings)
         if (same & ~seen).mean() >= NEW_SHARE and len(chosen) < settings.references:
