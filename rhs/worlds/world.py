@@ -206,7 +206,8 @@ def _changes(section: Section, boxes: list[str]) -> Changes:
     lamp = section.number("lamp_deg", low=-360.0, high=360.0) if "lamp_deg" in section.nodes else None
     light = Light(section.number("light", 1.0, low=0.05, high=3.0), None if lamp is None else float(np.radians(lamp)))
     section.finish()
-    return Changes(tuple(removed), tuple((name, x, y, float(np.radians(yaw))) for name, (x, y, yaw) in stands.items()), light)
+    moves = tuple((name, x, y, float(np.radians(yaw))) for name, (x, y, yaw) in stands.items())
+    return Changes(tuple(removed), moves, light)
 
 
 def _point(section: Section, key: str) -> tuple[float, float]:

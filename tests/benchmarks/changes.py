@@ -5,7 +5,8 @@
 In each building the camera is led round the survey, then put beside each place (within 0.1 m, 15 degrees of the survey's
 heading there) for one picture per trial. What is compared is what a patrol keeps; the poses are wrong by 3 cm and 1 degree
 (1 sigma, each picture by itself), as a belief is. Trials: same, same in other light (0.6 times as bright, a lamp on one
-side), a box of 0.3 m put in view, a box of 0.3 m taken away. A box counts as marked when a mark lies within 0.4 m of its middle.
+side), a box of 0.3 m put in view, a box of 0.3 m taken away. A box counts as marked when a mark lies within 0.4 m of its
+middle.
 """
 
 from __future__ import annotations
@@ -67,13 +68,14 @@ def _thing(world: World, route: list[np.ndarray], stand: np.ndarray, number: int
         row, column = grid.cells(middle[None])[0]
         if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]) or grid.probability[row, column] != 0.0:
             continue
-        sight = stand[:2] + np.linspace(0, 1, 150)[:, None] * (middle - stand[:2])
-        clear = min(distance_m(world, point)[0] for point in sight)
         off_route = min(float(np.hypot(*(pose[:2] - middle))) for pose in route)
         box = Box(f"thing {number}", (float(middle[0]), float(middle[1])), (SIZE_M,) * 3, float(rng.uniform(0, 1.5)))
         gap_m, nearest = distance_m(world, middle)
         apart = gap_m > 0.22 + (APART_M if "thing" in nearest else 0.0)
-        if clear > 0.05 and apart and off_route > world.robot_radius_m + 0.22 and _in_picture(world, box, stand):
+        if not (apart and off_route > world.robot_radius_m + 0.22 and _in_picture(world, box, stand)):
+            continue
+        sight = stand[:2] + np.linspace(0, 1, 100)[:, None] * (middle - stand[:2])
+        if all(distance_m(world, point)[0] > 0.04 for point in sight):
             return box
     return None
 

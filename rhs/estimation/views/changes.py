@@ -111,7 +111,8 @@ def rays_end(sight: Sight, other: Sight, settings: ChangeSettings) -> tuple[np.n
     tolerance = settings.depth_m + settings.depth_sigmas * np.sqrt(2.0) * noise.depth(np.nan_to_num(z_m, nan=1.0))
     with np.errstate(invalid="ignore"):
         nearer: np.ndarray = np.asarray(z_m < nearest_m - tolerance)
-        same: np.ndarray = (z_m > nearest_m - tolerance) & (z_m < furthest_m + tolerance) & np.isfinite(other.depth[rows, columns])
+        between: np.ndarray = np.asarray((z_m > nearest_m - tolerance) & (z_m < furthest_m + tolerance))
+    same = between & np.isfinite(other.depth[rows, columns])
     return nearer.reshape(sight.depth.shape), same.reshape(sight.depth.shape)
 
 
@@ -131,7 +132,8 @@ def colours_differ(now: Sight, earlier: Sight, surface: np.ndarray, settings: Ch
         here_now = here - shift
         out |= _beyond(cv2.blur(here_now, (3, 3)), low, high, limit)
         out |= _beyond(middle, cv2.erode(here_now, slack), cv2.dilate(here_now, slack), limit)
-    return out & fair
+    different: np.ndarray = out & fair
+    return different
 
 
 def _beyond(value: np.ndarray, low: np.ndarray, high: np.ndarray, limit: float) -> np.ndarray:
@@ -155,7 +157,7 @@ def _landing(sight: Sight, other: Sight) -> tuple[np.ndarray, np.ndarray, np.nda
     pixels = other.camera.project(points)
     height, width = other.depth.shape
     with np.errstate(invalid="ignore"):
-        inside = ((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
+        inside: np.ndarray = np.asarray((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
     nearest = np.where(inside[:, None], np.rint(np.nan_to_num(pixels)), 0).astype(int)
     columns, rows = np.clip(nearest, 0, (width - 1, height - 1)).T
     return np.where(inside, points[:, 2], np.nan), rows, columns
