@@ -157,8 +157,8 @@ def _landing(sight: Sight, other: Sight) -> tuple[np.ndarray, np.ndarray, np.nda
     pixels = other.camera.project(points)
     height, width = other.depth.shape
     with np.errstate(invalid="ignore"):
-        inside: np.ndarray = np.asarray((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
-    nearest = np.where(inside[:, None], np.rint(np.nan_to_num(pixels)), 0).astype(int)
+        inside = np.all((pixels >= -0.5) & (pixels < np.array([width, height]) - 0.5), axis=1)
+    nearest = np.where(np.reshape(inside, (-1, 1)), np.rint(np.nan_to_num(pixels)), 0).astype(int)
     columns, rows = np.clip(nearest, 0, (width - 1, height - 1)).T
     return np.where(inside, points[:, 2], np.nan), rows, columns
 
