@@ -245,7 +245,7 @@ def _make(folder: Path, *, with_video: bool, unreadable: list[str]) -> Iterator[
     if not (folder / "row.json").exists():
         yield sweep(folder, unreadable)
         return
-    for path in (*folder.iterdir(), *folder.glob("places/*")):
+    for path in (*folder.iterdir(), *folder.glob("places/*"), *folder.glob("places_before/*")):
         check_regular(path)
     read_row(folder / "row.json")
     yield from pictures(folder)
