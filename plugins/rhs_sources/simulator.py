@@ -15,7 +15,7 @@ import numpy as np
 
 from rhs.api.contracts import Source, SourceContext
 from rhs.api.errors import ConfigError, RhsError
-from rhs.api.floorplan import World
+from rhs.api.floorplan import World, after
 from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
 from rhs.api.records import Capture, Twist
 from rhs.worlds.world import reversed_world
@@ -23,7 +23,7 @@ from rhs.worlds.world import reversed_world
 from .lens import Lens
 from .simulator_config import Simulator
 from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
-from .simulator_scene import Look, scene_of
+from .simulator_scene import Look, Scene, scene_of
 
 if TYPE_CHECKING:
     from .simulator_solid import Solid
@@ -52,9 +52,8 @@ class SimulatorSource(Source):
         self.views_expected: int | None = len(self.views)
         self.solid = judge_of(self.world)
         self.provides = None if self.solid else settings.provides - {"driving", "teleport"}
-        probes = settings.anisotropy if settings.sampling == "anisotropic" else 0
-        look = Look(settings.texture_px_per_m, settings.renderer, probes, context.folder)
-        self.scene = scene_of(self.world, self.lens.ideal if self.lens else pinhole, look)
+        self.folder = context.folder
+        self.scene = self._scene()
         self.renderer = self.scene.renderer
         self.stand = np.array(self.world.start)  # true x, y, yaw
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
@@ -62,6 +61,13 @@ class SimulatorSource(Source):
         self.bumped = False  # the robot's bumper, since the last view
         self.world_from_body = se2(*self.stand)
         self._check_picture()
+
+    def _scene(self) -> Scene:
+        settings = self.settings
+        probes = settings.anisotropy if settings.sampling == "anisotropic" else 0
+        look = Look(settings.texture_px_per_m, settings.renderer, probes, self.folder)
+        ideal = self.lens.ideal if self.lens else self.camera
+        return scene_of(self.world, ideal, look)
 
     def _seed(self, rng: np.random.Generator) -> None:
         """One child generator per purpose: settings of one do not change the draws of another."""
@@ -108,10 +114,14 @@ class SimulatorSource(Source):
         return Twist(float(length / error[0] / duration_s), float(turn / error[1] / duration_s), duration_s)
 
     def begin_patrol(self) -> None:
-        """Put in the obstacles of the world."""
-        self.scene.add_obstacles()
-        if self.solid:
-            self.solid.add_obstacles()
+        """From now on the world is as its file says it is after the survey."""
+        changed = after(self.world)
+        if changed is self.world:
+            return
+        self.close()
+        self.world = changed
+        self.solid = judge_of(changed)
+        self.scene = self._scene()
 
     def drive(self, command: Twist) -> Capture:
         """Follow the command as well as this robot can, stopping at contact, and look."""

@@ -20,7 +20,7 @@ from rhs.api.floorplan import World
 from rhs.api.geometry import Camera, inverse, se3
 
 from .simulator_bullet import pybullet, quiet
-from .simulator_mesh import Quad, building, furniture
+from .simulator_mesh import Quad, building, lit
 from .simulator_scene import Look, Scene
 
 NEAR_M, FAR_M = 0.1, 60.0
@@ -59,13 +59,8 @@ class BulletScene(Scene):
             spec.origin, "_eglRendererPlugin", physicsClientId=self.client) >= 0
 
     def _build(self, scratch: Path) -> None:
-        for quads, image in building(self.world, self.look.px_per_m):
+        for quads, image in lit(building(self.world, self.look.px_per_m), self.world.light):
             self._show(scratch, quads, image)
-
-    def add_obstacles(self) -> None:
-        with tempfile.TemporaryDirectory(dir=self.look.folder, prefix="scene.tmp-") as scratch, quiet():
-            for quads, image in furniture(self.world, self.world.obstacles, self.look.px_per_m):
-                self._show(Path(scratch), quads, image)
 
     def _show(self, scratch: Path, quads: list[Quad], image: np.ndarray) -> None:
         """Add quads wearing parts of one image, cut into pieces.

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from rhs.api.floorplan import Box, Wall, World
+from rhs.api.floorplan import LAMP_SHARE, Box, Light, Wall, World
 
 from .simulator_textures import WallPainter, generator, surface
 
@@ -37,6 +37,24 @@ def building(world: World, px_per_m: float) -> Iterator[Painted]:
     for name, look, quad in surfaces:
         image = surface(generator(world.seed, name), look, (x1 - x0, y1 - y0), FLOOR_PX_PER_M)
         yield [quad], image
+
+
+def lit(painted: Iterable[Painted], light: Light) -> Iterator[Painted]:
+    """The same faces in this light; those that a lamp lights differently each get an image of their own."""
+    for quads, image in painted:
+        if light.lamp_rad is None:
+            yield quads, brighter(image, light.brightness)
+            continue
+        for corners, uv in quads:
+            normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
+            normal /= np.linalg.norm(normal)
+            facing = float(normal[:2] @ (np.cos(light.lamp_rad), np.sin(light.lamp_rad)))
+            yield [(corners, uv)], brighter(image, light.brightness * (1.0 + LAMP_SHARE * facing))
+
+
+def brighter(image: np.ndarray, factor: float) -> np.ndarray:
+    """The image with all colours times a factor; what is too bright is white."""
+    return image if factor == 1.0 else np.clip(np.rint(image * np.float32(factor)), 0, 255).astype(np.uint8)
 
 
 def furniture(world: World, boxes: Iterable[Box], px_per_m: float) -> Iterator[Painted]:

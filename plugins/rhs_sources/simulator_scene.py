@@ -16,7 +16,7 @@ from rhs.api.floorplan import World
 from rhs.api.geometry import Camera
 
 from .raster.renderer import Mesh, Renderer
-from .simulator_mesh import building, furniture
+from .simulator_mesh import brighter, building, lit
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,6 @@ class Scene(Protocol):
     """A world to look at. `close` it. renderer: what draws it."""
 
     renderer: str
-
-    def add_obstacles(self) -> None:
-        """Put in the boxes that the survey did not see."""
 
     def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """RGB (H, W, 3) uint8 and depth (H, W) float32 in metres along the optical axis, NaN where nothing is."""
@@ -63,15 +60,11 @@ class RasterScene(Scene):
     renderer = "raster"
 
     def __init__(self, world: World, camera: Camera, look: Look) -> None:
-        self.world, self.px_per_m = world, look.px_per_m
         self.drawer = Renderer(camera, probes=look.probes)
-        self.mesh = Mesh.of_quads(building(world, look.px_per_m))
+        self.mesh = Mesh.of_quads(lit(building(world, look.px_per_m), world.light))
         if world.mesh is not None:
-            self.mesh += Mesh.of_triangles(world.mesh.corners_m, world.mesh.uv, world.mesh.texture, world.mesh.images)
-
-    def add_obstacles(self) -> None:
-        if self.world.obstacles:
-            self.mesh += Mesh.of_quads(furniture(self.world, self.world.obstacles, self.px_per_m))
+            images = [brighter(image, world.light.brightness) for image in world.mesh.images]
+            self.mesh += Mesh.of_triangles(world.mesh.corners_m, world.mesh.uv, world.mesh.texture, images)
 
     def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.drawer.render(self.mesh, world_from_body)

@@ -32,11 +32,6 @@ class Solid:
             self._add_box(box)
         self.robot = self._robot()
 
-    def add_obstacles(self) -> None:
-        """Put in the boxes that the survey did not see."""
-        for box in self.world.obstacles:
-            self._add_box(box)
-
     def _add_box(self, box: Box) -> None:
         w, d, h = box.size_m
         self._add((w / 2, d / 2, h / 2), (*box.centre_m, box.bottom_m + h / 2), box.yaw_rad)

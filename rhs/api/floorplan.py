@@ -5,7 +5,7 @@ All lengths in metres, angles in radians, world frame: x east, y north, z up, th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -105,12 +105,34 @@ class Mesh:
     solid_m: np.ndarray
 
 
+@dataclass(frozen=True)
+class Light:
+    """Of the patrol against the survey's, which lights everything alike. brightness: factor on all colours. lamp_rad: where
+    a lamp stands, as an angle in the world; what faces it is brighter by LAMP_SHARE, what faces away darker."""
+
+    brightness: float = 1.0
+    lamp_rad: float | None = None
+
+
+LAMP_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What is otherwise on patrol than it was on the survey, besides the world's obstacles. removed: names of boxes;
+    moved: (name of a box, x m, y m, yaw rad)."""
+
+    removed: tuple[str, ...] = ()
+    moved: tuple[tuple[str, float, float, float], ...] = ()
+    light: Light = Light()
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """A building. start: (x m, y m, yaw rad). places: (name, x m, y m). route_m (N, 2): the survey from the start on.
 
-    obstacles are unknown to the survey and put in when the patrol begins. path: the file it was read from. mesh: somebody
-    else's building, which may stand there without walls.
+    obstacles are unknown to the survey and put in when the patrol begins, and `changes` happen then: see `after`. path: the
+    file it was read from. mesh: somebody else's building, which may stand there without walls. light: as it is now.
     """
 
     name: str
@@ -128,6 +150,8 @@ class World:
     ceiling: Surface
     seed: int
     mesh: Mesh | None = None
+    changes: Changes = Changes()
+    light: Light = Light()
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -141,15 +165,28 @@ class World:
         return WorldFacts(self.name, self.start, self.places, self.bounds_m, self.robot_radius_m)
 
 
+def after(world: World) -> World:
+    """The world of the patrol: boxes removed and moved, obstacles put in, lit anew. The world itself if nothing changes."""
+    if not world.obstacles and world.changes == Changes():
+        return world
+    moved = {name: (x, y, yaw) for name, x, y, yaw in world.changes.moved}
+    boxes = tuple(_stood(box, moved.get(box.name)) for box in world.boxes if box.name not in world.changes.removed)
+    return replace(world, boxes=boxes + world.obstacles, obstacles=(), changes=Changes(), light=world.changes.light)
+
+
+def _stood(box: Box, stand: tuple[float, float, float] | None) -> Box:
+    return box if stand is None else replace(box, centre_m=stand[:2], yaw_rad=stand[2])
+
+
 def mapping_grid_frame(world: World | WorldFacts, resolution_m: float) -> tuple[tuple[int, int], tuple[float, float]]:
     """((rows, columns), origin_m) of every grid of this world, the robot's map and the true plan alike."""
     return frame_of(world.bounds_m, resolution_m)
 
 
-def truth_grid(world: World, resolution_m: float = 0.1, *, with_obstacles: bool = False) -> OccupancyGrid:
+def truth_grid(world: World, resolution_m: float = 0.1) -> OccupancyGrid:
     """The true plan: 1 where a wall or box touches the cell, 0 where the robot's centre point could get from the start
-    without crossing one, NaN elsewhere (solid cores of the building, outside)."""
-    touched = touched_cells(world, resolution_m, with_obstacles=with_obstacles)
+    without crossing one, NaN elsewhere (solid cores of the building, outside). That of the patrol: of `after(world)`."""
+    touched = touched_cells(world, resolution_m)
     shape, origin = mapping_grid_frame(world, resolution_m)
     grid = OccupancyGrid(np.full(shape, np.nan, np.float32), resolution_m, origin)
     row, column = grid.cells(np.array(world.start[:2]))[0]
@@ -164,7 +201,7 @@ def truth_grid(world: World, resolution_m: float = 0.1, *, with_obstacles: bool 
     return OccupancyGrid(probability, resolution_m, origin)
 
 
-def touched_cells(world: World, resolution_m: float, *, with_obstacles: bool = False) -> np.ndarray:
+def touched_cells(world: World, resolution_m: float) -> np.ndarray:
     """(H, W) bool in the frame of `mapping_grid_frame`: some wall or box touches the cell.
 
     A box touches the cells whose inside it meets. So does a wall, which has no thickness; one that runs along the border
@@ -173,7 +210,7 @@ def touched_cells(world: World, resolution_m: float, *, with_obstacles: bool = F
     shape, origin = mapping_grid_frame(world, resolution_m)
     touched = np.zeros(shape, bool)
     polygons = [segment for wall in world.walls for segment in wall.segments_m]
-    polygons += [box.corners_m for box in world.boxes + (world.obstacles if with_obstacles else ())]
+    polygons += [box.corners_m for box in world.boxes]
     for polygon in polygons:
         _touch(touched, polygon, resolution_m, origin)
     if world.mesh is not None:
@@ -208,7 +245,7 @@ def _touch(touched: np.ndarray, polygon: np.ndarray, resolution_m: float, origin
     touched[first[1] : last[1], first[0] : last[0]] |= meets
 
 
-def distance_m(world: World, point_m: np.ndarray, *, with_obstacles: bool = False) -> tuple[float, str]:
+def distance_m(world: World, point_m: np.ndarray) -> tuple[float, str]:
     """Distance in metres from a point (2,) to the nearest wall or box, 0 inside a box, and the name of that thing."""
     best, name = np.inf, ""
     for wall in world.walls:
@@ -216,7 +253,7 @@ def distance_m(world: World, point_m: np.ndarray, *, with_obstacles: bool = Fals
             d = _to_segment(point_m, a, b)
             if d < best:
                 best, name = d, f"wall '{wall.name}'"
-    for box in world.boxes + (world.obstacles if with_obstacles else ()):
+    for box in world.boxes:
         c, s = np.cos(box.yaw_rad), np.sin(box.yaw_rad)
         local = np.array([[c, s], [-s, c]]) @ (np.asarray(point_m) - box.centre_m)
         d = float(np.hypot(*np.maximum(np.abs(local) - 0.5 * np.array(box.size_m[:2]), 0.0)))

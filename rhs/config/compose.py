@@ -45,7 +45,8 @@ class Core:
     recording: str = "auto"
     """run.mcap: full (with images), light (no images), off; auto is full in a single run, light in a sweep"""
     pictures: str = "auto"
-    """overview.png and the like: on, off; auto is on in a single run, off in a sweep (rhs report makes them later)"""
+    """overview.png and the like, and a patrol's comparison of each place with the survey: on, off, or page, which adds
+    report.html; auto is on in a single run, off in a sweep (rhs report makes pictures later, but can compare nothing)"""
     video: bool = False
     """also make video.webm"""
     live: str = ""
@@ -59,7 +60,7 @@ class Core:
     def __post_init__(self) -> None:
         check_range("", "seed", self.seed, low=0, high=2**63 - 1)
         check_choice("", "recording", self.recording, ("auto", "full", "light", "off"))
-        check_choice("", "pictures", self.pictures, ("auto", "on", "off"))
+        check_choice("", "pictures", self.pictures, ("auto", "on", "off", "page"))
 
 
 @dataclass

@@ -30,6 +30,7 @@ from .mission import turning
 from .observers import RunLog, closure_rows, plan_row, write_json
 from .run import RunContext
 from .sentinel import Sentinel
+from .sights import Sights
 from .tasks import Patrol, Survey
 
 START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
@@ -51,9 +52,12 @@ class PatrolJob(StepJob):
     def steps(self) -> Iterator[Step]:
         """Both phases; the row's columns follow from the files they leave."""
         log = self.context.open_log(self.parts, self.world)
-        survey = yield from lead_survey(self.parts, self.context, self.settings, log)
-        if isinstance(self.settings, Patrol) and self.world is not None:
-            yield from patrol(self.parts, self.settings, survey, log, seed=self.context.seed)
+        settings, sights = self.settings, None
+        if isinstance(settings, Patrol) and self.context.config.pictures != "off":
+            sights = Sights(settings.places.every, self.context.features)
+        survey = yield from lead_survey(self.parts, self.context, settings, log, sights=sights)
+        if isinstance(settings, Patrol) and self.world is not None:
+            yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
 
 
 def with_obstacles(world: World, boxes: list[list[float]]) -> World:
@@ -69,17 +73,22 @@ def with_obstacles(world: World, boxes: list[list[float]]) -> World:
     return replace(world, obstacles=world.obstacles + more)
 
 
-def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog,
+def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *, sights: Sights | None = None,
                 ) -> Generator[Step, None, Surveyed]:
-    """Lead, settle, close the loop, draw the map; the files of the survey are written here."""
-    collected = yield from collect(parts, context, settings, log)
-    return settle(collected, parts, log)
+    """Lead, settle, close the loop, draw the map; the files of the survey are written here. sights: keeps its pictures."""
+    collected = yield from collect(parts, context, settings, log, sights=sights)
+    survey = settle(collected, parts, log)
+    if sights is not None:
+        sights.settle(survey.views)
+    return survey
 
 
-def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog) -> Generator[Step, None, ViewCollector]:
+def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *, sights: Sights | None = None,
+            ) -> Generator[Step, None, ViewCollector]:
     """Lead the camera along its route; the views as they were believed on the way."""
     collector = ViewCollector(settings.places.every, context.features, features)
-    yield from collector.watch(log.follow(context.lead(parts), "survey", parts.source.views_expected))
+    led = collector.watch(log.follow(context.lead(parts), "survey", parts.source.views_expected))
+    yield from led if sights is None else sights.watch(led)
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")
     return collector
@@ -120,8 +129,9 @@ def contradictions(before: Sequence[View], closed: Sequence[View]) -> dict[str, 
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
-def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, seed: int) -> Iterator[Step]:
-    """Visit the places in order in the surveyed map."""
+def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, seed: int, sights: Sights | None = None,
+           ) -> Iterator[Step]:
+    """Visit the places in order in the surveyed map; at each, compare with what the survey saw there."""
     facts = parts.source.facts
     parts.localiser.learn(survey.views, survey.grid)
     last = survey.views[-1]
@@ -136,18 +146,24 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
     try:
         for step in log.follow(loop, "patrol", None):
             if Event.ARRIVED in step.events:
-                take_picture(step, sentinel, log.folder / "places")
+                picture = take_picture(step, sentinel, log.folder / "places")
+                if sights is not None:
+                    sights.compare(step, picture, log.folder / "places_before", rng=generator(seed, "sights"))
             yield step
     finally:
         write_json(log.folder / "missions.json", sentinel.book.to_rows())
+        if sights is not None:
+            write_json(log.folder / "changes.json", sights.rows)
         write_json(log.folder / "plans.json", [plan_row(number, plan) for number, plan in sentinel.plans])
 
 
-def take_picture(step: Step, sentinel: Sentinel, folder: Path) -> None:
-    """The picture the sentinel was sent for, named after the place."""
+def take_picture(step: Step, sentinel: Sentinel, folder: Path) -> str:
+    """The picture the sentinel was sent for, named after the place; its name."""
     from rhs.estimation.views.features import write_image
 
     arrived = [mission for mission in sentinel.book.missions if mission.status is MissionStatus.ARRIVED]
+    name = f"{len(arrived):02d}_{arrived[-1].place}"
     if step.observation.image is not None:
         folder.mkdir(exist_ok=True)
-        write_image(folder / f"{len(arrived):02d}_{arrived[-1].place}.png", step.observation.image)
+        write_image(folder / f"{name}.png", step.observation.image)
+    return name

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.files import replacing
-from rhs.api.floorplan import World, truth_grid
+from rhs.api.floorplan import World, after, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Step
 from rhs.api.records import Path as Plan
@@ -98,8 +98,8 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
                                        "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m})
     if world is not None:
         save_map(folder / "true_map", truth_grid(world))
-        if world.obstacles:
-            save_map(folder / "true_map_patrol", truth_grid(world, with_obstacles=True))
+        if after(world) is not world:
+            save_map(folder / "true_map_patrol", truth_grid(after(world)))
     level = "full" if config.recording == "auto" else config.recording
     recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]

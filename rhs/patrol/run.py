@@ -118,6 +118,8 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
 
         if config.pictures != "off":
             report.pictures(folder)
+        if config.pictures == "page":
+            report.html(folder)
         if config.video:
             report.video(folder)
     except BaseException as error:

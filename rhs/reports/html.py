@@ -17,7 +17,16 @@ HEAD = """<!doctype html>
 <h1>{{ title }}</h1>
 """
 
-RUN = HEAD + """
+PATROL = """{% if told %}
+<h2>What happened</h2>{% for line in told.lines %}<p>{{ line }}</p>{% endfor %}
+<h2>What changed at each place</h2>
+<p>Red: new. Blue: gone. Yellow: looks different. Left: now; right: the survey's pictures of the same.</p>
+{% for place in told.places %}<section><h3>{{ place.title }}</h3><p>{{ place.found }}</p>
+{% if place.pictures %}<img src="{{ place.pictures }}" alt="{{ place.title }}: now, and before">{% endif %}
+<p>{{ place.sure }}</p></section>{% endfor %}
+<h2>The way driven</h2>{% endif %}"""
+
+RUN = HEAD + PATROL + """
 <img src="{{ overview }}" alt="map, trajectories and places of the run">
 {% if video %}<h2>Video</h2><video controls src="{{ video }}"></video>{% endif %}
 <h2>Numbers</h2><div class="numbers">

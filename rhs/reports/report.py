@@ -25,6 +25,7 @@ from rhs.runfolder.run import Run
 
 from .charts import bars, errors_over_time, stage_times
 from .drawing import draw_run, json_of, title
+from .patrol_story import patrol_story
 from .summary import SHOWN, notes_of
 from .video import video
 
@@ -117,11 +118,14 @@ def html(folder: Path) -> Path:
     row = read_row(folder / "row.json")
     steps = pd.read_csv(folder / "steps.csv") if (folder / "steps.csv").exists() else None
     pictures = [(path.stem, embed(path)) for path in sorted((folder / "places").glob("*.png"))]
+    pictures = [] if (folder / "changes.json").exists() else pictures
     overview_png = folder / "overview.png" if (folder / "overview.png").exists() else overview(folder)
+    told = None if json_of(folder / "changes.json") is None else patrol_story(folder, row)
     page = _page("run").render(
+        told=told,
         title=title(row).splitlines()[0] or folder.name, row=_shown(row), overview=embed(overview_png), places=pictures,
         charts=_pictures(folder, steps), missions=json_of(folder / "missions.json") or [],
-        config=_text(folder / "config.yaml"), video=_video(folder))
+        config=_text(folder / "config.yaml"), video="" if told else _video(folder))
     return _write(folder / "report.html", page)
 
 
@@ -150,7 +154,7 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
 
 def embed(path: Path) -> str:
     """A file as a data address."""
-    kind = {".png": "image/png", ".webm": "video/webm"}[path.suffix]
+    kind = {".png": "image/png", ".jpg": "image/jpeg", ".webm": "video/webm"}[path.suffix]
     return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
@@ -246,7 +250,7 @@ def _make(folder: Path, *, with_video: bool, unreadable: list[str]) -> Iterator[
     if not (folder / "row.json").exists():
         yield sweep(folder, unreadable)
         return
-    for path in (*folder.iterdir(), *folder.glob("places/*")):
+    for path in (*folder.iterdir(), *folder.glob("places/*"), *folder.glob("places_before/*")):
         check_regular(path)
     read_row(folder / "row.json")
     yield from pictures(folder)

@@ -12,6 +12,8 @@ import numpy as np
 from rhs.api.floorplan import (
     Blank,
     Box,
+    Changes,
+    Light,
     Paintings,
     Surface,
     Wall,
@@ -127,6 +129,7 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         seed=file.whole("seed", 0),
         mesh=None if building is None else building.mesh,
     )
+    world = replace(world, changes=_changes(file.section("changes"), [box.name for box in world.boxes]))
     file.finish()
     return world
 
@@ -185,6 +188,26 @@ def _boxes(file: Section, key: str) -> tuple[Box, ...]:
             surface=_surface(section.section("surface"), FURNITURE)))
         section.finish()
     return tuple(boxes)
+
+
+def _changes(section: Section, boxes: list[str]) -> Changes:
+    """What happens between survey and patrol to boxes of these names, and to the light."""
+    removed, moved = section.texts("removed"), section.section("moved")
+    for key, name in [("removed", name) for name in removed] + [("moved", name) for name in moved.keys()]:
+        if name not in boxes:
+            near = difflib.get_close_matches(name, boxes, n=1, cutoff=0.5)
+            advice = f"did you mean '{near[0]}'?" if near else f"boxes: {', '.join(boxes) or 'none'}"
+            raise ConfigError(f"{section.where(key)}: {key}: no box is named '{name}'; {advice}")
+    stands = {name: moved.numbers(name, count=3) for name in moved.keys()}
+    moved.finish()
+    both = sorted(set(stands) & set(removed))
+    if both:
+        raise ConfigError(f"{section.where('moved')}: '{both[0]}' is both moved and removed; expected one of the two")
+    lamp = section.number("lamp_deg", low=-360.0, high=360.0) if "lamp_deg" in section.nodes else None
+    light = Light(section.number("light", 1.0, low=0.05, high=3.0), None if lamp is None else float(np.radians(lamp)))
+    section.finish()
+    moves = tuple((name, x, y, float(np.radians(yaw))) for name, (x, y, yaw) in stands.items())
+    return Changes(tuple(removed), moves, light)
 
 
 def _point(section: Section, key: str) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rhs.api.floorplan import World, distance_m, truth_grid
+from rhs.api.floorplan import World, after, distance_m, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
@@ -72,10 +72,12 @@ def _check_route(world: World, file: Located) -> None:
         if not _reached(world, a + along * (b - a)).all():
             raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: the leg from {a.tolist()} to {b.tolist()} goes "
                               "through a wall or a box; lead it round")
+    come = tuple(box for box in after(world).boxes if box not in world.boxes)
     for end in (world.route_m[0], world.route_m[-1]):
-        distance, thing = distance_m(replace(world, walls=(), boxes=world.obstacles, mesh=None), end)
+        distance, thing = distance_m(replace(world, walls=(), boxes=come, mesh=None), end)
         if distance < world.robot_radius_m:
-            raise ConfigError(f"{file.where('obstacles')}: obstacle {thing} is put in {distance:.2f} m from the robot at "
+            key = "obstacles" if thing in [f"box '{box.name}'" for box in world.obstacles] else "changes"
+            raise ConfigError(f"{file.where(key)}: {thing} is put in {distance:.2f} m from the robot at "
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
 
 

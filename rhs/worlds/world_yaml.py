@@ -128,6 +128,11 @@ class Section:
             raise ConfigError(f"{self.where(key)}: {key} has {len(rows)} points; expected at least {least}")
         return np.array(rows, float).reshape(-1, 2)
 
+    def texts(self, key: str) -> list[str]:
+        """A list of words or sentences; empty if the key is absent."""
+        node = self._take(key, required=False)
+        return [] if node is None else [_text(item) for item in self._items(key, node)]
+
     def section(self, key: str) -> Section:
         """A mapping inside this one; an empty one if the key is absent."""
         node = self._take(key, required=False)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rhs.api.floorplan import Box, Wall, distance_m, touched_cells, truth_grid
+from rhs.api.floorplan import Box, Wall, after, distance_m, touched_cells, truth_grid
 from rhs.worlds.world import load_world
 
 
@@ -39,7 +39,7 @@ def test_cells_round_the_walls_of_the_square(square, x, y, expected):
 def test_obstacles_are_drawn_on_request_only():
     blocked = load_world("square_blocked")
     assert value(truth_grid(blocked), 5.0, 1.0) == 0.0
-    with_it = truth_grid(blocked, with_obstacles=True)
+    with_it = truth_grid(after(blocked))
     # 0.2 m wide about x = 5: the middle cell and half of each neighbour; what lies behind it is reached the other way
     assert [value(with_it, x, 1.0) for x in (4.8, 4.9, 5.0, 5.1, 5.2)] == [0.0, 1.0, 1.0, 1.0, 0.0]
 

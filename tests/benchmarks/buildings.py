@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from shared import write
 
+from rhs.api.floorplan import after
 from rhs.base.provenance import commit
 from rhs.runfolder.row import read_row
 from rhs.worlds.random.names import FAMILIES, building_of
@@ -60,7 +61,7 @@ def rows(folder: Path) -> list[dict[str, Any]]:
     for path in sorted(folder.glob("*/row.json")):
         row = read_row(path)
         world = load_world(str(row["world"]), seed=int(row["seed"]))
-        can = reached(world, radius_m=world.robot_radius_m + 0.05, with_obstacles=True)
+        can = reached(after(world), radius_m=world.robot_radius_m + 0.05)
         visited, touched = (float(row.get(name, np.nan)) for name in ("places_visited", "collisions"))
         out.append({
             "family": str(row["world"]).removeprefix("random:").partition("/")[0],

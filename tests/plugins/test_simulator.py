@@ -10,7 +10,7 @@ import pytest
 
 from rhs.api.contracts import SourceContext
 from rhs.api.errors import ConfigError, RhsError
-from rhs.api.floorplan import Box
+from rhs.api.floorplan import Box, Changes, Light, Surface
 from rhs.api.geometry import inverse, planar, se2, transform
 from rhs.api.records import Twist
 from rhs.worlds.world import load_world
@@ -143,6 +143,33 @@ def test_obstacles_appear_when_the_patrol_begins(tmp_path):
     source.drive(Twist(0.5, 0.0, 5.0))
     assert planar(source.truth())[0] == pytest.approx(4.9 - 0.3, abs=2e-3)
     assert list(tmp_path.iterdir()) == []  # meshes and textures are gone once PyBullet has them
+    source.close()
+
+
+def test_what_moves_goes_and_dims_overnight_is_so_for_eye_and_judge(tmp_path):
+    """A box 2 m ahead goes; one behind it, moved aside, leaves the wall 7 m away; the light falls to half."""
+    boxes = (Box("near", (5.0, 1.0), (0.2, 0.5, 1.8)), Box("far", (6.0, 1.0), (0.2, 0.5, 1.8)))
+    changes = Changes(removed=("near",), moved=(("far", 5.0, 1.7, 0.0),), light=Light(0.5))
+    source = build(tmp_path, replace(WORLD, boxes=boxes, changes=changes))
+    before = look_from(source, 3.0, 1.0, 0.0)
+    source.begin_patrol()
+    now = look_from(source, 3.0, 1.0, 0.0)
+    assert (before.depth[60, 80], now.depth[60, 80]) == (pytest.approx(1.9, abs=1e-3), pytest.approx(5.0, abs=1e-3))
+    ceiling = before.image[:8].mean(), now.image[:8].mean()
+    assert ceiling[1] == pytest.approx(0.5 * ceiling[0], rel=0.02)
+    source.drive(Twist(0.5, 0.0, 4.0))
+    assert planar(source.truth())[0] == pytest.approx(5.0, abs=0.02)  # nothing is in the way any more
+    source.close()
+
+
+def test_what_faces_the_lamp_is_brighter(tmp_path):
+    """The same bare walls: the one ahead faces a lamp behind the robot, the one behind faces away from it."""
+    plain = tuple(replace(w, surface=Surface("plain", (100.0, 100.0, 100.0), 0.0), paintings=False) for w in WORLD.walls)
+    world = replace(WORLD, walls=plain, changes=Changes(light=Light(1.0, np.pi)))
+    source = build(tmp_path, world)
+    source.begin_patrol()
+    ahead, behind = (look_from(source, x, 1.0, yaw).image[60, 80].mean() for x, yaw in ((6.0, 0.0), (2.0, np.pi)))
+    assert (ahead, behind) == (pytest.approx(130, abs=2), pytest.approx(70, abs=2))
     source.close()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rhs.api.errors import ConfigError
-from rhs.api.floorplan import distance_m, truth_grid
+from rhs.api.floorplan import after, distance_m, truth_grid
 from rhs.cli.main import main
 from rhs.config.compose import compose_config, from_plain, to_plain
 from rhs.patrol.observers import unwatched
@@ -48,7 +48,7 @@ def test_every_place_is_reached_from_the_start(family, number):
     world = building(family, number, "+plain")
     names = [name for name, _, _ in world.places]
     assert 3 <= len(names) <= 6 and len(set(names)) == len(names) and names[-1] == "home"
-    assert reached(world, radius_m=world.robot_radius_m + 0.05, with_obstacles=False) == names
+    assert reached(world, radius_m=world.robot_radius_m + 0.05) == names
     for _, x, y in world.places:
         assert distance_m(world, np.array([x, y]))[0] >= world.robot_radius_m + 0.1
 
@@ -96,7 +96,7 @@ def test_obstacles_leave_the_robot_and_the_places_alone(family, number):
         assert polygon_gaps_m(box.corners_m, np.stack([keep, keep], axis=1)).min() >= world.robot_radius_m + 0.14
         if not box.name.startswith("barrier"):
             assert 0.3 <= min(box.size_m[:2]) and max(box.size_m[:2]) <= 0.6
-    can = reached(world, radius_m=world.robot_radius_m + 0.05, with_obstacles=True)
+    can = reached(after(world), radius_m=world.robot_radius_m + 0.05)
     if not any(box.name.startswith("barrier") for box in world.obstacles):
         assert can == [name for name, _, _ in world.places]
 

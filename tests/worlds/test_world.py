@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rhs.api.errors import ConfigError
-from rhs.api.floorplan import distance_m, truth_grid
+from rhs.api.floorplan import after, distance_m, truth_grid
 from rhs.worlds.world import load_world, reversed_world, world_names
 
 ROOM = """\
@@ -44,6 +44,11 @@ def test_byte_order_mark_and_windows_line_ends_change_nothing(tmp_path):
 
 
 @pytest.mark.parametrize(("old", "new", "line", "words"), [
+    ("boxes:", "changes: {removed: [chset]}\nboxes:", 9, "no box is named 'chset'; did you mean 'chest'"),
+    ("boxes:", "changes: {moved: {chest: [1, 2]}}\nboxes:", 9, "chest has 2 values; expected 3"),
+    ("boxes:", "changes: {moved: {chest: [3, 1, 0]}}\nboxes:", 9, "put in 0.00 m from"),
+    ("boxes:", "changes: {removed: [chest], moved: {chest: [1, 2, 0]}}\nboxes:", 9, "both moved and removed"),
+    ("boxes:", "changes: {light: 0}\nboxes:", 9, "light=0 is outside"),
     ("robot_radius_m", "robot_raduis_m", 2, "unknown key 'robot_raduis_m' in the file; did you mean 'robot_radius_m'"),
     ("    points_m", "    height: 3\n    points_m", 8, "unknown key 'height' in walls entry 1; did you mean 'height_m'"),
     ("robot_radius_m: 0.3", "robot_radius_m: 0.3\nrobot_radius_m: 0.2", 3, "key 'robot_radius_m' appears twice"),
@@ -148,6 +153,25 @@ def test_every_world_that_comes_along_is_good(name):
         for share in np.linspace(0, 1, 9):
             assert distance_m(world, a + share * leg)[0] >= world.robot_radius_m
     assert len(world.places) >= 2
+
+
+def test_after_the_survey_boxes_have_moved_gone_and_come(tmp_path):
+    more = """  - {name: chair, centre_m: [3, 2], size_m: [0.4, 0.4, 0.5]}
+changes: {removed: [chair], moved: {chest: [1, 3, 90]}, light: 0.5, lamp_deg: 180}
+obstacles:
+  - {name: parcel, centre_m: [2.5, 2.0], size_m: [0.2, 0.2, 0.2]}
+"""
+    before = load_world(write(tmp_path, ROOM + more))
+    later = after(before)
+    assert [(box.name, box.centre_m) for box in later.boxes] == [("chest", (1.0, 3.0)), ("parcel", (2.5, 2.0))]
+    assert later.boxes[0].yaw_rad == pytest.approx(np.pi / 2)
+    assert (before.light.brightness, later.light.brightness, later.light.lamp_rad) == (1.0, 0.5, np.pi)
+    assert after(later) is later and [box.name for box in before.boxes] == ["chest", "chair"]
+    grids = truth_grid(before), truth_grid(later)
+    for x, y, then, now in ((3.0, 2.0, 1.0, 0.0), (2.0, 3.0, 1.0, 0.0), (1.0, 3.0, 0.0, 1.0), (2.5, 2.0, 0.0, 1.0)):
+        for grid, expected in zip(grids, (then, now), strict=True):
+            row, column = grid.cells(np.array([[x, y]]))[0]
+            assert grid.probability[row, column] == expected
 
 
 def test_the_survey_backwards_begins_where_it_ended():

@@ -160,26 +160,25 @@ def _check_clearance(route_m: np.ndarray, world: World, need_m: float) -> None:
         raise Unfit(f"the survey comes within {least:.3f} m of something")
 
 
-def solid_m(world: World, *, with_obstacles: bool = False) -> np.ndarray:
+def solid_m(world: World) -> np.ndarray:
     """(S, 2, 2) every wall and every side of a box, however high it hangs."""
-    boxes = world.boxes + (world.obstacles if with_obstacles else ())
-    return np.concatenate([wall.segments_m for wall in world.walls] + [edges_of(box.corners_m) for box in boxes])
+    return np.concatenate([wall.segments_m for wall in world.walls] + [edges_of(box.corners_m) for box in world.boxes])
 
 
-def free_space(world: World, home: Room | None = None, *, with_obstacles: bool = False) -> tuple[OccupancyGrid, np.ndarray]:
+def free_space(world: World, home: Room | None = None) -> tuple[OccupancyGrid, np.ndarray]:
     """(the true plan, clearance (H, W)): metres from the middle of each free cell to the nearest wall or box; 0 where the
     cell is not free."""
     if home is not None:
         touching = truth_grid(world, CELL_M)
         spot = _standing(touching, (~touching.occupied()).astype(float), 0.5, home.spot_m)
         world = replace(world, start=(*spot, 0.0))
-    grid = truth_grid(world, CELL_M, with_obstacles=with_obstacles)
+    grid = truth_grid(world, CELL_M)
     free = grid.free()
     if not free.any():
         raise Unfit("nothing is free round the start")
     clearance = np.zeros(grid.shape)
-    clearance[free] = nearest_gap_m(grid.centres(np.argwhere(free)), solid_m(world, with_obstacles=with_obstacles))
-    for box in world.boxes + (world.obstacles if with_obstacles else ()):
+    clearance[free] = nearest_gap_m(grid.centres(np.argwhere(free)), solid_m(world))
+    for box in world.boxes:
         cells = np.argwhere(free)
         hidden = cells[within(grid.centres(cells), box.corners_m)]
         clearance[hidden[:, 0], hidden[:, 1]] = 0.0

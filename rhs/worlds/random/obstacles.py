@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rhs.api.floorplan import Box, World, truth_grid
+from rhs.api.floorplan import Box, World, after, truth_grid
 from rhs.api.grid import configuration_space
 
 from .looks import furniture_surface
@@ -29,10 +29,10 @@ def with_drawn_obstacles(world: World, rng: np.random.Generator) -> World:
     return world
 
 
-def reached(world: World, *, radius_m: float, with_obstacles: bool) -> list[str]:
+def reached(world: World, *, radius_m: float) -> list[str]:
     """Names of the places that a round robot can get to from the end of the survey, on a grid of 5 cm."""
     standing = replace(world, start=(float(world.route_m[-1, 0]), float(world.route_m[-1, 1]), 0.0))
-    grid = truth_grid(standing, 0.05, with_obstacles=with_obstacles)
+    grid = truth_grid(standing, 0.05)
     from scipy.ndimage import label
 
     regions, _ = label(~configuration_space(~grid.free(), radius_m / grid.resolution_m), structure=np.ones((3, 3)))
@@ -45,7 +45,7 @@ def reached(world: World, *, radius_m: float, with_obstacles: bool) -> list[str]
 def _with_box(world: World, rng: np.random.Generator) -> World:
     """One more box beside the survey's way that leaves a way past; none if all draws fail."""
     radius = world.robot_radius_m
-    before = reached(world, radius_m=radius + 0.05, with_obstacles=True)
+    before = reached(after(world), radius_m=radius + 0.05)
     for _ in range(TRIES):
         middle = _beside_way(world.route_m, rng, out_m=0.75)
         size = (float(rng.uniform(0.3, 0.6)), float(rng.uniform(0.3, 0.6)))
@@ -53,7 +53,7 @@ def _with_box(world: World, rng: np.random.Generator) -> World:
         if not _stands(world, middle, size, yaw):
             continue
         other = _put(world, _box("obstacle", world, middle, (*size, float(rng.uniform(0.3, 1.6))), yaw, rng))
-        if reached(other, radius_m=radius + 0.05, with_obstacles=True) == before:
+        if reached(after(other), radius_m=radius + 0.05) == before:
             return other
     return world
 

@@ -1,0 +1,147 @@
+"""A patrol told to a person, from the files of its folder: what happened, what changed where, how sure the robot was."""
+
+from __future__ import annotations
+
+import base64
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .drawing import json_of
+
+COLOURS_BGR = {"new": (40, 40, 220), "gone": (220, 90, 30), "looks different": (0, 200, 240)}
+SHOWN_PX = 480  # width of each picture on the page
+JPEG_QUALITY = 85
+SURE_M, SURE_RAD = 0.1, np.radians(3.0)  # up to twice this error is what the page calls sure
+
+
+@dataclass(frozen=True)
+class PlaceStory:
+    """title: the place; found: what changed, in words; pictures: a data address, or nothing; sure: how sure of the pose."""
+
+    title: str
+    found: str
+    pictures: str
+    sure: str
+
+
+@dataclass(frozen=True)
+class Story:
+    """lines: what happened; places: one for each place reached."""
+
+    lines: tuple[str, ...]
+    places: tuple[PlaceStory, ...]
+
+
+def patrol_story(folder: Path, row: Mapping[str, Any]) -> Story:
+    """The story of a run folder that has a changes.json."""
+    missions, rows = json_of(folder / "missions.json") or [], json_of(folder / "changes.json") or []
+    places = tuple(_place(folder, row) for row in rows)
+    return Story((*_what_happened(missions, rows), *_of_the_row(row), *_of_the_steps(folder)), places)
+
+
+def _what_happened(missions: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
+    reached = [m["place"] for m in missions if m["status"] == "arrived"]
+    given_up = [m for m in missions if m["status"] == "gave_up"]
+    changed = [row["picture"][3:] for row in rows if row["changes"]]
+    lines = [f"The robot reached {_count(len(reached), 'place')}: {', '.join(reached) or 'none'}."]
+    lines.append(f"Something changed at {', '.join(changed)}." if changed else "Nothing was found changed at any of them.")
+    lines += [f"It gave {m['place']} up: {m['reason']}." for m in given_up]
+    lines += [f"On the way to {m['place']} something stood in the way: {m['reason']}; it set out anew." for m in missions
+              if m["status"] == "aborted"]
+    lines += [f"On the way to {m['place']} it planned anew {_times(m['replans'])}." for m in missions if m["replans"]]
+    return lines
+
+
+def _of_the_row(row: Mapping[str, Any]) -> list[str]:
+    kidnaps, collisions = row.get("kidnaps") or 0, row.get("collisions")
+    lines = [f"It was carried elsewhere {_times(int(kidnaps))}."] if kidnaps else []
+    if isinstance(collisions, int | float) and collisions == collisions:
+        lines.append("It touched nothing." if not collisions else f"It touched something {_times(int(collisions))}.")
+    return lines
+
+
+def _of_the_steps(folder: Path) -> list[str]:
+    """How long it did not know where it was."""
+    path = folder / "steps.csv"
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        patrol = [row for row in csv.DictReader(file) if row["phase"] == "patrol"]
+    lost = sum(row["belief_status"] != "tracking" for row in patrol)
+    return [f"In {lost} of {len(patrol)} views it did not know where it was."] if lost else \
+        [f"It knew where it was in all {len(patrol)} views."]
+
+
+def _place(folder: Path, row: dict[str, Any]) -> PlaceStory:
+    turn_deg = np.degrees(row["sigma_yaw_rad"])
+    sure = row["sigma_m"] <= SURE_M and row["sigma_yaw_rad"] <= SURE_RAD
+    where = f"({row['x_m']:.2f}, {row['y_m']:.2f}) m, looking {np.degrees(row['yaw_rad']):.0f} degrees"
+    words = f"The robot was {'sure' if sure else 'not sure'} of where it stood: {where}, give or take " \
+            f"{100 * row['sigma_m']:.1f} cm and {turn_deg:.1f} degrees (1 sigma)."
+    return PlaceStory(row["picture"][3:], _found(row), _pictures(folder, row), words)
+
+
+def _found(row: dict[str, Any]) -> str:
+    if not row["before"]:
+        return "Not compared: no picture of the survey shows what the robot saw here, or there is no depth."
+    if not row["changes"]:
+        return "Nothing changed."
+    return "; ".join(f"{c['verdict']}: {c['width_m']:.2f} m wide, {c['height_m']:.2f} m high, near ({c['at_m'][0]:.1f}, "
+                     f"{c['at_m'][1]:.1f}) m" for c in row["changes"]) + "."
+
+
+def _pictures(folder: Path, row: dict[str, Any]) -> str:
+    """Now and before, side by side, what changed outlined; a JPEG as a data address. Empty without pictures."""
+    import cv2
+
+    now = cv2.imread(str(folder / "places" / f"{row['picture']}.png"))
+    if now is None:
+        return ""
+    shown = [_outlined(now, row["width_px"], [(c["verdict"], c["outline_px"]) for c in row["changes"]])]
+    for number in _telling(row):
+        image = cv2.imread(str(folder / "places_before" / f"{row['before'][number]}.png"))
+        if image is not None:
+            shown.append(_outlined(image, row["width_px"], [(c["verdict"], c["before_px"][number]) for c in row["changes"]]))
+    height = min(image.shape[0] for image in shown)
+    rim = np.full((height, 6, 3), 255, np.uint8)
+    strip = np.hstack([part for image in shown for part in (image[:height], rim)][:-1])
+    ok, data = cv2.imencode(".jpg", strip, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return f"data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}" if ok else ""
+
+
+def _telling(row: dict[str, Any]) -> list[int]:
+    """The first picture before, and for each change the one that shows most of it; two at most."""
+    wanted = [max(range(len(row["before"])), key=lambda k: _extent(change["before_px"][k])) for change in row["changes"]
+              if row["before"]]
+    numbers = list(dict.fromkeys([*wanted, 0])) if row["before"] else []
+    return numbers[:2]
+
+
+def _extent(outline: list[list[float]]) -> float:
+    return float(np.prod(np.ptp(np.array(outline), axis=0))) if len(outline) else 0.0
+
+
+def _outlined(image: np.ndarray, width_px: int, outlines: list[tuple[str, list[list[float]]]]) -> np.ndarray:
+    """The picture at the width of the page, with outlines given in pixels of one `width_px` wide."""
+    import cv2
+
+    large: np.ndarray = cv2.resize(image, (SHOWN_PX, round(image.shape[0] * SHOWN_PX / image.shape[1])),
+                                   interpolation=cv2.INTER_CUBIC)
+    for verdict, outline in outlines:
+        if len(outline) >= 3:
+            points = (np.array(outline) + 0.5) * SHOWN_PX / width_px - 0.5
+            cv2.polylines(large, [np.rint(points).astype(np.int32)], True, COLOURS_BGR[verdict], 2, cv2.LINE_AA)
+    return large
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def _count(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
