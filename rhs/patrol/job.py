@@ -44,14 +44,20 @@ class PatrolJob(StepJob):
         if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
             raise ConfigError(f"task=patrol drives the robot, which {self.parts.who['source']} cannot do here; "
                               "type task=survey for the map alone")
-        if "odometry" in context.config.parts:
+        self.ungated = self.parts.odometry
+        if context.shared is not None:
+            self.parts.odometry = context.shared.odometry
+        elif "odometry" in context.config.parts:
             self.parts.odometry = gated(self.parts.odometry, context.settings("odometry").needs, settings.gate,
                                         self.parts.who["odometry"])
 
     def steps(self) -> Iterator[Step]:
         """Both phases; the row's columns follow from the files they leave."""
         log = self.context.open_log(self.parts, self.world)
-        survey = yield from lead_survey(self.parts, self.context, self.settings, log)
+        if self.context.shared is not None:
+            survey = self.context.shared.hand_over(log)
+        else:
+            survey = yield from lead_survey(self.parts, self.context, self.settings, log)
         if isinstance(self.settings, Patrol) and self.world is not None:
             yield from patrol(self.parts, self.settings, survey, log, seed=self.context.seed)
 
