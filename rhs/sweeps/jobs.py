@@ -134,7 +134,7 @@ class _Pool:
 
     def _lead(self, job: Job, group: Group) -> Running:
         """Have the survey led that this job shares with others. It counts as the job while it is led."""
-        folder = job_folder(self.sweep, f".survey-{job.key}")
+        folder = self.sweep / f".survey-{job.key}"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         group.folder = folder
