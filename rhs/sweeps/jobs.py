@@ -32,10 +32,11 @@ from .ending import GRACE_S, LOST, TOO_MUCH, Running, ended, over, row_of
 from .job import Job, Limits, Outcome, alike, processes
 from .leader import Forked, lead
 from .turns import Group, Turns
-from .worker import COMPILING, Task, work
+from .worker import COMPILING, JOB_LOG, Task, work
 
 __all__ = ["PRELOAD", "Job", "Limits", "Outcome", "asked_for", "processes", "run_jobs"]
 
+NOT_SHARED = "not_shared.log"  # in the sweep's folder: surveys that each job had to lead itself, and why
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
 PRELOAD = ["rhs.patrol.run", "rhs.patrol.job", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
            "scipy.spatial.transform", "rosbags.typesys", "mcap.writer", "matplotlib.backends.backend_agg",
@@ -124,12 +125,14 @@ class _Pool:
         for earlier in {folder, *self.left.pop(job.key, ())}:  # what an earlier attempt left
             shutil.rmtree(earlier, ignore_errors=True)
         folder.mkdir(parents=True)
+        process: multiprocessing.process.BaseProcess | Forked
         ours, theirs = self.context.Pipe(duplex=False)
-        process = (self._process(work, task_of(job), str(folder), self.lifeline, theirs) if group is None
-                   else Forked(group.orders, task_of(job), folder, theirs))
-        theirs.close()
-        if group is not None:
+        if group is None or group.orders is None:
+            process = self._process(work, task_of(job), str(folder), self.lifeline, theirs)
+        else:
+            process = Forked(group.orders, task_of(job), folder, theirs)
             group.running.add(job.name)
+        theirs.close()
         return Running(job, folder, process, ours, began, group)
 
     def _lead(self, job: Job, group: Group) -> Running:
@@ -169,6 +172,9 @@ class _Pool:
             self._try(one.job, one.group, one.started)
             return
         ended(one, self._others())
+        said = last_line(one.group.folder or one.folder) or (one.verdict or ("", f"exit code {one.process.exitcode}"))[1]
+        with contextlib.suppress(OSError), (self.sweep / NOT_SHARED).open("a", encoding="utf-8") as file:
+            file.write(f"{one.job.name} and {len(one.group.jobs)} more: {said}\n")
         self._alone(one.job, one.group)
 
     def _alone(self, job: Job, group: Group) -> None:
@@ -227,6 +233,13 @@ class _Pool:
         self.outcome.count(job.name, status, reason)
         with contextlib.suppress(Exception):
             self.tell(job, status)
+
+
+def last_line(folder: Path) -> str:
+    """The last line that a process printed; empty where there is none."""
+    with contextlib.suppress(OSError, IndexError):
+        return (folder / JOB_LOG).read_text("utf-8", "replace").strip().splitlines()[-1][:300]
+    return ""
 
 
 def task_of(job: Job) -> Task:

@@ -11,8 +11,6 @@ import contextlib
 import multiprocessing
 import os
 import signal
-import sys
-import traceback
 from collections.abc import Sequence
 from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import recv_handle, send_handle
@@ -39,12 +37,8 @@ def lead(task: Task, folder: str, lifeline: Connection, orders: Connection) -> N
     redirect(os.path.join(folder, JOB_LOG))
     own = os.getpid()
     on_compile(lambda: orders.send(COMPILING) if os.getpid() == own else None)
-    try:
-        take_over(task.plugins)
-        shared = lead_shared(from_plain(task.values), Path(folder))
-    except BaseException:
-        traceback.print_exc()
-        sys.exit(1)
+    take_over(task.plugins)
+    shared = lead_shared(from_plain(task.values), Path(folder))
     orders.send(READY)
     serve(shared, lifeline, orders)
 
