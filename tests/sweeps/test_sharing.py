@@ -16,7 +16,6 @@ from installing import CHOICE, FAKES, environment, installed
 from rhs.base.processes import children
 from rhs.config.compose import compose_config
 from rhs.patrol.shared import survey_key
-from rhs.recording.reader import read as recorded
 from rhs.runfolder.row import canonical_hash, read_row
 
 CHAIN = [word for word in CHOICE if not word.startswith("localiser=")]
@@ -60,9 +59,8 @@ def test_one_survey_gives_the_rows_of_six(shared, tmp_path):
     for run in hashes(alone):
         assert {path.name for path in (shared / run).iterdir()} == {path.name for path in (alone / run).iterdir()}
         assert (shared / run / "config.yaml").read_bytes() == (alone / run / "config.yaml").read_bytes()
-    run = next(name for name in hashes(alone) if "localiser=fake" in name)
-    seen = [list(recorded(home / run / "run.mcap").steps) for home in (shared, alone)]
-    assert len(seen[0]) == len(seen[1]) > 6
+        if "localiser=fake" in run:
+            assert (shared / run / "run.mcap").read_bytes() == (alone / run / "run.mcap").read_bytes()
 
 
 def test_a_job_that_ends_its_process_costs_one_row(shared):
@@ -99,7 +97,7 @@ def test_who_kills_the_process_of_the_survey_costs_no_row(shared, tmp_path):
 
 
 def test_a_survey_that_fails_fails_in_each_row(tmp_path):
-    """Also one that leaves a thread behind, which no fork takes along, is left to each job."""
+    """Also one whose parts hold a file open, of which forked processes would share the place, is left to each job."""
     chain = [word for word in CHAIN if not word.startswith("odometry=")]
     said = rhs(tmp_path, "-m", *chain, "localiser=fake,vandal", "odometry=faulty", "odometry.how=raise,leak", "output=s",
                "--jobs", "2")
