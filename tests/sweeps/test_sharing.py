@@ -1,4 +1,4 @@
-"""Jobs that differ only after the survey share one: the rows are those of jobs alone, and a job is still alone in failing."""
+"""Jobs that differ only after the survey share one: rows as of jobs alone, and a job still fails alone."""
 
 from __future__ import annotations
 
