@@ -79,6 +79,8 @@ class _Pool:
 
     def __init__(self, coming: Iterator[Job], sweep: Path, limits: Limits, tell: Callable[[Job, str], None]) -> None:
         self.sweep, self.limits, self.tell = sweep, limits, tell
+        for path in sweep.glob(".survey-*"):  # what a sweep that was killed left
+            shutil.rmtree(path, ignore_errors=True)
         self.turns = Turns(coming, share=limits.share)
         self.next: list[tuple[Job, Group | None]] = []  # to be started when those that run allow it
         self.running: list[Running] = []
@@ -172,7 +174,7 @@ class _Pool:
             self._try(one.job, one.group, one.started)
             return
         ended(one, self._others())
-        said = last_line(one.group.folder or one.folder) or (one.verdict or ("", f"exit code {one.process.exitcode}"))[1]
+        said = one.verdict[1] if one.verdict else last_line(one.group.folder or one.folder) or f"exit {one.process.exitcode}"
         with contextlib.suppress(OSError), (self.sweep / NOT_SHARED).open("a", encoding="utf-8") as file:
             file.write(f"{one.job.name} and {len(one.group.jobs)} more: {said}\n")
         self._alone(one.job, one.group)
