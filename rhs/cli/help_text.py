@@ -43,7 +43,8 @@ Options
   --debug             show the traceback of an error
   --version, -h, --help
 
-In a sweep, engine=NAME says where its jobs run, keep=all|failures|none whose folders stay (failures above 1000 jobs).
+In a sweep, engine=NAME says where its jobs run, keep=all|failures|none whose folders stay (failures above 1000 jobs);
+share=false has every job lead a survey of its own, which jobs that differ only after it otherwise share.
 A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 'key=range(10)' and 'planner=glob(*)'.
 Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 and 143 interrupted.
 What the columns of a table mean: python -m rhs help columns

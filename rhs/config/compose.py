@@ -191,7 +191,7 @@ def _task(values: dict[str, Any]) -> Any:
         raise ConfigError(f"task={name}: choose one of {', '.join(registry.names(TASK))} by task=NAME")
     cls = registry.load(TASK, name)
     registry.check_requirements(TASK, name, cls)
-    ours = (*CORE, *KINDS, SLAM, DEGRADE, "engine", "keep")
+    ours = (*CORE, *KINDS, SLAM, DEGRADE, "engine", "keep", "share")
     taken = [item.name for item in dataclasses.fields(cls) if item.name in ours]
     if taken:
         raise PluginError(f"task={name} has a setting called {taken[0]}, which rhs uses itself; rename it")

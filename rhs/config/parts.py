@@ -111,24 +111,28 @@ def _usable(kind: str) -> list[str]:
     return [name for name in registry.names(kind) if registry.failure(kind, name) is None]
 
 
-def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folder: Path, features: FeatureSettings) -> Parts:
+def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folder: Path, features: FeatureSettings,
+          made: Parts | None = None) -> Parts:
     """Build source, sensor, ..., after checking that they fit; of a kind that is not chosen there is no part.
 
-    world: the loaded world, or None for a recording made elsewhere."""
+    world: the loaded world, or None for a recording made elsewhere. made: parts that are there already."""
     from .slam_parts import in_place_of
 
     check_combination(chosen)
-    source: Source = build_part("source", chosen["source"], SourceContext(generator(seed, "source"), world, folder))
-    built: dict[str, Any] = {"source": source}
+    there = {} if made is None else {kind: getattr(made, kind) for kind in ORDER}
+    built: dict[str, Any] = {kind: part for kind, part in there.items() if part is not None}
+    if made is None:
+        built["source"] = build_part("source", chosen["source"], SourceContext(generator(seed, "source"), world, folder))
+    source: Source = built["source"]
     try:
         chosen = {**chosen, "source": really_there(chosen["source"], source)}
         check_combination(chosen)
-        if DEGRADE in chosen:
+        if DEGRADE in chosen and made is None:
             built["source"] = source = degraded(source, chosen[DEGRADE], seed=seed, folder=folder, features=features)
-        for kind in (kind for kind in ORDER[1:] if kind in chosen):
+        for kind in (kind for kind in ORDER[1:] if kind in chosen and kind not in built):
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
             built[kind] = build_part(kind, chosen[kind], context)
-        if SLAM in built:
+        if SLAM in built and made is None:
             built |= in_place_of(built[SLAM])
     except BaseException:
         source.close()

@@ -45,7 +45,10 @@ class PatrolJob(StepJob):
         if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
             raise ConfigError(f"task=patrol drives the robot, which {self.parts.who['source']} cannot do here; "
                               "type task=survey for the map alone")
-        if "odometry" in context.config.parts:
+        self.ungated = self.parts.odometry
+        if context.shared is not None:
+            self.parts.odometry = context.shared.odometry
+        elif "odometry" in context.config.parts:
             self.parts.odometry = gated(self.parts.odometry, context.settings("odometry").needs, settings.gate,
                                         self.parts.who["odometry"])
 
@@ -55,7 +58,10 @@ class PatrolJob(StepJob):
         settings, sights = self.settings, None
         if isinstance(settings, Patrol) and self.context.config.pictures != "off":
             sights = Sights(settings.places.every, self.context.features)
-        survey = yield from lead_survey(self.parts, self.context, settings, log, sights=sights)
+        if self.context.shared is not None:
+            survey = self.context.shared.hand_over(log)
+        else:
+            survey = yield from lead_survey(self.parts, self.context, settings, log, sights=sights)
         if isinstance(settings, Patrol) and self.world is not None:
             yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rhs.api.contracts import Context
 from rhs.api.floorplan import World
@@ -28,14 +28,19 @@ from .culprit import exit_noticed, in_one_line, write_traceback
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
+if TYPE_CHECKING:
+    from .shared import SharedSurvey
 
-def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dict[str, Any]:
+
+def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
+               shared: SharedSurvey | None = None) -> dict[str, Any]:
     """Run one experiment in `folder` and return its row, which is also written there whatever the outcome.
 
     Raises ConfigError, before anything ran, for what can be refused. A failure later is a row with a reason; the
-    exception that caused it is chained to the returned row under the key `_cause` and not written.
+    exception that caused it is chained to the returned row under the key `_cause` and not written. shared: the survey
+    that this run begins with, led already.
     """
-    steps = run_steps(config, folder, watch)
+    steps = run_steps(config, folder, watch, shared=shared)
     while True:
         try:
             next(steps)
@@ -44,11 +49,12 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched) -> dic
             return row
 
 
-def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched) -> Generator[Step, None, dict[str, Any]]:
+def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
+              shared: SharedSurvey | None = None) -> Generator[Step, None, dict[str, Any]]:
     """The same, one step at a time where the task has steps; the row is the generator's value."""
     keep_freed_memory()
     check_live(config.live)
-    run = RunContext(config, folder, watch)
+    run = RunContext(config, folder, watch, shared)
     row: dict[str, Any] = identity(config)
     begin_row(folder, row)
     row |= {"commit": commit(), "versions": versions()}
@@ -132,14 +138,14 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
 class RunContext:
     """A run under way, as its task sees it (rhs.api.task.TaskContext)."""
 
-    def __init__(self, config: RunConfig, folder: Path, watch: Watch) -> None:
-        self.config, self.folder, self._watch = config, folder, watch
+    def __init__(self, config: RunConfig, folder: Path, watch: Watch, shared: SharedSurvey | None = None) -> None:
+        self.config, self.folder, self._watch, self.shared = config, folder, watch, shared
         self.seed, self.world, self.features = config.seed, config.world, config.features
         self.log: RunLog | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
         self._parts: dict[str, object] = {}  # kind -> part, as built last
-        self._began_s = time.perf_counter()
+        self._began_s = time.perf_counter() - (0.0 if shared is None else shared.took_s)
 
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
         """Build the task's job and run it; the columns that the task knows."""
@@ -166,7 +172,8 @@ class RunContext:
         for kind, values in (changes or {}).items():
             chosen[kind] = Chosen(chosen[kind].name, replace(chosen[kind].settings, **values))
         parts = build(chosen, seed=self.seed if seed is None else seed, folder=self.folder, features=self.features,
-                      world=self.floor_plan() if world is None else world)
+                      world=self.floor_plan() if world is None else world,
+                      made=None if self.shared is None else self.shared.parts)
         self._built.append(parts)
         self._parts = {kind: getattr(parts, kind) for kind in self.config.parts if hasattr(parts, kind)}
         return parts

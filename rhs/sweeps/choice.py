@@ -19,11 +19,12 @@ DEFAULT = "process"
 
 @dataclass(frozen=True)
 class Choice:
-    """engine: its name. settings: its dataclass. keep: whose folders stay."""
+    """engine: its name. settings: its dataclass. keep: whose folders stay. share: whether jobs share surveys."""
 
     engine: str
     settings: Any
     keep: str
+    share: bool = True
 
     @property
     def here(self) -> bool:
@@ -39,11 +40,13 @@ def split(words: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def choose(words: Sequence[str], count: int) -> Choice:
     """The engine and what is kept of `count` jobs. Raises ConfigError in one line."""
-    name, keep, values = DEFAULT, "all" if count <= ALL_UP_TO else "failures", {}
+    name, share, keep, values = DEFAULT, True, "all" if count <= ALL_UP_TO else "failures", {}
     for word in plain_words(parse(words)):
         key, _, below = word.key.partition(".")
         if word.key == "keep":
             keep = word.value
+        elif word.key == "share":
+            share = word.value
         elif below:
             values[below] = word.value
         elif isinstance(word.value, str):
@@ -51,6 +54,8 @@ def choose(words: Sequence[str], count: int) -> Choice:
         else:
             raise ConfigError(f"{word.text}: choose one of {', '.join(registry.names('engine'))} by engine=NAME")
     check_choice("", "keep", keep, KEEP)
+    if not isinstance(share, bool):
+        raise ConfigError(f"share={share}: expected true or false")
     cls = registry.load("engine", name)
     registry.check_requirements("engine", name, cls)
-    return Choice(name, settings.make(cls, values, "engine"), keep)
+    return Choice(name, settings.make(cls, values, "engine"), keep, share)

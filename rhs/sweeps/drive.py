@@ -28,7 +28,8 @@ from rhs.runfolder.folders import job_folder
 from rhs.runfolder.shards import Line, parsed, words_key
 
 from .chunks import Chunk, run_chunk
-from .jobs import GRACE_S, Outcome, alike, shortfall
+from .ending import GRACE_S, shortfall
+from .job import Outcome, alike
 from .keep import Keeper, wanted
 
 FIRST_JOB_S = 30.0  # a job is taken to last so long until some were measured

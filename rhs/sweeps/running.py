@@ -59,6 +59,7 @@ class Run:
     def __post_init__(self) -> None:
         self.keeper = Keeper(self.folder, self.plan.choice.keep)
         self.repeated = self.plan.repeated
+        self.limits = replace(self.limits, share=self.plan.choice.share)
 
     def begin(self) -> None:
         """What is finished already."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -11,7 +12,7 @@ import traceback
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rhs.api.jit import on_compile
 from rhs.base.commands import plain
@@ -23,6 +24,10 @@ from rhs.metrics.success import with_success
 from rhs.runfolder.folders import lock
 from rhs.runfolder.row import sound, write_row
 
+if TYPE_CHECKING:
+    from rhs.patrol.shared import SharedSurvey
+
+JOB_LOG = "job.log"
 COMPILING = "compiling"  # said by a job that has to wait for the compiler
 
 
@@ -36,15 +41,16 @@ class Task:
     plugins: list[dict[str, str]]
 
 
-def work(task: Task, folder: str, lifeline: Connection, done: Connection) -> None:
-    """Run the job; `done` hears the number of the process that forked this one, and True when all is written."""
+def work(task: Task, folder: str, lifeline: Connection, done: Connection, shared: SharedSurvey | None = None) -> None:
+    """Run the job; `done` hears the number of the process that forked this one, and True when all is written. shared: the
+    survey it begins with, led already."""
     done.send(os.getppid())
-    _settle_in(lifeline)
-    _redirect(os.path.join(folder, "job.log"))
+    settle_in(lifeline)
+    redirect(os.path.join(folder, JOB_LOG), after=None if shared is None else str(shared.log.folder / JOB_LOG))
     held = lock(Path(folder))
     on_compile(lambda: done.send(COMPILING))
     try:
-        cause = _run(task, Path(folder))
+        cause = _run(task, Path(folder), shared)
         if cause is not None:
             traceback.print_exception(cause)
     except KeyboardInterrupt:
@@ -56,13 +62,13 @@ def work(task: Task, folder: str, lifeline: Connection, done: Connection) -> Non
         done.send(True)
 
 
-def _run(task: Task, folder: Path) -> BaseException | None:
+def _run(task: Task, folder: Path, shared: SharedSurvey | None) -> BaseException | None:
     """Whatever happens there is a row."""
     try:
         take_over(task.plugins)
         from rhs.patrol.run import run_config
 
-        cause: BaseException | None = run_config(from_plain(task.values), folder).pop("_cause", None)
+        cause: BaseException | None = run_config(from_plain(task.values), folder, shared=shared).pop("_cause", None)
         return cause
     except KeyboardInterrupt:
         raise
@@ -73,7 +79,7 @@ def _run(task: Task, folder: Path) -> BaseException | None:
         return error
 
 
-def _settle_in(lifeline: Connection) -> None:
+def settle_in(lifeline: Connection) -> None:
     """A session of its own, so that it can be ended with all it started; the parent decides when."""
     with contextlib.suppress(OSError):
         os.setsid()
@@ -84,8 +90,12 @@ def _settle_in(lifeline: Connection) -> None:
     threading.Thread(target=_die_with_sweep, args=(lifeline,), daemon=True).start()
 
 
-def _redirect(path: str) -> None:
-    log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+def redirect(path: str, after: str | None = None) -> None:
+    """What this process prints goes to a file, which begins with what is in the file `after`."""
+    if after is not None:
+        with contextlib.suppress(OSError):
+            shutil.copyfile(after, path)
+    log = os.open(path, os.O_WRONLY | os.O_CREAT | (os.O_TRUNC if after is None else os.O_APPEND), 0o644)
     sys.stdout.flush()
     for descriptor in (1, 2):
         os.dup2(log, descriptor)

@@ -367,4 +367,14 @@ class Vandal(FakeLocaliser):
         return Scribbler()
 
 
+@dataclass
+class Leaver(FakeLocaliser):
+    """Ends the process at its third view."""
+
+    def build(self, context: Any) -> Any:
+        from .room import Quitter
+
+        return Quitter()
+
+
 not_a_class = 7

@@ -1,0 +1,140 @@
+"""A job under way, and how it ends: over its limits, told to stop, gone; nothing is left of it but its row."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from rhs.base.errors import RhsError
+from rhs.base.processes import children, kill_group, kill_strays, resident_bytes
+from rhs.config.compose import identity
+from rhs.metrics.success import with_success
+from rhs.runfolder.row import KILLED, RUNNING, read_row, sound, write_row
+
+from .job import Job, Limits
+from .leader import READY
+from .turns import Group
+from .worker import COMPILING
+
+GRACE_S = 10.0  # a job told to stop has so long to write down what it has
+LINGER_S = 2.0  # a job that has written its row has so long to end
+
+
+@dataclass
+class Running:
+    """done: hears the server's process number, and True when the row is written. group: of a job that shares its survey.
+    leads: the process is not the job's, it leads its survey."""
+
+    job: Job
+    folder: Path
+    process: Any
+    done: Connection
+    started: float
+    group: Group | None = None
+    leads: bool = False
+    verdict: tuple[str, str] | None = None  # why it was told to stop: status and reason
+    told: float = 0.0
+    server: int = 0
+    written: float = 0.0  # when it said so
+    compiling: bool = False
+
+
+LOST = "the process was lost: it, or the one that starts the jobs, was killed"
+TOO_MUCH = "took more memory than"
+
+
+def over(one: Running, limits: Limits) -> bool:
+    """Whether the job has ended, or has been given all the time it gets to do so; one over its limits is told to stop.
+    The survey of several jobs is over when it is led, too."""
+    _hear(one)
+    now = time.monotonic()
+    if (one.leads and one.group is not None and one.group.ready) or not one.process.is_alive():
+        return True
+    if not one.verdict and limits.timeout_s and now - one.started > limits.timeout_s:
+        one.verdict, one.told = ("timeout", f"took longer than the {limits.timeout_s:g} s of --timeout"), now
+        one.process.terminate()
+    if not one.verdict and resident_bytes(one.process.pid) > limits.memory_bytes:
+        one.verdict = ("killed", f"{TOO_MUCH} the {limits.memory_bytes / 2**20:.0f} MB of --memory-mb")
+        return True
+    return bool(one.verdict and now - one.told > GRACE_S) or bool(one.written and now - one.written > LINGER_S)
+
+
+def _hear(one: Running) -> None:
+    """What its process has said."""
+    with contextlib.suppress(EOFError, OSError):
+        while one.done.poll():
+            said = one.done.recv()
+            if said == COMPILING:
+                one.compiling = True
+            elif said == READY and one.group is not None:
+                one.group.ready = True
+                return
+            elif said is True:
+                one.written = time.monotonic()
+            else:
+                one.server = int(said)
+
+
+def ended(one: Running, keep: Sequence[int]) -> None:
+    """Kill the job if it still runs, all that it started, and what its orphans became."""
+    pid = one.process.pid
+    with contextlib.suppress(EOFError, OSError):
+        while not one.server and one.done.poll():
+            one.server = int(one.done.recv())
+    if one.process.is_alive():
+        kill_group(pid)
+    else:
+        with contextlib.suppress(OSError):
+            os.killpg(pid, signal.SIGKILL)  # its group outlives it, and its number is not given away meanwhile
+    one.process.join(GRACE_S)
+    leader = one.group is not None and one.group.alive and one.server == one.group.process.pid
+    if leader or one.server in children(os.getpid()):
+        kill_strays(one.server, keep)
+
+
+def row_of(one: Running) -> tuple[str, str]:
+    """Status and reason of a job that is gone. One that left no final row gets it here."""
+    path, code = one.folder / "row.json", one.process.exitcode
+    if not one.leads:
+        one.process.close()
+        one.done.close()
+    try:
+        row = read_row(path)
+    except RhsError:
+        row = {}
+    status = str(row.get("status", RUNNING))
+    if status in (RUNNING, KILLED):
+        status, reason = one.verdict or _fate(code)
+    elif one.verdict and one.verdict[0] != "interrupted" and status != "ok":
+        status, reason = one.verdict
+    else:
+        return status, shortfall(row) if status == "ok" else str(row.get("reason") or "")
+    one.folder.mkdir(parents=True, exist_ok=True)
+    columns = {name: value for name, value in row.items() if name not in ("pid", "started")}
+    row = with_success({**identity(one.job.config), **columns, "status": status, "reason": reason})
+    write_row(one.folder, sound(row))
+    return status, reason
+
+
+def _fate(code: int | None) -> tuple[str, str]:
+    if code is None or code == 255:  # what multiprocessing says when it lost sight of the process
+        return "killed", LOST
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return "killed", f"the process was killed by {signal.Signals(-code).name}"
+        return "killed", f"the process was killed by signal {-code}"
+    return "failed", f"the process ended with exit code {code} before it wrote a row; see job.log"
+
+
+def shortfall(row: Mapping[str, object]) -> str:
+    """What a run that ended well was asked for and did not do; empty where nothing is missing."""
+    if row.get("lost"):
+        return f"lost: {row['lost']}"
+    return f"not achieved: {row.get('failure', '')}" if row.get("success") == 0 else ""
