@@ -15,6 +15,11 @@ from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError, RecordingError
 from rhs.api.records import Capture, Twist, WorldFacts
 
+from .folders.clouds import is_clouds, open_clouds
+from .folders.euroc import is_euroc, open_euroc
+from .folders.frames import is_frames, open_frames
+from .folders.kitti import is_kitti, open_kitti
+from .folders.video import is_video, open_video
 from .replay_bag import is_bag, open_bag
 from .replay_carmen import is_carmen, open_carmen
 from .replay_mcap import is_run, open_run
@@ -22,6 +27,7 @@ from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import Recording, is_tum, open_tum
 
 log = logging.getLogger("rhs.replay")
+CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
 
 
 class ReplaySource(Source):
@@ -42,7 +48,7 @@ class ReplaySource(Source):
                     _counted(recording.repaired))
         self.camera = recording.camera
         self.views_expected = recording.total  # None when only reading tells
-        self.facts = recording.facts or _facts(settings)
+        self.facts = recording.facts or _facts(settings, recording.provides)
         self.provides = recording.provides  # what this recording holds
         self.rejected = recording.rejected  # what the rules for stamps threw away: reason -> count; grows in a bag
         self._path = settings.path
@@ -122,24 +128,26 @@ def open_recording(settings) -> Recording:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
-    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM or 7-Scenes folder, run.mcap, a ROS "
-                      "bag or a CARMEN log")
+    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI or EuRoC "
+                      "folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
 
 
-# Which mounts a format has a use for: what was typed for another is refused, not ignored.
+# Which settings a format has a use for: what was typed for another is refused, not ignored.
 MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame"), "carmen": ("scan_mount",), "tum": ("camera_mount",),
-          "seven_scenes": ("camera_mount",)}
+          "seven_scenes": ("camera_mount",), "kitti": ("camera_mount", "rate_hz", "stereo"),
+          "euroc": ("camera_mount", "stereo"), "video": ("camera_mount", "rate_hz"), "frames": ("camera_mount", "rate_hz"),
+          "clouds": ("scan_mount", "rate_hz")}
 
 
 def _check_mounts(kind: str, settings) -> None:
-    for name in ("scan_mount", "camera_mount", "body_frame"):
+    for name in ("scan_mount", "camera_mount", "body_frame", "rate_hz", "stereo"):
         if getattr(settings, name) and name not in MOUNTS.get(kind, ()):
             raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 
-def _facts(settings) -> WorldFacts:
+def _facts(settings, provides: frozenset[str]) -> WorldFacts:
     """A recording made elsewhere: it begins at the origin of its map, and nobody named its places."""
-    half = settings.extent_m
+    half = settings.extent_m or (LIDAR_M if "cloud" in provides else CAMERA_M)
     return WorldFacts(Path(settings.path).name, (0.0, 0.0, 0.0), (), (-half, -half, half, half), 0.2)
 
 
@@ -151,9 +159,14 @@ def _format_of(path: Path) -> str:
 FORMATS = {
     "tum": (is_tum, open_tum),
     "seven_scenes": (is_seven_scenes, open_seven_scenes),
+    "kitti": (is_kitti, open_kitti),
+    "euroc": (is_euroc, open_euroc),
     "run": (is_run, open_run),
     "carmen": (is_carmen, open_carmen),
     "bag": (is_bag, open_bag),
+    "video": (is_video, open_video),
+    "frames": (is_frames, open_frames),
+    "clouds": (is_clouds, open_clouds),
 }
 
 
