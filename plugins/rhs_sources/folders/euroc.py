@@ -1,8 +1,8 @@
 """EuRoC MAV folders (mav0): cam0, the IMU and the true states, each with data.csv and sensor.yaml.
 
 Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 2016. The body of rhs is cam0's mount: the axes of EuRoC's own
-body, its IMU, do not point ahead and up. `imu` (M, 7): stamp_s and what the IMU read since the view before, turn rates (rad/s) and
-accelerations (m/s^2) in the IMU's axes. `right_image`: cam1 at the nearest stamp, as it was recorded, not rectified.
+body, its IMU, do not point ahead and up. `imu` (M, 7): stamp_s and the readings since the view before, turn rates (rad/s)
+and accelerations (m/s^2) in the IMU's axes. `right_image`: cam1 at the nearest stamp, as it was recorded, not rectified.
 """
 
 from __future__ import annotations
