@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import shutil
@@ -13,6 +14,7 @@ import numpy as np
 
 from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError, RecordingError
+from rhs.api.files import replacing
 from rhs.api.records import Capture, Twist, WorldFacts
 
 from .folders.clouds import is_clouds, open_clouds
@@ -42,10 +44,8 @@ class ReplaySource(Source):
         relations = _relations(settings)
         if relations is not None and folder is not None:
             shutil.copyfile(relations, folder / "truth.relations")
-        self.stamps_repaired = sum(recording.repaired.values())
-        if recording.repaired:
-            log.warning("replay %s: stamps repaired, the order of the file kept: %s", settings.path,
-                    _counted(recording.repaired))
+        self._repaired = recording.repaired
+        self._folder = folder
         self.camera = recording.camera
         self.views_expected = recording.total  # None when only reading tells
         self.facts = recording.facts or _facts(settings, recording.provides)
@@ -57,20 +57,37 @@ class ReplaySource(Source):
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
         self._truth: np.ndarray | None = None
+        self._told = False
 
     @property
     def lost(self) -> str:  # type: ignore[override]  # others set it once; here it grows as views are read
         """What the recording has lost, in words; empty until that is met, and for a whole recording."""
         return "; ".join(self._lost)
 
+    @property
+    def stamps_repaired(self) -> int:  # type: ignore[override]  # of a video it grows as views are read
+        """Stamps that were put right; no view is lost."""
+        return sum(self._repaired.values())
+
+    def _tell(self) -> None:
+        """Once, at the end: what was left out or put right, in the log and in recording.json, for the metrics alone."""
+        if self._told:
+            return
+        self._told = True
+        if self._repaired:
+            log.warning("replay %s: stamps repaired, the order of the file kept: %s", self._path, _counted(self._repaired))
+        if self.rejected:
+            log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
+        if self._folder is not None and self._folder.is_dir():
+            with replacing(self._folder / "recording.json") as file:
+                json.dump({"rejected": dict(sorted(self.rejected.items()))}, file)
+
     def lead(self) -> Capture | None:
         """The next recorded view, or None at the end."""
         view = self._ahead.result()
         if view is None:
             self._truth = None
-            if self.rejected:
-                log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
-                self.rejected = Counter()
+            self._tell()
             return None
         self._ahead = self._reader.submit(next, self._views, None)
         capture, self._truth = view
@@ -94,6 +111,7 @@ class ReplaySource(Source):
 
     def close(self) -> None:
         self._reader.shutdown(wait=True, cancel_futures=True)
+        self._tell()
 
 
 def _counted(counts: Counter) -> str:

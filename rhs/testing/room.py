@@ -151,7 +151,8 @@ def cloud_of(world_from_body: np.ndarray, room: Room = HALL, seed: int | None = 
     reach = _meet(room, (world_from_body @ [*eye, 1.0])[:3], rays @ world_from_body[:3, :3].T)[0]
     if seed is not None:
         reach = reach + 0.01 * np.random.default_rng(seed).standard_normal(len(reach))
-    return (eye + reach[:, None] * rays).astype(np.float32)
+    cloud: np.ndarray = (eye + reach[:, None] * rays).astype(np.float32)
+    return cloud
 
 
 @cache

@@ -18,7 +18,8 @@ from rhs_sources.folders.pcd import read_cloud, unpacked_lzf
 from rhs_sources.replay_config import Replay
 
 POINTS = np.array([[1.0, 2.0, 3.0], [-4.0, 0.5, 0.25], [np.nan, 0.0, 0.0]])
-HEAD = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z _ intensity\nSIZE 4 4 4 1 2\nTYPE F F F U U\nCOUNT 1 1 1 4 1\nWIDTH 3\nHEIGHT 1\nPOINTS 3\n"
+HEAD = ("# .PCD v0.7\nVERSION 0.7\nFIELDS x y z _ intensity\nSIZE 4 4 4 1 2\nTYPE F F F U U\nCOUNT 1 1 1 4 1\n"
+        "WIDTH 3\nHEIGHT 1\nPOINTS 3\n")
 ROW = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("pad", "u1", 4), ("i", "<u2")])
 
 
@@ -73,7 +74,8 @@ def test_lzf_copies_from_behind_and_over_itself():
             unpacked_lzf(broken, size)
 
 
-@pytest.mark.parametrize("data", [HEAD.encode(), HEAD.replace("POINTS 3", "POINTS 999999999").encode() + b"DATA ascii\n1 2 3\n",
+@pytest.mark.parametrize("data", [HEAD.encode(),
+                                  HEAD.replace("POINTS 3", "POINTS 999999999").encode() + b"DATA ascii\n1 2 3\n",
                                   HEAD.replace("x y z", "a b c").encode() + b"DATA ascii\n" + b"1 " * 24, b"\x00" * 50])
 def test_a_broken_cloud_is_refused_in_one_line(tmp_path, data):
     (tmp_path / "0.pcd").write_bytes(data)
@@ -141,7 +143,7 @@ def test_along_a_tunnel_without_end_it_is_degenerate_along_it_and_empty_clouds_a
 
 
 def test_the_scan_of_a_lidar_is_the_nearest_point_of_its_band_on_each_bearing(tmp_path):
-    points = np.array([[2.0, 0.01, 0.5], [1.0, 0.01, 3.0], [3.0, 0.01, 0.5], [-1.0, -0.01, 0.2], [0.1, 0.0, 0.5]], np.float32)
+    points = np.array([[2, 0.01, 0.5], [1, 0.01, 3], [3, 0.01, 0.5], [-1, -0.01, 0.2], [0.1, 0, 0.5]], np.float32)
     sensor = Lidar(beams=8).build(context(tmp_path))
     scan = sensor.sense(Capture(0, 0.0, sensed=True, extras={"cloud": points})).scan
     known = np.isfinite(scan.ranges_m)
@@ -151,5 +153,5 @@ def test_the_scan_of_a_lidar_is_the_nearest_point_of_its_band_on_each_bearing(tm
 
 def test_a_lidar_without_clouds_is_refused_with_what_to_type(tmp_path):
     folder = clouds(tmp_path / "drive", way(2))
-    with pytest.raises(rhs.RhsError, match="sensor=rgbd needs .*, which source=replay does not provide; type .*sensor=lidar"):
+    with pytest.raises(rhs.RhsError, match="sensor=rgbd needs .*, which source=replay does not provide; type .*lidar"):
         rhs.run(["task=survey", "source=replay", f"source.path={folder}", f"output={tmp_path / 'run'}"])

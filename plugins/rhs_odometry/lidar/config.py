@@ -22,7 +22,7 @@ class LidarAdvanced:
     lean: float = 0.5
     """a normal counts for a direction when it leans into it by at least this (cosine; 0.5 is 30 degrees off its plane)"""
     thin: float = 0.1
-    """neighbours lie on a plane where they spread across it by at most this share of what they do along it (variances) ..."""
+    """neighbours lie on a plane where they spread across it by at most this share of their spread in it (variances) ..."""
     broad: float = 0.05
     """... and on no line: their second spread is at least this share of their first"""
     correlated: float = 20.0
