@@ -57,8 +57,8 @@ def test_what_a_camera_log_threw_away_stands_in_columns_of_the_row(tmp_path):
         (folder / f"{name}.txt").write_text("".join(lines))
     poses = [f"{s} {s} 0 0 0 0 0 1\n" for s in (0.0, 0.1, 0.05, 0.2, 0.3)]
     (folder / "groundtruth.txt").write_text("".join(poses) + "0.4 nan 0 0 0 0 0 1\n")
-    row = rhs.run(["task=survey", "source=replay", f"source.path={folder}", "source.camera=[50,50,31.5,23.5]", "pictures=off",
-                   f"output={tmp_path / 'run'}", "odometry=gicp", "loop_closer=none"], quiet=True)
+    row = rhs.run(["task=survey", "source=replay", f"source.path={folder}", "source.camera=[50,50,31.5,23.5]",
+                   "pictures=off", f"output={tmp_path / 'run'}", "odometry=gicp", "loop_closer=none"], quiet=True)
     assert {name: row[name] for name in ("views", "stamps_rejected", "views_unpaired", "truth_rejected", "stamps_jumped",
                                          "stamps_repaired")} == {
         "views": 3, "stamps_rejected": 1, "views_unpaired": 1, "truth_rejected": 2, "stamps_jumped": 0, "stamps_repaired": 0}
