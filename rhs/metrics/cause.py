@@ -7,6 +7,7 @@ began is counted as of its beginning. Each link is named once, where it first co
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rhs.api.metric import RunFiles, columns_of
 
@@ -35,18 +36,30 @@ def complaints(step: Step) -> list[tuple[str, str]]:
 def cause(run: RunFiles) -> str:
     """The sentence; empty where every mission ended at its place."""
     missions = run.json("missions") or []
-    failed = next((m for m in missions if m["status"] not in ("arrived", "aborted")), None)
+    failed = first_failed(missions)
     if failed is None:
         return ""
-    patrol = [step for step in run.steps if step["phase"] == "patrol"]
-    own = [step for step in patrol if step["mission"] == str(failed["mission"])]
     what = f"{failed['place']}: {failed['reason'] or 'the run ended on the way'}"
-    told = first_complaints(patrol, own)
+    told = [f"view {view} {words}" for view, words in
+            first_of_failed([step for step in run.steps if step["phase"] == "patrol"], missions)]
     return f"{what}; " + (", then ".join(told[:MOST_WORDS]) if told else "no part complained before")
 
 
-def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[str]:
-    """What each link said first in the views of one mission, in the order of the views."""
+def first_failed(missions: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """The first mission that did not end at its place."""
+    return next((m for m in missions if m["status"] not in ("arrived", "aborted")), None)
+
+
+def first_of_failed(patrol: Sequence[Step], missions: Sequence[Mapping[str, Any]]) -> list[tuple[int, str]]:
+    """(view, what was said) of each link that complained in the first mission that failed, in the order of the views."""
+    failed = first_failed(missions)
+    if failed is None:
+        return []
+    return first_complaints(patrol, [step for step in patrol if step["mission"] == str(failed["mission"])])
+
+
+def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[tuple[int, str]]:
+    """(view, words): what each link said first in the views of one mission, in the order of the views."""
     if not own:
         return []
     first: dict[str, tuple[int, str]] = {}
@@ -61,7 +74,7 @@ def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[str]:
                 view -= 1
             first[link] = view, words
     ordered = sorted(first.items(), key=lambda one: (one[1][0], one[0] == "gave_up"))
-    return [f"view {view} {words}" for link, (view, words) in ordered if link != "gave_up"]
+    return [told for link, told in ordered if link != "gave_up"]
 
 
 CAUSE = columns_of(lambda run: {"cause": cause(run)},

@@ -11,6 +11,9 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.api.trajectory import Trajectory, aligned, read_tum
 from rhs.metrics.accuracy import pair
+from rhs.runfolder.run import Run
+
+from .event_marks import draw_happenings, draw_unknown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,10 +47,14 @@ def draw_run(axes: Axes, folder: Path) -> None:
         draw_grid(axes, grid)
     if true is not None:
         draw_walls(axes, true)
+        after = grid_of(folder / "true_map_patrol.yaml")
+        if after is not None:
+            draw_unknown(axes, true, after)
     draw_found_walls(axes, folder)
     draw_lines(axes, folder)
     draw_plans(axes, folder)
     draw_places(axes, folder)
+    draw_happenings(axes, Run(folder).steps, json_of(folder / "missions.json") or [])
     if grid is not None:
         show_what_is_known(axes, grid)
     axes.set_aspect("equal")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import sys
+import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LARGEST_VIDEO_BYTES = 30 << 20
+TITLE_CHARACTERS = 130  # of a line over a picture
 
 
 def pictures(folder: Path) -> list[Path]:
@@ -61,9 +63,10 @@ def overview(folder: Path) -> Path:
     figure = new_figure(10.5, 8.0)
     axes = figure.add_subplot()
     draw_run(axes, folder)
-    figure.suptitle(title(json_of(folder / "row.json") or {}), fontsize=11)
+    lines = title(json_of(folder / "row.json") or {}).splitlines()
+    figure.suptitle("\n".join(part for line in lines for part in textwrap.wrap(line, TITLE_CHARACTERS)), fontsize=10)
     if axes.get_legend_handles_labels()[1]:
-        figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+        figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return write_whole(folder / "overview.png", lambda path: save(figure, path))
 
 

@@ -94,5 +94,4 @@ def test_complaints_come_in_the_order_in_which_they_began():
     lost, path = {"motion_status": "lost", "motion_reason": "no features"}, {"event": "lost+no_plan"}
     views = [step(4, mission="0", **lost), step(5, **lost), step(6, belief_status="lost", **path), step(7, **lost)]
     assert first_complaints(views, views[1:]) == [  # of the view before, too
-        "view 4 odometry lost (no features)", "view 6 localiser lost", "view 6 the robot looks for itself",
-        "view 6 plan: no path"]
+        (4, "odometry lost (no features)"), (6, "localiser lost"), (6, "the robot looks for itself"), (6, "plan: no path")]

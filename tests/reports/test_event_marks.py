@@ -1,0 +1,48 @@
+"""What happened on the way is marked where it happened, once for as long as it lasts."""
+
+import numpy as np
+
+from rhs.api.grid import OccupancyGrid
+from rhs.plots import new_figure
+from rhs.reports.event_marks import draw_happenings, draw_unknown
+
+
+def _step(index, event="", mission="1", belief="tracking"):
+    return {"index": str(index), "phase": "patrol", "mission": mission, "event": event, "true_x_m": str(0.2 * index),
+            "true_y_m": "0", "x_m": str(0.2 * index), "y_m": "0.1", "motion_status": "ok", "motion_reason": "",
+            "motion_replaced": "0", "belief_status": belief, "collided": "0"}
+
+
+def _marked(steps, missions=()):
+    """Legend label -> (N, 2) where it was drawn."""
+    axes = new_figure(4.0, 3.0).add_subplot()
+    draw_happenings(axes, steps, missions)
+    return {line.get_label(): np.column_stack([line.get_xdata(), line.get_ydata()]) for line in axes.get_lines()}
+
+
+def test_a_robot_lost_for_three_views_has_one_mark_where_it_began_to_doubt():
+    steps = [_step(k, "lost" if 4 <= k <= 6 else "", belief="lost" if 4 <= k <= 6 else "tracking") for k in range(10)]
+    np.testing.assert_allclose(_marked(steps)["does not know where it is"], [[0.8, 0.0]])
+
+
+def test_trouble_began_where_the_first_part_complained_of_the_mission_that_failed():
+    steps = [_step(k, "contact" if k == 7 else "", belief="converging" if k >= 3 else "tracking") for k in range(9)]
+    failed = {"mission": 1, "place": "desk", "status": "gave_up", "reason": "no progress"}
+    marked = _marked(steps, [failed])
+    np.testing.assert_allclose(marked["trouble began, view 3: localiser converging"], [[0.6, 0.0]])
+    np.testing.assert_allclose(marked["touched something"], [[1.4, 0.0]])
+    assert not any(label.startswith("trouble") for label in _marked(steps, [{**failed, "status": "arrived"}]))
+
+
+def test_a_kidnap_is_a_line_from_where_to_where():
+    steps = [_step(0), _step(1), {**_step(2, "kidnapped"), "true_x_m": "5.0"}]
+    np.testing.assert_allclose(_marked(steps)["carried off"], [[0.2, 0.0], [5.0, 0.0]])
+
+
+def test_what_is_new_and_what_is_gone_since_the_survey():
+    before, after = np.zeros((4, 4), np.float32), np.zeros((4, 4), np.float32)
+    before[1, 1] = after[2, 3] = 1.0
+    axes = new_figure(4.0, 3.0).add_subplot()
+    draw_unknown(axes, *(OccupancyGrid(grid, 0.1, (0.0, 0.0)) for grid in (before, after)))
+    corners = [patch.get_xy()[:4] for patch in axes.patches if len(patch.get_xy()) > 1]
+    np.testing.assert_allclose(sorted(np.mean(corners, axis=1).tolist()), [[0.15, 0.15], [0.35, 0.25]])
