@@ -12,9 +12,12 @@ from rhs.api.pictures import HEAD_BYTES, MOST_PIXELS, check_size
 from rhs.api.records import Scan
 
 from .replay_images import metres
+from .replay_rvl import unpacked_rvl
 
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
+BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_gbrg8": "BayerGBRG2RGB",
+         "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 
@@ -29,8 +32,13 @@ def color_of(message, topic: str) -> np.ndarray:
     """(H, W, 3) uint8 RGB of an Image or CompressedImage."""
     if hasattr(message, "format"):
         return _decoded(message.data, topic, color=True)
+    if message.encoding in BAYER:
+        import cv2
+
+        mosaic = np.ascontiguousarray(_rows(message, np.dtype("u1"), 1, topic)[:, :, 0])
+        return cv2.cvtColor(mosaic, getattr(cv2, f"COLOR_{BAYER[message.encoding]}"))
     if message.encoding not in COLOR:
-        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {', '.join(COLOR)}")
+        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {', '.join((*COLOR, *BAYER))}")
     channels, order = COLOR[message.encoding]
     image = _rows(message, np.dtype("u1"), channels, topic)
     return np.ascontiguousarray(image if order is None else image[:, :, list(order)])
@@ -146,14 +154,15 @@ def _decoded(data, topic: str, *, color: bool) -> np.ndarray:
 
 
 def _compressed_depth(message, topic: str, *, scale: float, max_depth_m: float) -> np.ndarray:
-    """image_transport's compressedDepth: 12 bytes before a 16-bit PNG; 32FC1 is kept as quantised inverse depth."""
+    """image_transport's compressedDepth: 12 bytes before a 16-bit PNG or RVL; 32FC1 is kept as quantised inverse depth."""
     data = np.asarray(message.data, np.uint8)
     if "compressedDepth" not in message.format:
         return _in_metres(_decoded(data, topic, color=False), topic, scale=scale, max_depth_m=max_depth_m)
-    if "rvl" in message.format.lower() or len(data) < 12:
-        raise ConfigError(f"{topic}: depth is compressed as {message.format!r}; expected compressedDepth png")
+    if len(data) < 12:
+        raise ConfigError(f"{topic}: {len(data)} bytes of compressed depth; expected 12 of a header and more")
     _, a, b = struct.unpack("<iff", data[:12].tobytes())
-    raw = _decoded(data[12:], topic, color=False)
+    rvl = "rvl" in message.format.lower()
+    raw = unpacked_rvl(data[12:], topic) if rvl else _decoded(data[12:], topic, color=False)
     if message.format.startswith("32FC1") and raw.dtype == np.uint16:
         with np.errstate(divide="ignore"):
             raw = np.where(raw > 0, a / (raw.astype(np.float32) - b), np.nan).astype(np.float32)
