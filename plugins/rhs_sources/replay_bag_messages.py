@@ -103,14 +103,8 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
                 camera_from_cloud: np.ndarray | None = None) -> np.ndarray:
     """(H, W) float32 metres of a PointCloud2, whose frame is the camera's optical one or stands to it as given: organised as
     it is where the frames are one, else the nearest point that falls on each pixel."""
-    fields = {f.name: f for f in message.fields}
-    if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
-        raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
-    kind = np.dtype({"names": list("xyz"), "formats": [FLOATS[fields[n].datatype] for n in "xyz"],
-                     "offsets": [fields[n].offset for n in "xyz"], "itemsize": message.point_step})
-    count = len(message.data) // max(message.point_step, 1)
-    table = np.frombuffer(bytes(message.data), kind, count)
-    points = np.stack([table[n] for n in "xyz"], axis=1).astype(float)
+    points = points_of(message, topic)
+    count = len(points)
     elsewhere = camera_from_cloud is not None and not np.allclose(camera_from_cloud, np.eye(4), atol=1e-6)
     if camera_from_cloud is not None and elsewhere:
         points = transform(camera_from_cloud, points)
@@ -126,6 +120,19 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
     u, v = pixels[inside].astype(int).T
     np.minimum.at(depth, (v, u), points[inside, 2].astype(np.float32))
     return np.where(np.isfinite(depth), depth, np.float32(np.nan))
+
+
+
+def points_of(message, topic: str) -> np.ndarray:
+    """(N, 3) points of a PointCloud2 as it has them, in its own frame; unknown ones NaN."""
+    fields = {f.name: f for f in message.fields}
+    if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
+        raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
+    kind = np.dtype({"names": list("xyz"), "formats": [FLOATS[fields[n].datatype] for n in "xyz"],
+                     "offsets": [fields[n].offset for n in "xyz"], "itemsize": message.point_step})
+    count = len(message.data) // max(message.point_step, 1)
+    table = np.frombuffer(bytes(message.data), kind, count)
+    return np.stack([table[n] for n in "xyz"], axis=1).astype(float)
 
 
 def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:

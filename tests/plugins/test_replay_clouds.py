@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+from bags import BagFile
 
 import rhs
 from rhs.api.errors import ConfigError
@@ -155,3 +156,17 @@ def test_a_lidar_without_clouds_is_refused_with_what_to_type(tmp_path):
     folder = clouds(tmp_path / "drive", way(2))
     with pytest.raises(rhs.RhsError, match="sensor=rgbd needs .*, which source=replay does not provide; type .*lidar"):
         rhs.run(["task=survey", "source=replay", f"source.path={folder}", f"output={tmp_path / 'run'}"])
+
+
+def test_a_bag_with_clouds_alone_is_a_lidars_and_its_mount_comes_from_tf(tmp_path):
+    """The lidar sits 0.3 m ahead of base_link and is turned by 90 degrees: its x is the body's y."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.transform("/tf_static", 0.0, "base_link", "camera", 0.3, yaw=np.pi / 2)
+        for k in range(3):
+            bag.cloud("/points", 0.1 * k, np.array([[2.0 + k, 0.0, 1.0], [np.nan, 0.0, 0.0]]))
+            bag.odometry("/odom", 0.1 * k + 0.01, 0.0, 0.0, 0.0)
+    source = Replay(path=str(bag.path)).build(None)
+    seen = [source.lead() for _ in range(3)]
+    source.close()
+    assert source.provides == {"cloud", "wheel"} and source.views_expected == 3
+    np.testing.assert_allclose(seen[2].extras["cloud"], [[0.3, 4.0, 1.0]], atol=1e-6)

@@ -45,8 +45,8 @@ def bytes_of(data):
 
 
 def test_rvl_gives_every_pixel_back():
-    """By hand: 1000 and 998 after one unknown pixel: runs of 1 and 2, steps 2000 (0, 2, 7, 3 by three bits, the lowest first:
-    8, A, F, 3) and 3 (-2 as 2 * 2 - 1)."""
+    """By hand: 1000 and 998 after one unknown pixel: runs of 1 and 2, steps 2000 (0, 2, 7, 3 by three bits, the lowest
+    first: 8, A, F, 3) and 3 (-2 as 2 * 2 - 1)."""
     depth = np.array([[0, 1000, 998]], np.uint16)
     assert packed(depth) == struct.pack("<III", 3, 1, 0x128AF330)
     rng = np.random.default_rng(0)
