@@ -1,8 +1,8 @@
 """RVL: 16-bit depth images packed without loss (Wilson, "Fast lossless depth image compression", ISS 2017).
 
 Numbers stand in nibbles, three bits each and a fourth that says whether there are more, the highest nibble of a 32-bit
-word first. A run of unknown pixels, a run of known ones, the differences of these (0, -1, 1, -2, ... as 0, 1, 2, 3, ...), and
-so on. As image_transport sends it, width and height come before, each in 32 bits.
+word first. A run of unknown pixels, a run of known ones, the differences of these (0, -1, 1, -2, ... as 0, 1, 2, 3, ...),
+and so on. As image_transport sends it, width and height come before, each in 32 bits.
 """
 
 from __future__ import annotations
