@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import shutil
@@ -13,8 +14,14 @@ import numpy as np
 
 from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError, RecordingError
+from rhs.api.files import replacing
 from rhs.api.records import Capture, Twist, WorldFacts
 
+from .folders.clouds import is_clouds, open_clouds
+from .folders.euroc import is_euroc, open_euroc
+from .folders.frames import is_frames, open_frames
+from .folders.kitti import is_kitti, open_kitti
+from .folders.video import is_video, open_video
 from .replay_bag import is_bag, open_bag
 from .replay_carmen import is_carmen, open_carmen
 from .replay_mcap import is_run, open_run
@@ -22,6 +29,7 @@ from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import Recording, is_tum, open_tum
 
 log = logging.getLogger("rhs.replay")
+CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
 
 
 class ReplaySource(Source):
@@ -36,13 +44,11 @@ class ReplaySource(Source):
         relations = _relations(settings)
         if relations is not None and folder is not None:
             shutil.copyfile(relations, folder / "truth.relations")
-        self.stamps_repaired = sum(recording.repaired.values())
-        if recording.repaired:
-            log.warning("replay %s: stamps repaired, the order of the file kept: %s", settings.path,
-                    _counted(recording.repaired))
+        self._repaired = recording.repaired
+        self._folder = folder
         self.camera = recording.camera
         self.views_expected = recording.total  # None when only reading tells
-        self.facts = recording.facts or _facts(settings)
+        self.facts = recording.facts or _facts(settings, recording.provides)
         self.provides = recording.provides  # what this recording holds
         self.rejected = recording.rejected  # what the rules for stamps threw away: reason -> count; grows in a bag
         self._path = settings.path
@@ -51,20 +57,37 @@ class ReplaySource(Source):
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
         self._truth: np.ndarray | None = None
+        self._told = False
 
     @property
     def lost(self) -> str:  # type: ignore[override]  # others set it once; here it grows as views are read
         """What the recording has lost, in words; empty until that is met, and for a whole recording."""
         return "; ".join(self._lost)
 
+    @property
+    def stamps_repaired(self) -> int:  # type: ignore[override]  # of a video it grows as views are read
+        """Stamps that were put right; no view is lost."""
+        return sum(self._repaired.values())
+
+    def _tell(self) -> None:
+        """Once, at the end: what was left out or put right, in the log and in recording.json, for the metrics alone."""
+        if self._told:
+            return
+        self._told = True
+        if self._repaired:
+            log.warning("replay %s: stamps repaired, the order of the file kept: %s", self._path, _counted(self._repaired))
+        if self.rejected:
+            log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
+        if self._folder is not None and self._folder.is_dir():
+            with replacing(self._folder / "recording.json") as file:
+                json.dump({"rejected": dict(sorted(self.rejected.items()))}, file)
+
     def lead(self) -> Capture | None:
         """The next recorded view, or None at the end."""
         view = self._ahead.result()
         if view is None:
             self._truth = None
-            if self.rejected:
-                log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
-                self.rejected = Counter()
+            self._tell()
             return None
         self._ahead = self._reader.submit(next, self._views, None)
         capture, self._truth = view
@@ -88,6 +111,7 @@ class ReplaySource(Source):
 
     def close(self) -> None:
         self._reader.shutdown(wait=True, cancel_futures=True)
+        self._tell()
 
 
 def _counted(counts: Counter) -> str:
@@ -122,24 +146,26 @@ def open_recording(settings) -> Recording:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
-    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM or 7-Scenes folder, run.mcap, a ROS "
-                      "bag or a CARMEN log")
+    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI or EuRoC "
+                      "folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
 
 
-# Which mounts a format has a use for: what was typed for another is refused, not ignored.
+# Which settings a format has a use for: what was typed for another is refused, not ignored.
 MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame"), "carmen": ("scan_mount",), "tum": ("camera_mount",),
-          "seven_scenes": ("camera_mount",)}
+          "seven_scenes": ("camera_mount",), "kitti": ("camera_mount", "rate_hz", "stereo"),
+          "euroc": ("camera_mount", "stereo"), "video": ("camera_mount", "rate_hz"), "frames": ("camera_mount", "rate_hz"),
+          "clouds": ("scan_mount", "rate_hz")}
 
 
 def _check_mounts(kind: str, settings) -> None:
-    for name in ("scan_mount", "camera_mount", "body_frame"):
+    for name in ("scan_mount", "camera_mount", "body_frame", "rate_hz", "stereo"):
         if getattr(settings, name) and name not in MOUNTS.get(kind, ()):
             raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 
-def _facts(settings) -> WorldFacts:
+def _facts(settings, provides: frozenset[str]) -> WorldFacts:
     """A recording made elsewhere: it begins at the origin of its map, and nobody named its places."""
-    half = settings.extent_m
+    half = settings.extent_m or (LIDAR_M if "cloud" in provides else CAMERA_M)
     return WorldFacts(Path(settings.path).name, (0.0, 0.0, 0.0), (), (-half, -half, half, half), 0.2)
 
 
@@ -151,9 +177,14 @@ def _format_of(path: Path) -> str:
 FORMATS = {
     "tum": (is_tum, open_tum),
     "seven_scenes": (is_seven_scenes, open_seven_scenes),
+    "kitti": (is_kitti, open_kitti),
+    "euroc": (is_euroc, open_euroc),
     "run": (is_run, open_run),
     "carmen": (is_carmen, open_carmen),
     "bag": (is_bag, open_bag),
+    "video": (is_video, open_video),
+    "frames": (is_frames, open_frames),
+    "clouds": (is_clouds, open_clouds),
 }
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
+from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3, transform
 from rhs.api.records import Capture
 from rhs.recording.mcap_scan import open_scan
 
@@ -40,9 +40,14 @@ class Topics:
 
     def provide(self) -> frozenset[str]:
         """What the views will hold, in the words of a part's needs."""
-        held = {"image": self.color, "gray": self.color, "depth": self.depth or self.cloud, "scan": self.scan,
-                "wheel": self.wheel}
+        held = {"image": self.color, "gray": self.color, "depth": self.depth or (self.cloud if self.color else ""),
+                "scan": self.scan, "wheel": self.wheel, "cloud": self.around}
         return frozenset(word for word, topic in held.items() if topic)
+
+    @property
+    def around(self) -> str:
+        """The topic of a lidar: clouds that no camera goes with."""
+        return "" if self.color else self.cloud
 
     def used(self) -> set[str]:
         return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel) if t}
@@ -82,7 +87,7 @@ def open_bag(path: Path, settings) -> Recording:
         finally:
             reader.close()
 
-    total = reader.topics[topics.color or topics.scan].msgcount
+    total = reader.topics[topics.color or topics.around or topics.scan].msgcount
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
     return Recording(camera, captures(), expected, counts, provides=topics.provide())
@@ -106,12 +111,14 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
 
     color, depth = pick("color", plain), pick("depth", deep)
-    clouds = of("PointCloud2") if color and not depth and settings.depth_topic != "none" else []
+    scan = pick("scan", of("LaserScan"))
+    clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
+    if not color and not scan and len(clouds) > 1:
+        raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")
     cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
     depth = "" if cloud == depth else depth
-    scan = pick("scan", of("LaserScan"))
-    if not color and not scan:
-        raise ConfigError(f"{where}: no colour image topic and no LaserScan; found {_listed(found)}")
+    if not color and not scan and not cloud:
+        raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}")
     if color and not depth and not cloud and settings.depth_topic != "none":
         raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
     infos = of("CameraInfo")
@@ -190,8 +197,8 @@ def _messages(reader, topics: set[str]) -> Iterator:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Where the sensors sit: 4x4 body_from_scanner, body_from_camera (optical) and camera_from_cloud; None where nothing is
-    said of it."""
+    """Where the sensors sit: 4x4 body_from_scanner, body_from_camera (optical) and camera_from_cloud (of a lidar:
+    body_from_cloud); None where nothing is said of it."""
 
     scan: np.ndarray | None
     camera: np.ndarray | None
@@ -201,19 +208,22 @@ class Placed:
 def _placed(reader, topics: Topics, settings) -> Placed:
     """As typed, else by the tf tree; a frame that was typed as the body's must be in it."""
     typed_scan, typed_camera = (mount_of(getattr(settings, name), name) for name in ("scan_mount", "camera_mount"))
-    for typed, name, topic in ((typed_scan, "scan_mount", topics.scan), (typed_camera, "camera_mount", topics.color)):
+    for typed, name, topic in ((typed_scan, "scan_mount", topics.scan or topics.around),
+                               (typed_camera, "camera_mount", topics.color)):
         if typed is not None and not topic:
             raise ConfigError(f"source.{name}: {settings.path} holds nothing that is mounted so; leave it out")
     tree = Mounts(fixed_links(_transforms(reader)), settings.body_frame, wheels=_wheel_frame(reader, topics))
 
     def of(topic: str) -> np.ndarray | None:
         frame = _first(reader, topic).header.frame_id if topic else ""
-        found = tree.of(frame, to_the_end=topic == topics.scan) if frame else None
+        found = tree.of(frame, to_the_end=topic in (topics.scan, topics.around)) if frame else None
         if found is None and settings.body_frame and frame:
             raise ConfigError(f"source.body_frame={settings.body_frame}: no fixed tf links join it to {frame}; found "
                               f"{tree.listed()}")
         return found
 
+    if topics.around:
+        return Placed(None, None, of(topics.around) if typed_scan is None else typed_scan)
     scan = of(topics.scan) if typed_scan is None else typed_scan
     camera = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
     cloud = None
@@ -254,8 +264,10 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             wheel = ros.pose_of(message, topic)
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic), placed.scan, topic)
-            if not topics.color:
+            if not topics.color and not topics.around:
                 yield Capture(0, stamp, scan=scan, sensed=True), wheel
+        elif topic == topics.around:
+            yield Capture(0, stamp, scan=scan, sensed=True, extras={"cloud": _cloud(message, topic, placed.cloud)}), wheel
         else:
             waiting[topic].append((stamp, message))
             for pair in _paired(waiting, topics, settings, counts):
@@ -297,6 +309,13 @@ def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) 
     if depth is not None:
         check_pair(image, depth, f"{topics.color} and {topics.depth or topics.cloud}")
     return Capture(0, stamp, image=image, depth=depth, scan=scan, sensed=True)
+
+
+def _cloud(message, topic: str, body_from_cloud: np.ndarray | None) -> np.ndarray:
+    """(N, 3) float32 finite points in the body frame."""
+    points = ros.points_of(message, topic)
+    points = points[np.isfinite(points).all(axis=1)]
+    return (points if body_from_cloud is None else transform(body_from_cloud, points)).astype(np.float32)
 
 
 def _with(capture: Capture, index: int, travel) -> Capture:

@@ -12,9 +12,12 @@ from rhs.api.pictures import HEAD_BYTES, MOST_PIXELS, check_size
 from rhs.api.records import Scan
 
 from .replay_images import metres
+from .replay_rvl import unpacked_rvl
 
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
+BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_gbrg8": "BayerGBRG2RGB",
+         "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 
@@ -29,8 +32,13 @@ def color_of(message, topic: str) -> np.ndarray:
     """(H, W, 3) uint8 RGB of an Image or CompressedImage."""
     if hasattr(message, "format"):
         return _decoded(message.data, topic, color=True)
+    if message.encoding in BAYER:
+        import cv2
+
+        mosaic = np.ascontiguousarray(_rows(message, np.dtype("u1"), 1, topic)[:, :, 0])
+        return cv2.cvtColor(mosaic, getattr(cv2, f"COLOR_{BAYER[message.encoding]}"))
     if message.encoding not in COLOR:
-        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {', '.join(COLOR)}")
+        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {', '.join((*COLOR, *BAYER))}")
     channels, order = COLOR[message.encoding]
     image = _rows(message, np.dtype("u1"), channels, topic)
     return np.ascontiguousarray(image if order is None else image[:, :, list(order)])
@@ -95,14 +103,8 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
                 camera_from_cloud: np.ndarray | None = None) -> np.ndarray:
     """(H, W) float32 metres of a PointCloud2, whose frame is the camera's optical one or stands to it as given: organised as
     it is where the frames are one, else the nearest point that falls on each pixel."""
-    fields = {f.name: f for f in message.fields}
-    if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
-        raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
-    kind = np.dtype({"names": list("xyz"), "formats": [FLOATS[fields[n].datatype] for n in "xyz"],
-                     "offsets": [fields[n].offset for n in "xyz"], "itemsize": message.point_step})
-    count = len(message.data) // max(message.point_step, 1)
-    table = np.frombuffer(bytes(message.data), kind, count)
-    points = np.stack([table[n] for n in "xyz"], axis=1).astype(float)
+    points = points_of(message, topic)
+    count = len(points)
     elsewhere = camera_from_cloud is not None and not np.allclose(camera_from_cloud, np.eye(4), atol=1e-6)
     if camera_from_cloud is not None and elsewhere:
         points = transform(camera_from_cloud, points)
@@ -118,6 +120,19 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
     u, v = pixels[inside].astype(int).T
     np.minimum.at(depth, (v, u), points[inside, 2].astype(np.float32))
     return np.where(np.isfinite(depth), depth, np.float32(np.nan))
+
+
+
+def points_of(message, topic: str) -> np.ndarray:
+    """(N, 3) points of a PointCloud2 as it has them, in its own frame; unknown ones NaN."""
+    fields = {f.name: f for f in message.fields}
+    if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
+        raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
+    kind = np.dtype({"names": list("xyz"), "formats": [FLOATS[fields[n].datatype] for n in "xyz"],
+                     "offsets": [fields[n].offset for n in "xyz"], "itemsize": message.point_step})
+    count = len(message.data) // max(message.point_step, 1)
+    table = np.frombuffer(bytes(message.data), kind, count)
+    return np.stack([table[n] for n in "xyz"], axis=1).astype(float)
 
 
 def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:
@@ -146,14 +161,15 @@ def _decoded(data, topic: str, *, color: bool) -> np.ndarray:
 
 
 def _compressed_depth(message, topic: str, *, scale: float, max_depth_m: float) -> np.ndarray:
-    """image_transport's compressedDepth: 12 bytes before a 16-bit PNG; 32FC1 is kept as quantised inverse depth."""
+    """image_transport's compressedDepth: 12 bytes before a 16-bit PNG or RVL; 32FC1 is kept as quantised inverse depth."""
     data = np.asarray(message.data, np.uint8)
     if "compressedDepth" not in message.format:
         return _in_metres(_decoded(data, topic, color=False), topic, scale=scale, max_depth_m=max_depth_m)
-    if "rvl" in message.format.lower() or len(data) < 12:
-        raise ConfigError(f"{topic}: depth is compressed as {message.format!r}; expected compressedDepth png")
+    if len(data) < 12:
+        raise ConfigError(f"{topic}: {len(data)} bytes of compressed depth; expected 12 of a header and more")
     _, a, b = struct.unpack("<iff", data[:12].tobytes())
-    raw = _decoded(data[12:], topic, color=False)
+    rvl = "rvl" in message.format.lower()
+    raw = unpacked_rvl(data[12:], topic) if rvl else _decoded(data[12:], topic, color=False)
     if message.format.startswith("32FC1") and raw.dtype == np.uint16:
         with np.errstate(divide="ignore"):
             raw = np.where(raw > 0, a / (raw.astype(np.float32) - b), np.nan).astype(np.float32)

@@ -7,10 +7,14 @@ TUM-compatible images, which want a positive fy (ETH3D/badslam issue 59).
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
+
+from .folders.intrinsics import read_intrinsics
 
 # Cameras of the Kinect kind read their rows one after the other. On the first 60 views of freiburg1_rpy the residual of
 # odometry=keyframe is least for 0.02 .. 0.035 s and hardly differs in between; 0 s leaves it a tenth larger.
@@ -39,13 +43,16 @@ def chosen_camera(wanted, size: tuple[int, int], *, recorded: Camera | None, whe
         if recorded is None:
             raise ConfigError(
                 f"{where} holds no camera intrinsics;"
-                f" type source.camera={'|'.join(PRESETS)} or source.camera=[fx,fy,cx,cy]"
+                f" type source.camera={'|'.join(PRESETS)}, source.camera=[fx,fy,cx,cy] or source.camera=FILE"
             )
         camera = recorded
-    elif isinstance(wanted, str):
-        if wanted not in PRESETS:
-            raise ConfigError(f"source.camera={wanted} is not one of auto, {', '.join(PRESETS)} or [fx,fy,cx,cy]")
+    elif isinstance(wanted, str) and wanted in PRESETS:
         camera = PRESETS[wanted]
+    elif isinstance(wanted, str):
+        file = Path(wanted).expanduser()
+        if not file.is_file():
+            raise ConfigError(f"source.camera={wanted} is not one of auto, {', '.join(PRESETS)}, a file or [fx,fy,cx,cy]")
+        camera = read_intrinsics(file, size)
     else:
         fx, fy, cx, cy, *distortion = (float(v) for v in wanted)
         return Camera(width, height, fx, fy, cx, cy, distortion=tuple(distortion) if any(distortion) else ())

@@ -10,12 +10,13 @@ from rhs.api.errors import ConfigError, check_choice, check_range
 if TYPE_CHECKING:
     from rhs.api.contracts import Source, SourceContext
 
-FORMATS = ("auto", "tum", "seven_scenes", "run", "bag", "carmen")
+FORMATS = ("auto", "tum", "seven_scenes", "kitti", "euroc", "run", "bag", "carmen", "video", "frames", "clouds")
 
 
 @dataclass
 class Replay:
-    """A TUM RGB-D or 7-Scenes folder, run.mcap, a ROS 2 or ROS 1 bag, or a CARMEN laser log."""
+    """A TUM RGB-D, 7-Scenes, KITTI or EuRoC folder, numbered images or point clouds, run.mcap, a ROS 2 or ROS 1 bag,
+    a video or a CARMEN laser log."""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel", "extras"})
@@ -24,16 +25,23 @@ class Replay:
     """Folder or file to read; relative paths count from where the command is typed."""
     camera: Any = "auto"
     """tum_fr1, tum_fr2, tum_fr3, icl_nuim, primesense, seven_scenes, [fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]
-    in pixels and OpenCV's distortion, or auto: what the recording says."""
+    in pixels and OpenCV's distortion, a file (camera.json, intrinsics.txt, camera_info.yaml), or auto: what the recording
+    says, or the only such file in its folder."""
     format: str = "auto"
-    """How to read the path: auto, tum, seven_scenes, run (run.mcap), bag or carmen; auto looks at the files."""
+    """How to read the path: auto, tum, seven_scenes, kitti, euroc, run (run.mcap), bag, carmen, video,
+    frames (numbered images) or clouds; auto looks at the files."""
     depth_scale: float = 0.0
     """Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
     max_depth_m: float = 20.0
     """Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m."""
     truth: str = ""
-    """File of true camera poses of a TUM folder (stamp tx ty tz qx qy qz qw); empty: its groundtruth.txt or
-    *.freiburg."""
+    """File of true poses, of the camera (of a CARMEN log or clouds, of the scanner): stamp tx ty tz qx qy qz qw, or of
+    numbered files the 12 numbers of KITTI a view; empty: groundtruth.txt, *.freiburg or poses.txt in the folder."""
+    rate_hz: float = 0.0
+    """Views a second of numbered images, clouds and videos, whatever their names and the container say; 0: what these say,
+    else 30, of clouds 10."""
+    stereo: bool = False
+    """Hand on the second camera of KITTI and EuRoC as `right_image`, as it was recorded."""
     relations: str = ""
     """File of true relations between scans (stamp1 stamp2 x y z roll pitch yaw) to judge the way by; empty: LOG.relations
     beside a laser log."""
@@ -74,8 +82,9 @@ class Replay:
     camera_mount: list[float] = field(default_factory=list)
     """Where the camera sits on the body, looking along its own x: [x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg]; empty: what a
     bag's tf says, else at the body. Not of a run.mcap, which knows it."""
-    extent_m: float = 10.0
-    """Half the side of the square to map round the start, metres; a recording does not say how large its world is."""
+    extent_m: float = 0.0
+    """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
+    with a lidar 200 m."""
     laser_fov_deg: float = 180.0
     """Beams of a CARMEN laser cover this many degrees, centred ahead."""
     max_laser_m: float = 30.0
@@ -90,11 +99,12 @@ class Replay:
         check_range(owner, "max_difference_s", self.max_difference_s, low=0.0, high=10.0, unit="s")
         check_range(owner, "max_truth_gap_s", self.max_truth_gap_s, low=0.0, high=1e4, unit="s")
         check_range(owner, "max_jump_s", self.max_jump_s, low=0.01, high=1e9, unit="s")
+        check_range(owner, "rate_hz", self.rate_hz, low=0.0, high=1e4, unit="Hz")
         check_range(owner, "start", self.start, low=0, high=1e9)
         check_range(owner, "stride", self.stride, low=1, high=1e6)
         check_range(owner, "count", self.count, low=0, high=1e9)
         check_range(owner, "max_laser_m", self.max_laser_m, low=0.1, high=1e3, unit="m")
-        check_range(owner, "extent_m", self.extent_m, low=1.0, high=1e3, unit="m")
+        check_range(owner, "extent_m", self.extent_m or 1.0, low=1.0, high=1e3, unit="m")
         check_range(owner, "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
         from .replay_mounts import mount_of
 

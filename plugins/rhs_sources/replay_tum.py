@@ -16,6 +16,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse
 from rhs.api.records import Capture, WorldFacts
 
+from .folders.intrinsics import intrinsics_beside
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
 from .replay_mounts import placed_camera
@@ -60,11 +61,12 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early.
 
     Later views that cannot be read are left out and said to be lost."""
-    scale = settings.depth_scale or default_scale
-    folder = str(pairs[0][1].parent.parent)
+    scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     first = _read(pairs[0], scale, settings)
     checked = _check_scale(pairs[0][2], scale)
-    camera = placed_camera(chosen_camera(settings.camera, first[0].shape[1::-1], recorded=None, where=folder), settings)
+    size = (first[0].shape[1], first[0].shape[0])
+    recorded = intrinsics_beside(folder, size) if settings.camera == "auto" else None
+    camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
     wanted = pairs[settings.start :: settings.stride][: settings.count or None]
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
@@ -126,7 +128,7 @@ def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
         if len(words) < 2:
             raise ConfigError(f"{where}: found {len(words)} column(s); expected stamp and file name")
         stamps.append(number_of(words[0], where))
-        files.append(_inside(path.parent, words[1], where))
+        files.append(inside(path.parent, words[1], where))
     if not stamps:
         raise ConfigError(f"{path}: the list is empty; expected lines of stamp and file name")
     kept, rejected = in_order(stamps, settings.max_jump_s)
@@ -153,13 +155,13 @@ def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path]],
         if "depth" in color.lower() and "depth" not in depth.lower():
             stamp, color, depth = other, depth, color
         entries.append(
-            (number_of(stamp, where), _inside(path.parent, color, where), _inside(path.parent, depth, where))
+            (number_of(stamp, where), inside(path.parent, color, where), inside(path.parent, depth, where))
         )
     kept, rejected = in_order([e[0] for e in entries], settings.max_jump_s)
     return [entries[i] for i in kept], rejected
 
 
-def _inside(folder: Path, name: str, where: str) -> Path:
+def inside(folder: Path, name: str, where: str) -> Path:
     """The file `name` of `folder`; a name that leads out of the folder is refused. Links are the user's own."""
     path = folder / name  # an absolute name replaces the folder
     inside = path.is_relative_to(folder) or path.resolve().is_relative_to(folder.resolve())

@@ -70,7 +70,8 @@ class Capture:
     command: what the robot was given since the previous view, or None. travel: (3,) true wheel travel since the previous
     view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
     sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
-    extras: further modalities by name (`imu`, `right_image`, ...), arrays of any shape.
+    extras: further modalities by name (`imu`, `right_image`, ...), arrays of any shape; `cloud`: (N, 3) finite points in the
+    body frame, metres, of a lidar.
     contact: whether the robot's bumper was pressed since the previous view; None: it has none (a recording).
     """
 

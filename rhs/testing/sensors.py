@@ -13,7 +13,7 @@ from rhs.api.frozen import freeze
 from rhs.api.records import Capture, Observation, Twist
 from rhs.api.validate import check_observation
 
-from .room import CAMERA, HALL, RATE_HZ, SHORT, context, drive, paintings, ranges, scan_of, see
+from .room import CAMERA, HALL, RATE_HZ, SHORT, cloud_of, context, drive, paintings, ranges, scan_of, see
 from .shared_state import untouched
 
 NEAR_THE_LEFT_WALL = replace(HALL, start=(0.8, 1.5, 0.35))
@@ -30,7 +30,8 @@ def captures() -> tuple[tuple[np.ndarray, Capture], ...]:
         assert capture.image is not None
         out.append((pose, freeze(replace(
             capture, image=np.rint(capture.image * TINT).astype(np.uint8), travel=np.array([ahead, 0.0, left]),
-            command=Twist(ahead * RATE_HZ, left * RATE_HZ, 1.0 / RATE_HZ), scan=scan_of(pose, NEAR_THE_LEFT_WALL)))))
+            command=Twist(ahead * RATE_HZ, left * RATE_HZ, 1.0 / RATE_HZ), scan=scan_of(pose, NEAR_THE_LEFT_WALL),
+            extras={"cloud": cloud_of(pose, NEAR_THE_LEFT_WALL)}))))
     return tuple(out)
 
 
@@ -42,7 +43,8 @@ def hard() -> list[Capture]:
     n = len(views)
     blank = replace(last, index=n, stamp_s=n / RATE_HZ, image=np.full_like(last.image, 90))
     dark = replace(last, index=n + 1, stamp_s=(n + 1) / RATE_HZ, depth=np.full_like(last.depth, np.nan),
-                   scan=replace(last.scan, ranges_m=np.full_like(last.scan.ranges_m, np.nan)))
+                   scan=replace(last.scan, ranges_m=np.full_like(last.scan.ranges_m, np.nan)),
+                   extras={"cloud": np.empty((0, 3), np.float32)})
     return [*views, freeze(blank), freeze(dark)]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.contracts import Context
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, adjoint, inverse, se2
 from rhs.api.records import Revision, Scan, Wall
 
@@ -21,6 +22,10 @@ from .wall_map import walls_of
 
 
 def build_corridor_ekf(settings: CorridorEkf, context: Context) -> MonocularOdometry:
+    if settings.height_known and context.camera.height_m <= 0.0:
+        raise ConfigError("odometry=corridor_ekf follows a camera that a robot carries through corridors at a known height, "
+                          "and nothing says how high this one is; type source.camera_mount=[0,0,HEIGHT_M,0,0,0] if it was "
+                          "so, or sensor=rgbd where the recording has depth")
     core = corridor_core(settings, context.camera, np.array(context.world.start))
     return monocular_odometry(settings, context, core, scale_from(settings), settings.advanced.follow)
 

@@ -1,0 +1,1 @@
+"""Registration of the point clouds of a lidar."""

@@ -1,0 +1,92 @@
+"""Settings of the odometry `kiss_icp_lidar`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from rhs.api.errors import ConfigError, check_range, check_ranges
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Odometry
+
+
+@dataclass
+class LidarAdvanced:
+    """Thresholds of `odometry=kiss_icp_lidar`."""
+
+    voxels_of_range: float = 15.0
+    """voxel_m=0: voxels of the map have this part of the median distance of the first cloud's points as their side"""
+    neighbours: int = 10
+    """points that make the normal of one"""
+    lean: float = 0.5
+    """a normal counts for a direction when it leans into it by at least this (cosine; 0.5 is 30 degrees off its plane)"""
+    thin: float = 0.1
+    """neighbours lie on a plane where they spread across it by at most this share of their spread in it (variances) ..."""
+    broad: float = 0.05
+    """... and on no line: their second spread is at least this share of their first"""
+    correlated: float = 20.0
+    """neighbouring points err together: so many count as one"""
+    least_m: float = 0.02
+    """no alignment is better than this, metres (1 sigma)"""
+    least_rad: float = 1e-3
+    """nor its angles, radians (1 sigma)"""
+    slipped_m: float = 1.0
+    """deviation along a direction that nothing holds, metres (1 sigma)"""
+    leap_m: float = 3.0
+    """an alignment further than this from its guess has locked on to something else, metres"""
+    leap_rad: float = 0.6
+    """or turned further from it, radians"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, voxels_of_range=(1.0, 1000.0), neighbours=(3, 1000), lean=(0.0, 1.0), thin=(0.0, 1.0),
+                     broad=(0.0, 1.0), correlated=(1.0, 1e6),
+                     least_m=(1e-9, 1.0), least_rad=(1e-9, 1.0), slipped_m=(1e-6, 100.0), leap_m=(1e-3, 1000.0),
+                     leap_rad=(1e-3, 3.2))
+
+
+@dataclass
+class KissIcpLidar:
+    """KISS-ICP on the point clouds of a lidar (the extra modality `cloud`), taken at one instant each."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"cloud"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    voxel_m: float = 0.0
+    """Side of the voxels of the map, metres; 0: by how far the first cloud's points are (advanced.voxels_of_range)."""
+    min_range_m: float = 0.5
+    """Nearer points are the robot itself, metres."""
+    max_range_m: float = 100.0
+    """Further points are not used, metres (the authors' habit)."""
+    iterations: int = 100
+    """Most iterations of one alignment."""
+    initial_threshold_m: float = 2.0
+    """First threshold of partners, metres (the authors')."""
+    min_motion_m: float = 0.1
+    """The least motion that adapts the threshold of partners, metres (the authors')."""
+    min_points: int = 100
+    """Fewer points than this are no cloud: lost."""
+    min_support: float = 0.03
+    """Degenerate when a smaller share of the points holds the weakest horizontal direction, as in a tunnel."""
+    point_sigma_m: float = 0.05
+    """Noise of a point along its surface's normal, metres (1 sigma)."""
+    advanced: LidarAdvanced = field(default_factory=LidarAdvanced)
+
+    def __post_init__(self) -> None:
+        owner = "odometry.kiss_icp_lidar"
+        check_range(owner, "voxel_m", self.voxel_m, low=0.0, high=10.0, unit="m")
+        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
+        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        if self.min_range_m >= self.max_range_m:
+            raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
+        check_range(owner, "iterations", self.iterations, low=1, high=500)
+        check_range(owner, "initial_threshold_m", self.initial_threshold_m, low=0.01, high=100.0, unit="m")
+        check_range(owner, "min_motion_m", self.min_motion_m, low=0.0, high=10.0, unit="m")
+        check_range(owner, "min_points", self.min_points, low=10, high=1_000_000)
+        check_range(owner, "min_support", self.min_support, low=0.0, high=1.0)
+        check_range(owner, "point_sigma_m", self.point_sigma_m, low=1e-4, high=1.0, unit="m")
+
+    def build(self, context: Context) -> Odometry:
+        from .kiss_icp import KissIcpOdometry
+
+        return KissIcpOdometry(self)

@@ -1,0 +1,40 @@
+"""The sensor `lidar`: see its settings. The clouds themselves pass every sensor as an extra modality."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.contracts import Context
+from rhs.api.errors import ContractError
+from rhs.api.records import Capture, Observation, Scan
+
+from .degrade import frozen
+from .lidar import Lidar
+
+
+class LidarSensor:
+    """Reads a band of the cloud as a planar scan; the recording has put its own noise on it."""
+
+    def __init__(self, settings: Lidar, context: Context) -> None:
+        self._settings, self._camera = settings, context.camera
+        step = 2.0 * np.pi / settings.beams
+        self._bearings = frozen((np.arange(settings.beams) + 0.5) * step - np.pi)
+
+    def sense(self, capture: Capture) -> Observation:
+        if "cloud" not in capture.extras:
+            raise ContractError(f"capture {capture.index} has no cloud; sensor=lidar needs a recording with point clouds")
+        travel = None if capture.travel is None else frozen(np.array(capture.travel, float))
+        return Observation(capture.index, capture.stamp_s, self._camera, scan=self._scan(capture.extras["cloud"]),
+                           command=capture.command, wheel=travel)
+
+    def _scan(self, cloud: np.ndarray) -> Scan:
+        """The nearest point of each bearing within the band; NaN where there is none: between its rings a lidar is blind."""
+        s = self._settings
+        points = np.asarray(cloud, float)
+        ranges = np.hypot(points[:, 0], points[:, 1])
+        used = (points[:, 2] >= s.low_m) & (points[:, 2] <= s.high_m) & (ranges >= s.min_range_m) & (ranges <= s.max_range_m)
+        turn = np.arctan2(points[used, 1], points[used, 0])
+        beam = np.minimum(((turn + np.pi) * (s.beams / (2.0 * np.pi))).astype(int), s.beams - 1)
+        nearest = np.full(s.beams, np.inf)
+        np.minimum.at(nearest, beam, ranges[used])
+        return Scan(self._bearings, frozen(np.where(np.isfinite(nearest), nearest, np.nan)), s.max_range_m)

@@ -1,0 +1,64 @@
+"""Folders of point clouds for `sensor=lidar`: .pcd, .bin (KITTI's float32 x, y, z, intensity) or .ply, one file a view.
+
+The body is the scanner, x ahead, y left, z up, unless `source.scan_mount` says where that sits. Files come in the order of
+the numbers in their names, which are the stamps where they are times; else `source.rate_hz` a second, or 10.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import transform
+
+from ..replay_carmen import NO_CAMERA
+from ..replay_mounts import mount_of
+from ..replay_stamps import in_order
+from ..replay_tum import Recording
+from .pcd import SUFFIXES, read_cloud
+from .views import Listed, led, numbered, stamps_by_name, truth_of
+
+FOLDERS = ("velodyne", "velodyne_points", "lidar", "pcd", "clouds", "points", "data")
+RATE_HZ = 10.0
+
+
+def is_clouds(path: Path) -> bool:
+    return path.is_dir() and bool(_files(path))
+
+
+def open_clouds(path: Path, settings) -> Recording:
+    """The clouds of a folder. Raises ConfigError when the first cannot be read."""
+    files = _files(path)
+    if not files:
+        raise ConfigError(f"{path}: no numbered cloud; expected 000000.pcd, .bin or .ply")
+    stamps, timed = stamps_by_name([number for number, _ in files], settings.rate_hz, RATE_HZ)
+    kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(files))), Counter())
+    found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)
+    true, counts = truth_of(found, settings)
+    read_cloud(files[kept[0]][1])
+    mount = mount_of(settings.scan_mount, "scan_mount")
+
+    def read(i: int, before: int | None) -> dict:
+        cloud = read_cloud(files[kept[i]][1])
+        if mount is not None:
+            cloud = transform(mount, cloud.astype(float)).astype(np.float32)
+        return {"extras": {"cloud": cloud}}
+
+    def pose(i: int) -> np.ndarray | None:
+        return true(kept[i], float(stamps[kept[i]]))
+
+    return led(Listed(str(path), stamps[kept], read, NO_CAMERA, frozenset({"cloud"}), pose, rejected + counts), settings)
+
+
+def _files(path: Path) -> list[tuple[str, Path]]:
+    """Numbered clouds of one kind in the folder, or in one that is usual for them."""
+    for folder in (path, *(path / name for name in FOLDERS), *(path / name / "data" for name in FOLDERS)):
+        if folder.is_dir():
+            for suffix in SUFFIXES:
+                found = numbered(p for p in folder.iterdir() if p.suffix.lower() == suffix)
+                if found:
+                    return found
+    return []

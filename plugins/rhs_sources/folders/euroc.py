@@ -1,0 +1,176 @@
+"""EuRoC MAV folders (mav0): cam0, the IMU and the true states, each with data.csv and sensor.yaml.
+
+Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 2016. The body of rhs is cam0's mount: the axes of EuRoC's own
+body, its IMU, do not point ahead and up. `imu` (M, 7): stamp_s and the readings since the view before, turn rates (rad/s)
+and accelerations (m/s^2) in the IMU's axes. `right_image`: cam1 at the nearest stamp, as it was recorded, not rectified.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera, inverse, rotation_of_quaternion, se3
+
+from ..replay_cameras import check_pose, chosen_camera
+from ..replay_images import read_color
+from ..replay_mounts import placed_camera
+from ..replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
+from ..replay_tum import Recording, inside
+from .intrinsics import read_yaml
+from .views import Listed, led, moved
+
+LENSES = ("radial-tangential", "radtan", "none", "")
+
+
+def is_euroc(path: Path) -> bool:
+    return (_mav0(path) / "cam0" / "data.csv").is_file()
+
+
+def open_euroc(path: Path, settings) -> Recording:
+    """The views of cam0 with the readings of the IMU between them. Raises ConfigError naming file and line."""
+    folder = _mav0(path)
+    stamps, files, rejected = _images(folder / "cam0", settings)
+    sensor = _sensor(folder / "cam0")
+    size = read_color(files[0]).shape[1::-1]
+    recorded = _camera(sensor, folder / "cam0")
+    camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
+    imu = _imu(folder / "imu0" / "data.csv")
+    truth = _truth(folder, sensor, settings)
+    right = _right(folder, stamps, settings) if settings.stereo else {}
+    if right:
+        rejected = rejected + Counter(unpaired=len(stamps) - len(right))
+        stamps, files, right = stamps[list(right)], [files[i] for i in right], dict(enumerate(right.values()))
+
+    def read(i: int, before: int | None) -> dict:
+        extras = {"right_image": read_color(right[i])} if right else {}
+        if imu is not None:
+            begin = stamps[before] if before is not None else -np.inf
+            low, high = np.searchsorted(imu[:, 0], [begin, stamps[i]], side="right")
+            extras["imu"] = imu[low if before is not None else high:high]
+        return {"image": read_color(files[i]), "extras": extras}
+
+    def pose(i: int) -> np.ndarray | None:
+        return None if truth is None else moved(truth.at(float(stamps[i])), inverse(camera.body_from_camera))
+
+    provides = {"image", "gray"} | ({"imu"} if imu is not None else set()) | ({"right_image"} if right else set())
+    if truth is not None:
+        rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
+    return led(Listed(str(folder), stamps, read, camera, frozenset(provides), pose, rejected), settings)
+
+
+def _mav0(path: Path) -> Path:
+    return path / "mav0" if (path / "mav0").is_dir() else path
+
+
+def _images(folder: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
+    """Stamps (seconds) and files of data.csv (`nanoseconds,name`), out of order ones rejected and counted."""
+    stamps, files = [], []
+    for number, words in rows(folder / "data.csv"):
+        where = f"{folder.name}/data.csv:{number}"
+        if len(words) < 2:
+            raise ConfigError(f"{where}: found {len(words)} column(s); expected nanoseconds and a file name")
+        stamps.append(1e-9 * number_of(words[0], where))
+        files.append(inside(folder / "data", words[1], where))
+    if not stamps:
+        raise ConfigError(f"{folder}/data.csv: the list is empty; expected lines of nanoseconds and a file name")
+    kept, rejected = in_order(stamps, settings.max_jump_s)
+    return np.array(stamps)[kept], [files[i] for i in kept], rejected
+
+
+def _sensor(folder: Path) -> dict[str, Any]:
+    """The values of sensor.yaml; nothing where there is none."""
+    file = folder / "sensor.yaml"
+    if not file.is_file():
+        return {}
+    try:
+        plain = read_yaml(file.read_text(encoding="utf-8-sig"))
+        if not isinstance(plain, dict):
+            raise ValueError("no names and values")
+        return plain
+    except (ValueError, RecursionError) as error:
+        short = " ".join(str(error).split())[:100]
+        raise ConfigError(f"{file}: cannot be read ({short}); expected EuRoC's sensor.yaml") from None
+
+
+def _camera(sensor: dict[str, Any], folder: Path) -> Camera | None:
+    if not sensor:
+        return None
+    model = str(sensor.get("distortion_model", "")).lower()
+    if model not in LENSES:
+        raise ConfigError(f"{folder}/sensor.yaml: distortion_model is {model}; expected radial-tangential; type "
+                          "source.camera=[fx,fy,cx,cy,k1,k2,p1,p2,k3]")
+    try:
+        fx, fy, cx, cy = (float(v) for v in sensor["intrinsics"])
+        width, height = (int(v) for v in sensor["resolution"])
+        lens = tuple(float(v) for v in sensor.get("distortion_coefficients", ()))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{folder}/sensor.yaml: intrinsics [fu, fv, cu, cv] and resolution [width, height] are not there "
+                          f"({error}); type source.camera=[fx,fy,cx,cy]") from None
+    return Camera(width, height, fx, fy, cx, cy, distortion=(*lens, *[0.0] * 5)[:5] if any(lens) else ())
+
+
+def _imu(file: Path) -> np.ndarray | None:
+    """(M, 7) stamp_s, turn rates, accelerations in order of time; None where there is no IMU."""
+    if not file.is_file():
+        return None
+    table = []
+    for number, words in rows(file):
+        where = f"imu0/data.csv:{number}"
+        if len(words) < 7:
+            raise ConfigError(f"{where}: found {len(words)} columns; expected nanoseconds, 3 rates and 3 accelerations")
+        table.append([number_of(word, where) for word in words[:7]])
+    readings = np.array(table, float).reshape(-1, 7) * [1e-9, *[1.0] * 6]
+    readings = readings[np.argsort(readings[:, 0], kind="stable")]
+    readings.setflags(write=False)
+    return readings
+
+
+def _truth(folder: Path, sensor: dict[str, Any], settings) -> Truth | None:
+    """True poses of cam0: those of the IMU (stamp p q_wxyz ...) moved by T_BS, or a typed TUM file of the camera."""
+    if settings.truth:
+        return read_tum_truth(typed_file(settings.truth), settings)
+    file = folder / "state_groundtruth_estimate0" / "data.csv"
+    if not file.is_file():
+        return None
+    body_from_camera = _place(sensor, folder)
+    stamps, poses = [], []
+    for number, words in rows(file):
+        where = f"{file.parent.name}/data.csv:{number}"
+        if len(words) < 8:
+            raise ConfigError(f"{where}: found {len(words)} columns; expected nanoseconds, x, y, z, qw, qx, qy, qz, ...")
+        values = [number_of(word, where) for word in words[:8]]
+        try:
+            turn = rotation_of_quaternion(np.array([*values[5:8], values[4]]))
+        except ValueError as error:
+            raise ConfigError(f"{where}: {error}") from None
+        poses.append(se3(turn, np.array(values[1:4])) @ body_from_camera)
+        stamps.append(1e-9 * values[0])
+    kept, rejected = in_order(stamps, settings.max_jump_s)
+    return Truth(np.array(stamps)[kept], np.array(poses).reshape(-1, 4, 4)[kept], settings.max_truth_gap_s, rejected)
+
+
+def _place(sensor: dict[str, Any], folder: Path) -> np.ndarray:
+    """4x4 T_BS: EuRoC's body (its IMU) from cam0."""
+    try:
+        matrix = np.array(sensor["T_BS"]["data"], float).reshape(4, 4)
+    except (KeyError, TypeError, ValueError):
+        raise ConfigError(f"{folder}/cam0/sensor.yaml: no T_BS with 16 numbers, without which the true poses are not the "
+                          "camera's; type source.truth=FILE of the camera's") from None
+    return check_pose(matrix, "cam0/sensor.yaml: T_BS")
+
+
+def _right(folder: Path, stamps: np.ndarray, settings) -> dict[int, Path]:
+    """View -> file of cam1 within source.max_difference_s."""
+    if not (folder / "cam1" / "data.csv").is_file():
+        raise ConfigError(f"source.stereo=true: {folder} holds no cam1; leave it out")
+    times, files, _ = _images(folder / "cam1", settings)
+    pairs = {i: files[j] for i, j in associate(stamps, times, settings.max_difference_s)}
+    if not pairs:
+        raise ConfigError(f"{folder}: no view of cam0 has one of cam1 within {settings.max_difference_s:g} s; type "
+                          "source.max_difference_s=SECONDS")
+    return pairs

@@ -1,0 +1,126 @@
+"""Folders of images that no list names: rgb/000001.png beside depth/000001.png, or colour alone.
+
+Images are taken in the order of the numbers in their names; numbers that are times are the stamps, others come at
+`source.rate_hz` (30 where nothing is said). Colour and depth go together by their numbers, times by being near.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import inverse
+
+from ..replay_cameras import chosen_camera
+from ..replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
+from ..replay_mounts import placed_camera
+from ..replay_stamps import associate, in_order
+from ..replay_tum import Recording
+from .intrinsics import intrinsics_beside
+from .views import Listed, led, moved, numbered, stamps_by_name, truth_of
+
+COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames")
+DEPTHS = ("depth", "depths", "depth_images")
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm")
+RATE_HZ = 30.0
+DEPTH_SCALE = 1000.0
+
+
+def is_frames(path: Path) -> bool:
+    """Whether there are numbered images in a folder of colour, or two at least in the folder itself."""
+    if not path.is_dir():
+        return False
+    within = _folder(path, COLORS)
+    return len(_images(within or path)) >= (1 if within else 2)
+
+
+def open_frames(path: Path, settings) -> Recording:
+    """The views of numbered images: colour with depth where there is a folder of depth. Raises ConfigError."""
+    colors = _images(_folder(path, COLORS) or path)
+    within = _folder(path, DEPTHS)
+    if within is not None and settings.depth_topic != "none":
+        return _paired(path, colors, _images(within), settings)
+    if not colors:
+        raise ConfigError(f"{path}: no numbered image; expected rgb/000001.png, rgb/000002.png, ...")
+    stamps, kept, rejected = _stamped([number for number, _ in colors], settings)
+    files = [(colors[i][1], None) for i in kept]
+    return _opened(path, files, (stamps, kept, rejected), settings)
+
+
+def _paired(path: Path, colors, depths, settings) -> Recording:
+    """Views of colour and depth, by equal numbers, or by near stamps where the numbers are times."""
+    stamps, kept, rejected = _stamped([number for number, _ in colors], settings)
+    times, timed = stamps_by_name([number for number, _ in depths], settings.rate_hz, RATE_HZ)
+    if timed:
+        pairs = [(i, depths[j][1]) for i, j in associate(stamps, times, settings.max_difference_s)]
+    else:
+        by_number = {int(float(number)): file for number, file in depths}
+        numbers = [int(float(colors[k][0])) for k in kept]
+        pairs = [(i, by_number[number]) for i, number in enumerate(numbers) if number in by_number]
+    if not pairs:
+        raise ConfigError(f"{path}: {len(colors)} colour and {len(depths)} depth images, no two with one number (or stamps "
+                          f"within {settings.max_difference_s:g} s); type source.depth_topic=none to go without depth")
+    rejected = rejected + Counter(unpaired=len(kept) - len(pairs) + len(depths) - len(pairs))
+    chosen = [i for i, _ in pairs]
+    files = [(colors[kept[i]][1], depth) for i, depth in pairs]
+    return _opened(path, files, (stamps[chosen], [kept[i] for i in chosen], rejected), settings)
+
+
+def _stamped(numbers: list[str], settings) -> tuple[np.ndarray, list[int], Counter]:
+    """Ascending stamps, the indices of the files they are of, and what was rejected."""
+    stamps, timed = stamps_by_name(numbers, settings.rate_hz, RATE_HZ)
+    kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(numbers))), Counter())
+    return stamps[kept], kept, rejected
+
+
+def _opened(path: Path, files, stamped, settings) -> Recording:
+    """files: (colour, depth or None) of each view; stamped: stamps (N,), lines of a file of poses, counts."""
+    stamps, lines, rejected = stamped
+    scale = settings.depth_scale or DEPTH_SCALE
+    first = read_color(files[0][0])
+    size = (first.shape[1], first.shape[0])
+    recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
+    camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(path)), settings)
+    deep = files[0][1] is not None
+    if deep:
+        _check_first(first, files[0][1], scale)
+
+    def read(i: int, before: int | None) -> dict:
+        image = read_color(files[i][0])
+        if image.shape[:2] != first.shape[:2]:
+            raise UnreadableImage(f"{files[i][0]}: found {image.shape[1]}x{image.shape[0]} pixels; expected "
+                                  f"{size[0]}x{size[1]} as in the first view")
+        if not deep:
+            return {"image": image}
+        depth = read_depth(files[i][1], scale=scale, max_depth_m=settings.max_depth_m)
+        check_pair(image, depth, files[i][0].name)
+        return {"image": image, "depth": depth}
+
+    found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)
+    true, counts = truth_of(found, settings)
+    camera_from_body = inverse(camera.body_from_camera)
+
+    def pose(i: int) -> np.ndarray | None:
+        return moved(true(lines[i], float(stamps[i])), camera_from_body)
+
+    provides = frozenset({"image", "gray", "depth"} if deep else {"image", "gray"})
+    return led(Listed(str(path), stamps, read, camera, provides, pose, rejected + counts), settings)
+
+
+def _check_first(color: np.ndarray, file: Path, scale: float) -> None:
+    depth = read_depth(file, scale=scale, max_depth_m=np.inf)
+    check_pair(color, depth, file.name)
+    check_depth(depth, scale=scale, where=file.name)
+
+
+def _folder(path: Path, names: tuple[str, ...]) -> Path | None:
+    """The folder of that name, the first of the names first; any case."""
+    inner = {p.name.lower(): p for p in path.iterdir() if p.is_dir()}
+    return next((inner[name] for name in names if name in inner and _images(inner[name])), None)
+
+
+def _images(folder: Path) -> list[tuple[str, Path]]:
+    return numbered(p for p in folder.iterdir() if p.suffix.lower() in IMAGES)

@@ -1,0 +1,112 @@
+"""Intrinsics in files beside the frames, as cameras, calibration programs and data sets write them.
+
+JSON: Open3D's (`intrinsic_matrix`, nine numbers column by column), or fx, fy, cx, cy by name. YAML: what ROS's
+camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
+
+NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
+         "camera.txt", "intrinsic/intrinsic_color.txt")
+MOST_BYTES = 1_000_000
+LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "pinhole", "none", "")
+HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
+
+
+def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
+    """The camera of the only intrinsics file in a folder; None where there is none. Raises ConfigError."""
+    found = sorted({path for pattern in NAMES for path in folder.glob(pattern) if path.is_file()})
+    if len(found) > 1:
+        raise ConfigError(f"{folder}: several intrinsics: {', '.join(p.name for p in found[:4])}; type source.camera=FILE")
+    return read_intrinsics(found[0], size) if found else None
+
+
+def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
+    """The camera of a JSON, YAML or text file; `size` (width, height) where it names none. Raises ConfigError."""
+    if path.stat().st_size > MOST_BYTES:
+        raise ConfigError(f"{path}: found {path.stat().st_size} bytes; expected a camera's intrinsics; {HOWTO}")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        if path.suffix == ".txt":
+            return _camera(_of_text(text), (), size, path)
+        plain = json.loads(text) if path.suffix == ".json" else read_yaml(text)
+        if not isinstance(plain, dict):
+            raise ValueError(f"found a {type(plain).__name__}, expected names and values")
+        return _of_names(plain, size, path)
+    except (ValueError, TypeError, KeyError, UnicodeDecodeError, RecursionError) as error:  # json's and yaml's, too
+        short = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
+        raise ConfigError(f"{path}: cannot be read as a camera's intrinsics ({short}); {HOWTO}") from None
+
+
+def read_yaml(text: str) -> Any:
+    """Plain values of a YAML text; OpenCV's first line `%YAML:1.0` is no YAML and left out. Raises ValueError."""
+    import yaml
+
+    lines = [line for line in text.splitlines() if not line.startswith("%")]
+    try:
+        return yaml.safe_load("\n".join(lines))
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None
+
+
+def _of_text(text: str) -> list[float]:
+    lines = [line.split("#", 1)[0].replace(",", " ").split() for line in text.splitlines()]
+    table = [[float(word) for word in words] for words in lines if words]
+    if len(table) in (3, 4) and {len(row) for row in table} == {len(table)}:
+        matrix = np.array(table)
+    elif len(table) == 1 and len(table[0]) == 9 and table[0][1] == table[0][3] == 0.0 and table[0][8] == 1.0:
+        matrix = np.array(table[0]).reshape(3, 3)
+    elif len(table) == 1 and len(table[0]) in (4, 8, 9):
+        return table[0]
+    else:
+        found = f"found {len(table)} lines of {len(table[0]) if table else 0} numbers"
+        raise ValueError(f"{found}, expected a 3x3 matrix or fx fy cx cy")
+    return [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+
+
+def _of_names(plain: dict[str, Any], size: tuple[int, int], path: Path) -> Camera:
+    model = str(plain.get("distortion_model", "")).lower()
+    if model not in LENSES:
+        raise ValueError(f"distortion_model is {model}, expected plumb_bob")
+    width = plain.get("width") or plain.get("image_width") or size[0]
+    height = plain.get("height") or plain.get("image_height") or size[1]
+    said = (int(width), int(height))
+    if "intrinsic_matrix" in plain:
+        flat = np.array(plain["intrinsic_matrix"], float)
+        matrix = flat.reshape(3, 3).T if flat.ndim == 1 else flat  # nine numbers: column by column
+    elif "camera_matrix" in plain:
+        given = plain["camera_matrix"]
+        matrix = np.array(given["data"] if isinstance(given, dict) else given, float).reshape(3, 3)
+    else:
+        keys = [k if k in plain else other for k, other in (("fx", "fx"), ("fy", "fy"), ("cx", "ppx"), ("cy", "ppy"))]
+        missing = [key for key in keys if key not in plain]
+        if missing:
+            raise ValueError(f"found {', '.join(map(str, list(plain)[:5]))}; expected fx, fy, cx, cy or intrinsic_matrix")
+        return _camera([float(plain[key]) for key in keys], _lens(plain), said, path)
+    return _camera([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]], _lens(plain), said, path)
+
+
+def _lens(plain: dict[str, Any]) -> list[float]:
+    given = plain.get("distortion_coefficients", plain.get("distortion", plain.get("coeffs")))
+    if given is None:
+        return [float(plain.get(key, 0.0)) for key in ("k1", "k2", "p1", "p2", "k3")]
+    return [float(v) for v in np.ravel(given["data"] if isinstance(given, dict) else given)]
+
+
+def _camera(values, lens, size: tuple[int, int], path: Path) -> Camera:
+    fx, fy, cx, cy, *more = (float(v) for v in values)
+    lens = tuple(lens) or tuple(more)
+    numbers = [fx, fy, cx, cy, *lens]
+    if not np.all(np.isfinite(numbers)) or not (fx > 0 and fy > 0) or len(lens) > 8:
+        raise ValueError(f"found fx={fx:g} fy={fy:g}, {len(lens)} numbers of a lens; expected fx, fy above 0 and at most 8")
+    padded = () if not any(lens) else (*lens, *[0.0] * 8)[: 5 if len(lens) <= 5 else 8]
+    return Camera(size[0], size[1], fx, fy, cx, cy, distortion=padded)

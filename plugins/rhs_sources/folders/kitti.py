@@ -1,0 +1,121 @@
+"""KITTI odometry: a sequence's folder with image_2 (colour) or image_0 (grey), velodyne, times.txt and calib.txt.
+
+Geiger, Lenz and Urtasun, "Are we ready for autonomous driving?", CVPR 2012. The images are rectified; P0 to P3 are 3x4
+projections of points in the frame of camera 0, Tr takes points of the Velodyne there. The body sits at camera 0 and looks
+along its axis; the true poses (poses.txt, ../../poses/NN.txt or `source.truth`) are camera 0's, a line a view.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, se3, transform
+
+from ..replay_cameras import check_pose
+from ..replay_carmen import NO_CAMERA
+from ..replay_images import read_color
+from ..replay_mounts import mount_of
+from ..replay_stamps import in_file_order, number_of, rows
+from ..replay_tum import Recording
+from .pcd import read_cloud
+from .views import Listed, led, matrix34, moved, numbered, truth_of
+
+CAMERAS = {"image_2": "P2", "image_0": "P0"}
+RIGHT = {"image_2": "image_3", "image_0": "image_1"}
+OPTICAL = se3(BODY_FROM_OPTICAL, np.zeros(3))
+
+
+def is_kitti(path: Path) -> bool:
+    return path.is_dir() and (path / "calib.txt").is_file() and any((path / n).is_dir() for n in (*CAMERAS, "velodyne"))
+
+
+def open_kitti(path: Path, settings) -> Recording:
+    """The views of a sequence: image, cloud, and with source.stereo the right image. Raises ConfigError."""
+    calib = _calibration(path / "calib.txt")
+    name = next((n for n in CAMERAS if (path / n).is_dir()), "")
+    images = numbered((path / name).glob("*.png")) if name else []
+    clouds = numbered((path / "velodyne").glob("*.bin"))
+    if not images and not clouds:
+        raise ConfigError(f"{path}: no image_2/000000.png, image_0/000000.png or velodyne/000000.bin")
+    if settings.stereo and not (name and (path / RIGHT[name]).is_dir()):
+        raise ConfigError(f"source.stereo=true: {path} holds no {RIGHT.get(name, 'image_3')}; leave it out")
+    numbers = [int(float(n)) for n, _ in images or clouds]
+    stamps, repaired = _stamps(path, numbers, settings)
+    mount = mount_of(settings.camera_mount, "camera_mount")
+    body_from_0 = OPTICAL if mount is None else mount @ OPTICAL
+    camera = _camera(images[0][1], _projection(calib, CAMERAS[name]), body_from_0, settings) if images else NO_CAMERA
+    body_from_cloud = body_from_0 @ _velodyne(calib, path) if clouds else None
+    true, counts = truth_of(_truth(path), settings)
+
+    def read(i: int, before: int | None) -> dict[str, Any]:
+        extras = {}
+        if body_from_cloud is not None:
+            points = read_cloud(path / "velodyne" / f"{numbers[i]:06d}.bin").astype(float)
+            extras["cloud"] = transform(body_from_cloud, points).astype(np.float32)
+        if settings.stereo:
+            extras["right_image"] = read_color(path / RIGHT[name] / images[i][1].name)
+        return {"image": read_color(images[i][1]) if images else None, "extras": extras}
+
+    def pose(i: int) -> np.ndarray | None:
+        return moved(true(numbers[i], float(stamps[i])), inverse(body_from_0))
+
+    provides = {word for word, there in (("image", images), ("gray", images), ("cloud", clouds),
+                                         ("right_image", settings.stereo)) if there}
+    return led(Listed(str(path), stamps, read, camera, frozenset(provides), pose, counts, repaired), settings)
+
+
+def _velodyne(calib: dict[str, list[float]], path: Path) -> np.ndarray:
+    """4x4: points of the Velodyne in the frame of camera 0."""
+    if "Tr" not in calib:
+        raise ConfigError(f"{path}/calib.txt: velodyne is there but no Tr, its place beside the cameras; type "
+                          f"source.path={path}/velodyne to have the clouds alone")
+    return check_pose(matrix34(calib["Tr"]), "calib.txt: Tr")
+
+
+def _calibration(file: Path) -> dict[str, list[float]]:
+    """Name -> 12 numbers of `P0: ...` lines."""
+    out = {}
+    for number, words in rows(file):
+        where = f"{file.name}:{number}"
+        if len(words) != 13 or not words[0].endswith(":"):
+            raise ConfigError(f"{where}: found {len(words)} words; expected a name such as P0: and 12 numbers")
+        out[words[0][:-1]] = [number_of(word, where) for word in words[1:]]
+    return out
+
+
+def _projection(calib: dict[str, list[float]], name: str) -> np.ndarray:
+    if name not in calib:
+        raise ConfigError(f"calib.txt: no {name}; found {', '.join(calib) or 'nothing'}")
+    return matrix34(calib[name])[:3]
+
+
+def _camera(first: Path, projection: np.ndarray, body_from_0: np.ndarray, settings) -> Camera:
+    """The rectified camera K [I | t]: it sits at -t in the frame of camera 0."""
+    if settings.camera != "auto":
+        raise ConfigError("source.camera: calib.txt says which camera it is; leave it out")
+    k = projection[:, :3]
+    if not np.all(np.isfinite(projection)) or k[0, 0] <= 0 or k[1, 1] <= 0:
+        raise ConfigError("calib.txt: a projection without a focal length above 0; expected K [I | t]")
+    offset = se3(np.eye(3), -np.linalg.solve(k, projection[:, 3]))
+    height, width = read_color(first).shape[:2]
+    return Camera(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1], body_from_camera=body_from_0 @ offset)
+
+
+def _stamps(path: Path, numbers: list[int], settings) -> tuple[np.ndarray, Counter]:
+    """Seconds of the views by their numbers, lines of times.txt from 0; 10 a second, or source.rate_hz, without it."""
+    if settings.rate_hz or not (path / "times.txt").is_file():
+        return np.array(numbers) / (settings.rate_hz or 10.0), Counter()
+    times = [number_of(words[0], f"times.txt:{line}") for line, words in rows(path / "times.txt")]
+    if len(times) <= max(numbers):
+        raise ConfigError(f"{path}: times.txt has {len(times)} lines but the last view is number {max(numbers)}")
+    return in_file_order([times[n] for n in numbers], settings.max_jump_s)
+
+
+def _truth(path: Path) -> Path | None:
+    where = (path / "poses.txt", path.parent.parent / "poses" / f"{path.resolve().name}.txt")
+    return next((file for file in where if file.is_file()), None)

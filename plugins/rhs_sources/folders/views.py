@@ -1,0 +1,116 @@
+"""What readers of folders share: views listed and read one at a time, stamps by names or a rate, true poses."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
+from rhs.api.records import Capture
+
+from ..replay_cameras import check_pose
+from ..replay_images import UnreadableImage
+from ..replay_stamps import number_of, read_tum_truth, rows, typed_file
+from ..replay_tum import Recording
+
+_NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
+_UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
+Pose = Callable[[int], np.ndarray | None]
+At = Callable[[int, float], np.ndarray | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Listed:
+    """A recording as a list. stamps_s (N,) ascending. read(i, before): the fields of the Capture of view i, where `before`
+    is the view used before it or None; raises UnreadableImage. pose(i): true world_from_body or None."""
+
+    where: str
+    stamps_s: np.ndarray
+    read: Callable[[int, int | None], dict[str, Any]]
+    camera: Camera
+    provides: frozenset[str]
+    pose: Pose = lambda i: None
+    rejected: Counter = field(default_factory=Counter)
+    repaired: Counter = field(default_factory=Counter)
+
+
+def led(listed: Listed, settings) -> Recording:
+    """The views that start, stride and count choose; those that cannot be read are left out and said to be lost."""
+    wanted = range(len(listed.stamps_s))[settings.start :: settings.stride][: settings.count or None]
+    if not wanted:
+        total = len(listed.stamps_s)
+        raise ConfigError(f"{listed.where}: source.start={settings.start} but the recording has {total} views")
+    lost: list[str] = []
+
+    def views():
+        index = unreadable = 0
+        before = None
+        for i in wanted:
+            try:
+                fields = listed.read(i, before)
+            except UnreadableImage as error:
+                unreadable += 1
+                lost[:] = [f"{unreadable} of {len(wanted)} views cannot be read, the last: {error}"]
+                continue
+            yield Capture(index, float(listed.stamps_s[i]), sensed=True, **fields), listed.pose(i)
+            index, before = index + 1, i
+
+    return Recording(listed.camera, views(), len(wanted), listed.rejected, provides=listed.provides, lost=lost,
+                     repaired=listed.repaired)
+
+
+def numbered(files: Iterable[Path]) -> list[tuple[str, Path]]:
+    """(number in the name as it is written, file) in order of the numbers; those without one are left out."""
+    found = [(match[2], file) for file in files if (match := _NUMBERED.match(file.stem))]
+    return sorted(found, key=lambda pair: (float(pair[0]), pair[1].name))
+
+
+def stamps_by_name(numbers: list[str], rate_hz: float, usual_hz: float) -> tuple[np.ndarray, bool]:
+    """(N,) seconds of files by the numbers in their names, and whether these are times: seconds with a fraction, or the 10,
+    13, 16 or 19 digits of a Unix time. Else, or where a rate was typed, files come at that rate."""
+    whole = [_UNITS_S.get(len(number)) for number in numbers if "." not in number]
+    if rate_hz == 0.0 and numbers and all(whole):
+        return np.array([float(n) * (1.0 if "." in n else _UNITS_S[len(n)]) for n in numbers]), True
+    return np.arange(len(numbers)) / (rate_hz or usual_hz), False
+
+
+def kitti_poses(path: Path) -> list[np.ndarray]:
+    """4x4 poses of a KITTI file, the 12 numbers of [R | t] a line. Raises ConfigError naming the line."""
+    out = []
+    for number, words in rows(path):
+        where = f"{path.name}:{number}"
+        if len(words) != 12:
+            raise ConfigError(f"{where}: found {len(words)} numbers; expected the 12 of a 3x4 pose")
+        out.append(check_pose(matrix34([number_of(word, where) for word in words]), where))
+    return out
+
+
+def matrix34(numbers: list[float]) -> np.ndarray:
+    """4x4 of the 12 numbers of a 3x4 matrix, row by row."""
+    return np.vstack([np.array(numbers, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+
+
+def truth_of(file: Path | None, settings) -> tuple[At, Counter]:
+    """True poses by (line from 0, stamp) from a file, typed or found: of a TUM file (8 columns) by the stamp, of a KITTI
+    file (12 columns) by the line. Poses as the file has them; None where it has none."""
+    if settings.truth:
+        file = typed_file(settings.truth)
+    if file is None:
+        return (lambda line, stamp_s: None), Counter()
+    if len(next(iter(rows(file)), (0, []))[1]) == 12:
+        poses = kitti_poses(file)
+        return (lambda line, stamp_s: poses[line] if line < len(poses) else None), Counter()
+    truth = read_tum_truth(file, settings)
+    return (lambda line, stamp_s: truth.at(stamp_s)), Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
+
+
+def moved(pose: np.ndarray | None, then: np.ndarray) -> np.ndarray | None:
+    """pose @ then, or None of an unknown pose."""
+    return None if pose is None else pose @ then

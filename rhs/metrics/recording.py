@@ -1,0 +1,36 @@
+"""What a recording had to be rid of before it could be read: the counts that `source=replay` leaves in recording.json.
+
+Stamps that were put right, with no view lost, stand in `stamps_repaired`.
+"""
+
+from __future__ import annotations
+
+from rhs.api.metric import LOOP, RunFiles, columns_of
+
+NAN = float("nan")
+FILE = "recording"  # recording.json: {"rejected": {reason: count}}
+THROWN = ("duplicate", "backward", "outlier", "not_finite")  # reasons for which a view goes; a `jump` of the clock is kept
+_SOURCE = "rhs.metrics.recording"
+_COLUMNS = (
+    ("stamps_rejected", "", "views of a recording left out for their stamps: equal, backward, far off, no number", _SOURCE),
+    ("stamps_jumped", "", "jumps of a recording's clock; the views are kept", _SOURCE),
+    ("views_unpaired", "", "images of a recording left out because their partner (depth, second camera) is not there",
+     _SOURCE),
+    ("truth_rejected", "", "true poses of a recording left out: unknown, or for their stamps", _SOURCE),
+)
+NAMES = tuple(column[0] for column in _COLUMNS)
+
+
+def _values(run: RunFiles) -> dict[str, float | int | str]:
+    """The columns; NaN for a simulator."""
+    plain = run.json(FILE)
+    counts = plain.get("rejected") if isinstance(plain, dict) else None
+    if not isinstance(counts, dict):
+        return dict.fromkeys(NAMES, NAN)
+    return {"stamps_rejected": sum(int(counts.get(reason, 0)) for reason in THROWN),
+            "stamps_jumped": int(counts.get("jump", 0)), "views_unpaired": int(counts.get("unpaired", 0)),
+            "truth_rejected": sum(int(n) for reason, n in counts.items() if reason.startswith("truth_")
+                                  and reason not in ("truth_jump", "truth_reordered"))}
+
+
+RECORDING = columns_of(_values, *_COLUMNS, tasks=(*LOOP, "localise"), counts=NAMES)

@@ -1,0 +1,172 @@
+"""Folders of point clouds, their files, and what `sensor=lidar odometry=kiss_icp_lidar` makes of them."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+from bags import BagFile
+
+import rhs
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import inverse, se2
+from rhs.api.records import Capture, Observation, Tracking
+from rhs.testing.room import FURNISHED, Room, cloud_of, context
+from rhs_odometry.lidar.config import KissIcpLidar
+from rhs_sensors.lidar import Lidar
+from rhs_sources.folders.pcd import read_cloud, unpacked_lzf
+from rhs_sources.replay_config import Replay
+
+POINTS = np.array([[1.0, 2.0, 3.0], [-4.0, 0.5, 0.25], [np.nan, 0.0, 0.0]])
+HEAD = ("# .PCD v0.7\nVERSION 0.7\nFIELDS x y z _ intensity\nSIZE 4 4 4 1 2\nTYPE F F F U U\nCOUNT 1 1 1 4 1\n"
+        "WIDTH 3\nHEIGHT 1\nPOINTS 3\n")
+ROW = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("pad", "u1", 4), ("i", "<u2")])
+
+
+def table():
+    out = np.zeros(3, ROW)
+    for k, axis in enumerate("xyz"):
+        out[axis] = POINTS[:, k]
+    return out
+
+
+def literals(data):
+    """LZF without any copy: runs of up to 32 bytes, each after its length less one."""
+    return b"".join(bytes([len(data[k: k + 32]) - 1]) + data[k: k + 32] for k in range(0, len(data), 32))
+
+
+def pcd(kind):
+    head = f"{HEAD}DATA {kind}\n".encode()
+    if kind == "ascii":
+        return head + "".join(f"{x} {y} {z} 0 0 0 0 7\n" for x, y, z in POINTS).encode()
+    if kind == "binary":
+        return head + table().tobytes()
+    columns = b"".join(np.ascontiguousarray(table()[name]).tobytes() for name in ROW.names)
+    packed = literals(columns)
+    return head + struct.pack("<II", len(packed), len(columns)) + packed
+
+
+PLY = "ply\nformat {} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+
+
+@pytest.mark.parametrize(("name", "data"), [
+    *[("a.pcd", pcd(kind)) for kind in ("ascii", "binary", "binary_compressed")],
+    ("a.bin", np.hstack([POINTS, np.ones((3, 1))]).astype("<f4").tobytes()),
+    ("a.ply", (PLY.format("ascii") + "".join(f"{x} {y} {z}\n" for x, y, z in POINTS)).encode()),
+    ("a.ply", PLY.format("binary_little_endian").encode() + POINTS.astype("<f4").tobytes()),
+    ("a.ply", PLY.format("binary_big_endian").encode() + POINTS.astype(">f4").tobytes()),
+])
+def test_a_cloud_file_gives_its_finite_points(tmp_path, name, data):
+    (tmp_path / name).write_bytes(data)
+    np.testing.assert_allclose(read_cloud(tmp_path / name), POINTS[:2])
+    (tmp_path / name).write_bytes(data[: len(data) - 13])  # cut
+    with pytest.raises(ConfigError, match="bytes that are no") as error:
+        read_cloud(tmp_path / name)
+    assert "\n" not in str(error.value)
+
+
+def test_lzf_copies_from_behind_and_over_itself():
+    """`abc`, then seven bytes from three behind: abcabca; and a long one of 9 + 2 bytes from one behind."""
+    assert unpacked_lzf(b"\x02abc" + bytes([5 << 5, 2]), 10) == b"abcabcabca"
+    assert unpacked_lzf(b"\x00a" + bytes([7 << 5, 2, 0]), 12) == b"a" * 12
+    for broken, size in ((b"\x02abc" + bytes([5 << 5, 3]), 10), (b"\x02abc", 4), (bytes([7 << 5]), 3)):
+        with pytest.raises((ValueError, IndexError)):
+            unpacked_lzf(broken, size)
+
+
+@pytest.mark.parametrize("data", [HEAD.encode(),
+                                  HEAD.replace("POINTS 3", "POINTS 999999999").encode() + b"DATA ascii\n1 2 3\n",
+                                  HEAD.replace("x y z", "a b c").encode() + b"DATA ascii\n" + b"1 " * 24, b"\x00" * 50])
+def test_a_broken_cloud_is_refused_in_one_line(tmp_path, data):
+    (tmp_path / "0.pcd").write_bytes(data)
+    with pytest.raises(ConfigError, match="0.pcd: found .* bytes that are no pcd cloud") as error:
+        Replay(path=str(tmp_path)).build(None)
+    assert "\n" not in str(error.value)
+
+
+def clouds(folder, poses, room=FURNISHED):
+    """KITTI's .bin files of a lidar 1 m above the body, and poses.txt."""
+    (folder / "velodyne").mkdir(parents=True)
+    lines = []
+    for k, pose in enumerate(poses):
+        cloud = cloud_of(pose, room, k)
+        np.hstack([cloud, np.ones((len(cloud), 1))]).astype("<f4").tofile(folder / "velodyne" / f"{k:06d}.bin")
+        lines.append(" ".join(f"{v:.9g}" for v in pose[:3].ravel()))
+    (folder / "poses.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def way(count):
+    """A tenth of a metre and 2 degrees to the left a view."""
+    poses = [se2(-1.5, -0.5, 0.2)]
+    for _ in range(count - 1):
+        poses.append(poses[-1] @ se2(0.1, 0.0, 0.035))
+    return poses
+
+
+def test_a_run_over_a_folder_of_clouds_gives_a_way_and_a_map(tmp_path):
+    folder = clouds(tmp_path / "drive", way(20))
+    row = rhs.run(["task=survey", "source=replay", f"source.path={folder}", "sensor=lidar", "source.extent_m=10",
+                   f"output={tmp_path / 'run'}"], quiet=True)
+    assert row["status"] == "ok" and row["views"] == 20 and row["scale_from"] == "range"
+    assert row["ate_rmse_m"] < 0.05 and row["tracked_share"] == 1.0
+    source = Replay(path=str(folder), rate_hz=5.0, scan_mount=[0, 0, 1, 0, 0, 0]).build(None)
+    first, second = source.lead(), source.lead()
+    source.close()
+    assert source.provides == {"cloud"} and second.stamp_s == 0.2
+    assert first.extras["cloud"][:, 2].max() == pytest.approx(cloud_of(way(1)[0], FURNISHED, 0)[:, 2].max() + 1.0, abs=1e-5)
+
+
+def follow(room, poses):
+    odometry = KissIcpLidar().build(None)
+    return [odometry.update(Observation(k, 0.1 * k, None, extras={"cloud": cloud_of(pose, room, k)}))
+            for k, pose in enumerate(poses)]
+
+
+def test_kiss_icp_says_how_far_it_went_and_how_sure_it_is():
+    poses = way(12)
+    motions = follow(FURNISHED, poses)
+    for before, pose, motion in zip(poses[:-1], poses[1:], motions[1:], strict=True):
+        assert motion.status is Tracking.OK
+        off = inverse(inverse(before) @ pose) @ motion.previous_from_body
+        assert np.linalg.norm(off[:3, 3]) < 0.05
+        assert np.linalg.norm(off[:2, 3]) < 4.0 * np.sqrt(np.trace(motion.covariance[:2, :2]))
+
+
+def test_along_a_tunnel_without_end_it_is_degenerate_along_it_and_empty_clouds_are_lost():
+    tunnel = Room("tunnel", (-900.0, -1.5, 0.0), (900.0, 1.5, 2.5), (0.0, 0.0, 0.0))
+    motion = follow(tunnel, [se2(0.0, 0, 0), se2(0.1, 0, 0)])[1]
+    assert motion.status is Tracking.DEGENERATE and motion.covariance[0, 0] > 0.9 > 0.1 > motion.covariance[1, 1]
+    odometry = KissIcpLidar().build(None)
+    none = Observation(0, 0.0, None, extras={"cloud": np.empty((0, 3), np.float32)})
+    assert odometry.update(none).status is Tracking.LOST
+
+
+def test_the_scan_of_a_lidar_is_the_nearest_point_of_its_band_on_each_bearing(tmp_path):
+    points = np.array([[2, 0.01, 0.5], [1, 0.01, 3], [3, 0.01, 0.5], [-1, -0.01, 0.2], [0.1, 0, 0.5]], np.float32)
+    sensor = Lidar(beams=8).build(context(tmp_path))
+    scan = sensor.sense(Capture(0, 0.0, sensed=True, extras={"cloud": points})).scan
+    known = np.isfinite(scan.ranges_m)
+    np.testing.assert_allclose(scan.bearings_rad[known], [-np.pi * 7 / 8, np.pi / 8])
+    np.testing.assert_allclose(scan.ranges_m[known], [1.0, 2.0], atol=1e-3)  # too high, too far, too near are left out
+
+
+def test_a_lidar_without_clouds_is_refused_with_what_to_type(tmp_path):
+    folder = clouds(tmp_path / "drive", way(2))
+    with pytest.raises(rhs.RhsError, match="sensor=rgbd needs .*, which source=replay does not provide; type .*lidar"):
+        rhs.run(["task=survey", "source=replay", f"source.path={folder}", f"output={tmp_path / 'run'}"])
+
+
+def test_a_bag_with_clouds_alone_is_a_lidars_and_its_mount_comes_from_tf(tmp_path):
+    """The lidar sits 0.3 m ahead of base_link and is turned by 90 degrees: its x is the body's y."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.transform("/tf_static", 0.0, "base_link", "camera", 0.3, yaw=np.pi / 2)
+        for k in range(3):
+            bag.cloud("/points", 0.1 * k, np.array([[2.0 + k, 0.0, 1.0], [np.nan, 0.0, 0.0]]))
+            bag.odometry("/odom", 0.1 * k + 0.01, 0.0, 0.0, 0.0)
+    source = Replay(path=str(bag.path)).build(None)
+    seen = [source.lead() for _ in range(3)]
+    source.close()
+    assert source.provides == {"cloud", "wheel"} and source.views_expected == 3
+    np.testing.assert_allclose(seen[2].extras["cloud"], [[0.3, 4.0, 1.0]], atol=1e-6)

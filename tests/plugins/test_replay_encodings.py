@@ -1,0 +1,81 @@
+"""Images of bags in the encodings of cheap cameras and of image_transport: Bayer mosaics and depth packed by RVL."""
+
+from __future__ import annotations
+
+import struct
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rhs.api.errors import ConfigError
+from rhs_sources.replay_bag_messages import color_of, depth_of
+from rhs_sources.replay_rvl import unpacked_rvl
+
+
+def packed(depth):
+    """RVL as Wilson's paper writes it, pixel by pixel; width and height before it, as image_transport does."""
+    nibbles = []
+
+    def number(value):
+        while True:
+            low, value = value & 7, value >> 3
+            nibbles.append(low | 8 if value else low)
+            if not value:
+                return
+
+    flat, at, last = depth.ravel().astype(int).tolist(), 0, 0
+    while at < len(flat):
+        end = next((k for k in range(at, len(flat)) if flat[k]), len(flat))
+        number(end - at)
+        stop = next((k for k in range(end, len(flat)) if not flat[k]), len(flat))
+        number(stop - end)
+        for value in flat[end:stop]:
+            step = value - last
+            number(2 * step if step >= 0 else -2 * step - 1)
+            last = value
+        at = stop
+    nibbles += [0] * (-len(nibbles) % 8)
+    words = [sum(nibble << (28 - 4 * k) for k, nibble in enumerate(nibbles[i: i + 8])) for i in range(0, len(nibbles), 8)]
+    return struct.pack(f"<II{len(words)}I", depth.shape[1], depth.shape[0], *words)
+
+
+def bytes_of(data):
+    return np.frombuffer(data, np.uint8)
+
+
+def test_rvl_gives_every_pixel_back():
+    """By hand: 1000 and 998 after one unknown pixel: runs of 1 and 2, steps 2000 (0, 2, 7, 3 by three bits, the lowest
+    first: 8, A, F, 3) and 3 (-2 as 2 * 2 - 1)."""
+    depth = np.array([[0, 1000, 998]], np.uint16)
+    assert packed(depth) == struct.pack("<III", 3, 1, 0x128AF330)
+    rng = np.random.default_rng(0)
+    images = [depth, np.zeros((3, 4), np.uint16), np.full((2, 2), 65535, np.uint16),
+              np.where(rng.random((30, 40)) < 0.3, 0, rng.integers(1, 65536, (30, 40))).astype(np.uint16)]
+    for image in images:
+        np.testing.assert_array_equal(unpacked_rvl(bytes_of(packed(image)), "/depth"), image)
+
+
+def test_depth_of_image_transport_packed_by_rvl_is_metres_and_a_broken_one_is_refused():
+    depth = np.array([[0, 1500], [2000, 2500]], np.uint16)
+    data = struct.pack("<iff", 0, 0, 0) + packed(depth)
+    message = SimpleNamespace(format="16UC1; compressedDepth RVL", data=bytes_of(data))
+    metres = depth_of(message, "/depth", scale=0.0, max_depth_m=20.0)
+    np.testing.assert_array_equal(metres, np.array([[np.nan, 1.5], [2.0, 2.5]], np.float32))
+    whole = packed(np.arange(1, 401, dtype=np.uint16).reshape(20, 20))
+    for data in (b"", whole[:8], whole[:60], struct.pack("<II", 100000, 100000) + whole[8:]):
+        with pytest.raises(ConfigError, match="/depth: an RVL image"):
+            unpacked_rvl(bytes_of(data), "/depth")
+
+
+def mosaic(order, color):
+    """A Bayer mosaic of one colour: `order` names the pixels of the first two by two."""
+    values = [color["rgb".index(letter)] for letter in order]
+    return np.tile(np.array(values, np.uint8).reshape(2, 2), (6, 8))
+
+
+@pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
+def test_a_bayer_mosaic_of_one_colour_is_that_colour(order):
+    data = mosaic(order, (200, 100, 50))
+    message = SimpleNamespace(encoding=f"bayer_{order}8", height=12, width=16, step=16, is_bigendian=0, data=data.ravel())
+    np.testing.assert_array_equal(color_of(message, "/image")[3:-3, 3:-3], np.full((6, 10, 3), (200, 100, 50), np.uint8))
