@@ -153,7 +153,7 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
 
 
 # ours, in the order of a table
-GROUPS = ("cause", "blame", "patrol", "localise", "calibration", "survey", "map", "laser", "planning", "stages")
+GROUPS = ("cause", "blame", "patrol", "localise", "calibration", "survey", "explore", "map", "laser", "planning", "stages")
 
 
 def metrics(task: str = "") -> list[Metric]:
