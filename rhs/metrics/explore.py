@@ -24,12 +24,13 @@ def floor_within_reach(true: OccupancyGrid, start_m: np.ndarray, radius_m: float
 
 
 def explored_share(mine: OccupancyGrid, true: OccupancyGrid, within_reach: np.ndarray) -> float:
-    """Of the true floor within reach, the share that has a cell within one cell (eight neighbours) that the map calls free."""
+    """Of the true floor within reach (H, W), the share for which the map calls some cell free, at most one cell away."""
     floor = true.centres(np.argwhere(within_reach))
     if not len(floor):
         return NAN
     cells, free = mine.cells(floor), np.pad(mine.free(), 1)
-    near = [free[tuple(np.clip(cells + 1 + (dr, dc), 0, np.array(free.shape) - 1).T)] for dr in (-1, 0, 1) for dc in (-1, 0, 1)]
+    last = np.array(free.shape) - 1
+    near = [free[tuple(np.clip(cells + 1 + (dr, dc), 0, last).T)] for dr in (-1, 0, 1) for dc in (-1, 0, 1)]
     return float(np.any(near, axis=0).mean())
 
 
@@ -53,6 +54,7 @@ EXPLORE = columns_of(
      "rhs.metrics.explore"),
     ("explore_way_m", "m", "true way of a robot that explored until it stopped; `distance_m` is with the way home",
      "explore.json, truth_survey.tum"),
-    ("explore_stop", "", "why it stopped: no frontier, budget or coverage; and why it did not get home, if so", "explore.json"),
+    ("explore_stop", "", "why it stopped: no frontier, budget or coverage; and why it did not get home, if so",
+     "explore.json"),
     words=("explore_stop",),
 )

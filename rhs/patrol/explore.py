@@ -1,12 +1,12 @@
 """The survey that nobody leads: look round, go where most unknown ground is seen for the way, until nothing is left; home.
 
-The explorer is a sentinel whose places are found as it goes: the same planner, margin, guard, looking, backing off. Its belief
-is the sum of the odometry, as that of a survey that is led; the loop is closed and the map drawn anew at the end.
+The explorer is a sentinel whose places are found as it goes: the same planner, margin, guard, looking, backing off. Its
+belief is the sum of the odometry, as that of a survey that is led; the loop is closed and the map drawn anew at the end.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from rhs.api.belief import moved
 from rhs.api.contracts import Blockage, Blocked, Source
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import planar, se2, wrap
-from rhs.api.grid import OccupancyGrid
+from rhs.api.grid import OccupancyGrid, nearest_open
 from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Scan, Step, Twist
 from rhs.api.task import Parts
 from rhs.estimation.scans.settings import VoteSettings
@@ -27,9 +27,14 @@ from .frontiers import Frontiers
 from .loop import Decision, steps
 from .mission import MissionSettings, turning
 from .observers import write_json
+from .planning import GOAL_SLACK_M
 from .sentinel import Sentinel
 
+HOME = "home"
 STOOD = 0.05  # chance that something stands where the robot's own body was
+
+
+Place = tuple[str, float, float]  # name, x, y
 
 
 class Onwards:
@@ -43,8 +48,10 @@ class Explorer(Sentinel):
     """Pilot of a survey that nobody leads. `stop`: why it went home; `explored_views`: after how many views."""
 
     phase, believer = "survey", "odometry"
+    faced: bool  # whether it has turned to what is to be seen from where it was going
 
-    def __init__(self, parts: Parts, settings: MissionSettings) -> None:
+    def __init__(self, parts: Parts, settings: MissionSettings, *, visit: Sequence[Place] = ()) -> None:
+        """visit: places to look round at once nothing is left to see, before it goes home."""
         from rhs.estimation.scans.votes import Votes  # compiled code
 
         facts = parts.source.facts
@@ -55,12 +62,13 @@ class Explorer(Sentinel):
         self.inside = _within(grid, facts.bounds_m)
         self.belief, self.begun = Belief(se2(*facts.start), np.diag([1e-6] * 6)), False
         self.start, self.stop, self.explored_views = np.array(facts.start), "", 0
-        self.home = False  # on the way there
+        self.to_visit = [place for place in visit if self.explore.places]
+        self.been = [np.array(facts.start[:2])]  # where it looked round
         super().__init__(parts, grid, (), places=(("start", *facts.start[:2]),), radius_m=facts.robot_radius_m,
                          settings=settings)
         self.replan = Onwards()
         self.facing_rad = float(facts.start[2])
-        self.look_again = [1.0] * int(np.ceil(2.0 * np.pi / self.pace.turn_step_rad))
+        self.look_again = self._round()
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------------
 
@@ -85,8 +93,8 @@ class Explorer(Sentinel):
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
         pose = planar(belief.map_from_body)
         self.stood |= self._covered(pose[:2])
-        self.explored_views += not self.home
-        if self.book.current is not None and not self.home and not self.look_again and self._seen_already():
+        self.explored_views += not self.stop
+        if self.book.current is not None and not self.stop and not self.look_again and self._seen_already():
             self._finish(MissionStatus.ARRIVED, "seen on the way", [])
         return replace(super().decide(belief, scan), mission=0)
 
@@ -96,18 +104,39 @@ class Explorer(Sentinel):
         """Whether there is somewhere to go: the next viewpoint is put into the book, in the end home."""
         if not self.book.done:
             return True
-        if self.home:
+        if self.book.places[-1][0] == HOME:
             return False
         frontiers = self._frontiers()
-        view = frontiers.best(pose)
-        self.stop = self._why_stop(frontiers, left=view is not None)
-        self.home = bool(self.stop) or view is None
-        goal_m, self.facing_rad = (self.start[:2], float(self.start[2])) if self.home or view is None else (
-            view.at_m, view.facing_rad)
+        view = None if self.stop else frontiers.best(pose)
+        self.stop = self.stop or self._why_stop(frontiers, left=view is not None)
         self._take_map(frontiers.grid)
-        name = "home" if self.home else f"view {len(self.book.places)}"
-        self.book.places = (*self.book.places, (name, float(goal_m[0]), float(goal_m[1])))
+        if view is None or self.stop:
+            place = self._unseen_place(frontiers, pose) or (HOME, float(self.start[0]), float(self.start[1]))
+            self.facing_rad = float(self.start[2])
+        else:
+            place = (f"view {len(self.book.places)}", float(view.at_m[0]), float(view.at_m[1]))
+        self.book.places = (*self.book.places, place)
         return True
+
+    def _unseen_place(self, frontiers: Frontiers, pose: np.ndarray) -> Place | None:
+        """The nearest place to visit that the robot has not been near; None where there is none it can get to."""
+        ways_m, slack_m = frontiers.ways_m(pose[:2]), self.settings.arrive_m - GOAL_SLACK_M
+        left = []
+        for place in self.to_visit:
+            at_m = np.array(place[1:])
+            gap_m = min(float(np.linalg.norm(at_m - been)) for been in self.been)
+            if self.grid.inside(at_m[None])[0] and gap_m >= self.explore.place_m:
+                stand_m = nearest_open(self.grid, ~frontiers.open_, at_m, slack_m)
+                left.append((float(ways_m[tuple(self.grid.cells(stand_m[None])[0])]), place))
+        way_m, nearest = min(left, default=(np.inf, None))
+        if nearest is None or not np.isfinite(way_m):
+            return None
+        self.to_visit.remove(nearest)
+        return f"at {nearest[0]}", nearest[1], nearest[2]
+
+    def _round(self) -> list[float]:
+        """Turns once round, as shares of the largest turn between two views."""
+        return [1.0] * int(np.ceil(2.0 * np.pi / self.pace.turn_step_rad))
 
     def _why_stop(self, frontiers: Frontiers, *, left: bool) -> str:
         known = float((~frontiers.unknown)[self.inside].mean())
@@ -147,7 +176,12 @@ class Explorer(Sentinel):
             return False
         if not self.faced:
             self.faced = True
-            if not self.home:
+            place = self.book.missions[-1].place
+            if place != HOME and self.stop:
+                self.been.append(pose[:2])
+                self.look_again = self._round()
+                return False
+            if not self.stop:
                 self.facing_rad = float(self._frontiers().seen_m2(self.grid.cells(pose[None, :2]))[1][0])
             off = float(wrap(self.facing_rad - pose[2])) / self.pace.turn_step_rad
             count = int(np.ceil(abs(off) - 0.25))
@@ -164,9 +198,9 @@ class Explorer(Sentinel):
         """What was touched goes into the map; frontiers looked at in vain are not looked at again."""
         self.low.votes = np.maximum(self.low.votes, self.watch.below.votes * (self.contacts > 0))
         goal_m = np.array(self.book.missions[-1].goal_m)
-        if self.home and status is not MissionStatus.ARRIVED:
+        if self.book.missions[-1].place == HOME and status is not MissionStatus.ARRIVED:
             self.stop += f"; home not reached: {reason}"
-        elif not self.home and (self.faced or status is not MissionStatus.ARRIVED):
+        elif not self.stop and (self.faced or status is not MissionStatus.ARRIVED):
             self.tried |= self._frontiers().looked_at(goal_m, self.facing_rad)
         super()._finish(status, reason, events)
 
@@ -181,7 +215,8 @@ def _within(grid: OccupancyGrid, bounds_m: tuple[float, float, float, float]) ->
 def check_explorable(parts: Parts, sensed: frozenset[str]) -> None:
     """sensed: what the sensor provides. Raises ConfigError, in one line, where a survey cannot be explored."""
     if parts.slam is not None:
-        raise ConfigError("mission.survey=explore draws the map with the mapper, whose place slam= has taken; leave slam= out")
+        raise ConfigError("mission.survey=explore draws its map with the mapper, whose place slam= has taken; "
+                          "leave slam= out")
     if "driving" not in parts.provides:
         raise ConfigError(f"mission.survey=explore drives the robot, which {parts.who['source']} cannot do; "
                           "type mission.survey=route")
@@ -190,9 +225,9 @@ def check_explorable(parts: Parts, sensed: frozenset[str]) -> None:
                           "type sensor=rgbd or mission.survey=route")
 
 
-def explored(parts: Parts, settings: MissionSettings, folder: Path) -> Iterator[Step]:
-    """Explore until a stated reason, then home; explore.json says how it went."""
-    explorer = Explorer(parts, turning(settings, parts.odometry))
+def explored(parts: Parts, settings: MissionSettings, folder: Path, *, visit: Sequence[Place] = ()) -> Iterator[Step]:
+    """Explore until a stated reason, look round at the places to visit, then home; explore.json says how it went."""
+    explorer = Explorer(parts, turning(settings, parts.odometry), visit=visit)
     try:
         yield from steps(parts.source, parts.sensor, parts.odometry, explorer, who=parts.who)
     finally:

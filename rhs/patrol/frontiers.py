@@ -1,8 +1,8 @@
 """Where a robot that draws its own map looks next: the frontier between what it knows to be free and what nobody has seen.
 
-Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997, for what is left to see; Gonzalez-Banos and Latombe,
-"Navigation strategies for exploring indoor environments", IJRR 2002, for how much of it a place shows: the unknown area
-that rays reach before a known wall, counted through frontiers alone; Burgard et al., "Coordinated multi-robot exploration",
+Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997, for what is left to see; Gonzalez-Banos and
+Latombe, "Navigation strategies for exploring indoor environments", IJRR 2002, for how much of it a place shows: the unknown
+area that rays reach before a known wall, counted through frontiers alone; Burgard et al., "Coordinated multi-robot exploration",
 IEEE T-RO 2005, for weighing it against the way. Deviations: one camera sees a window of bearings, so a place is
 a position and a heading; the weight is a ratio.
 """
@@ -29,8 +29,8 @@ class ExploreSettings:
     views: int = 6000
     """after so many views the robot goes home, whatever is left"""
     coverage: float = 1.0
-    """share of the cells within the world's bounds at which the map is whole: seen, or where the robot cannot look; 1: never,
-    frontiers decide"""
+    """share of the cells within the world's bounds that is known when the robot goes home; 1: never, frontiers decide (the
+    insides of blocks and walls are never known)"""
     sight_m: float = 4.0
     """unknown ground further than this from a place is no reason to go there, metres: half of what a depth camera sees, for
     walls not known yet"""
@@ -45,9 +45,16 @@ class ExploreSettings:
     turn_m: float = 0.3
     """turning by a radian costs as much as so many metres"""
 
+    places: bool = True
+    """before it goes home the robot looks round at those places of the patrol that it has not been near: a localiser knows
+    again what was looked at, not what was only mapped"""
+    place_m: float = 1.0
+    """that near, metres"""
+
     def __post_init__(self) -> None:
-        check_ranges("", self, views=(1, 10_000_000), coverage=(0.01, 1.0), sight_m=(0.5, 100.0), least_m2=(0.0, 1e4),
-                     frontier_m=(0.0, 100.0), view_deg=(5.0, 360.0), here_m=(0.01, 100.0), turn_m=(0.0, 100.0))
+        check_ranges("", self, place_m=(0.0, 100.0), views=(1, 10_000_000), coverage=(0.01, 1.0), sight_m=(0.5, 100.0),
+                     least_m2=(0.0, 1e4), frontier_m=(0.0, 100.0), view_deg=(5.0, 360.0), here_m=(0.01, 100.0),
+                     turn_m=(0.0, 100.0))
 
 
 @dataclass(frozen=True)
@@ -133,7 +140,7 @@ class Frontiers:
         return ways
 
     def seen_m2(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(K,) unknown ground in the best view from each of (K, 2) cells, square metres, and (K,) the heading of that view."""
+        """((K,) unknown ground in the best view from each of (K, 2) cells, square metres; (K,) heading of that view)."""
         rays = np.concatenate([self._rays(some)[0] for some in np.array_split(cells, len(cells) // AT_ONCE + 1)])
         width = max(1, round(np.radians(self.settings.view_deg) / (2.0 * np.pi) * RAYS))
         total = np.cumsum(np.concatenate([np.zeros((len(rays), 1)), rays, rays[:, :width]], axis=1), axis=1)
@@ -153,8 +160,8 @@ class Frontiers:
         return seen
 
     def _rays(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """((K, RAYS) unknown ground along each ray that enters it through a frontier, square metres; (K, RAYS, 2) the cell where
-        it does, -1 where it does not)."""
+        """((K, RAYS) unknown ground along each ray that enters it through a frontier, square metres; (K, RAYS, 2) the cell
+        where it does, -1 where it does not)."""
         resolution_m = self.grid.resolution_m
         angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
         reach = np.arange(1.0, self.settings.sight_m / resolution_m)

@@ -84,7 +84,8 @@ def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog) ->
     """Lead the camera along its route, or let the robot explore; the views as they were believed on the way."""
     collector = ViewCollector(settings.places.every, context.features, features)
     if explores(settings):
-        views = log.follow(explored(parts, settings.mission, log.folder), "survey", None)
+        visit = parts.source.facts.places if isinstance(settings, Patrol) else ()
+        views = log.follow(explored(parts, settings.mission, log.folder, visit=visit), "survey", None)
     else:
         views = log.follow(context.lead(parts), "survey", parts.source.views_expected)
     yield from collector.watch(views)

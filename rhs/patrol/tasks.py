@@ -1,5 +1,5 @@
-"""The tasks that go through the loop: map a building (survey; explore, where nobody leads), and patrol what was mapped (patrol). Settings only;
-the work is in rhs.patrol.job."""
+"""The tasks that go through the loop: map a building (survey; explore, where nobody leads), and patrol what was mapped
+(patrol). Settings only; the work is in rhs.patrol.job."""
 
 from __future__ import annotations
 
