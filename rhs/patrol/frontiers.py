@@ -1,10 +1,10 @@
 """Where a robot that draws its own map looks next: the frontier between what it knows to be free and what nobody has seen.
 
 Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997, for what is left to see; Gonzalez-Banos and
-Latombe, "Navigation strategies for exploring indoor environments", IJRR 2002, for how much of it a place shows: the unknown
-area that rays reach before a known wall, counted through frontiers alone; Burgard et al., "Coordinated multi-robot exploration",
-IEEE T-RO 2005, for weighing it against the way. Deviations: one camera sees a window of bearings, so a place is
-a position and a heading; the weight is a ratio.
+Latombe, "Navigation strategies for exploring indoor environments", IJRR 2002, for how much of it a place shows: the
+unknown area that rays reach before a known wall, through frontiers alone; Burgard et al., "Coordinated multi-robot
+exploration", IEEE T-RO 2005, for weighing it against the way. Deviations: one camera sees a window of bearings, so a place
+is a position and a heading; the weight is a ratio.
 """
 
 from __future__ import annotations
