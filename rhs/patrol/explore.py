@@ -1,7 +1,8 @@
 """The survey that nobody leads: look round, go where most unknown ground is seen for the way, until nothing is left; home.
 
 The explorer is a sentinel whose places are found as it goes: the same planner, margin, guard, looking, backing off. Its
-belief is the sum of the odometry, as that of a survey that is led; the loop is closed and the map drawn anew at the end.
+belief is the sum of the odometry, each scan laid onto the map drawn so far: it drives by that map, which bends where the
+odometry drifts. It is not redrawn on the way; at the end the loop is closed and it is drawn anew, as after every survey.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rhs.api.belief import moved
 from rhs.api.contracts import Blockage, Blocked, Source
 from rhs.api.errors import ConfigError
+from rhs.api.frozen import freeze
 from rhs.api.geometry import planar, se2, wrap
 from rhs.api.grid import OccupancyGrid, nearest_open
 from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Scan, Step, Twist
@@ -30,7 +32,13 @@ from .observers import write_json
 from .planning import GOAL_SLACK_M
 from .sentinel import Sentinel
 
+if TYPE_CHECKING:
+    from rhs.estimation.scans.scan_match import ScanMatcher
+
 HOME = "home"
+MATCH_AFTER, REDRAW = 10, 5  # views that make a map worth matching with, and views between two drawings of it
+PLANAR = (0, 1, 5)  # x, y, yaw of a covariance (6, 6)
+LEAST_DOUBT = np.diag([1e-4, 1e-4, 1e-4])  # of the motion since the last match: 1 cm and half a degree
 STOOD = 0.05  # chance that something stands where the robot's own body was
 
 
@@ -60,6 +68,8 @@ class Explorer(Sentinel):
         self.low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
         self.tried, self.stood = np.zeros(grid.shape, bool), np.zeros(grid.shape, bool)
         self.inside = _within(grid, facts.bounds_m)
+        self.matcher: ScanMatcher | None = None
+        self.views_in_all = 0
         self.belief, self.begun = Belief(se2(*facts.start), np.diag([1e-6] * 6)), False
         self.start, self.stop, self.explored_views = np.array(facts.start), "", 0
         self.to_visit = [place for place in visit if self.explore.places]
@@ -78,9 +88,26 @@ class Explorer(Sentinel):
     def locate(self, observation: Observation, motion: Motion) -> Belief:
         self.guard.observe(observation, motion)
         self.obstacle = observation.obstacle
-        self.belief = moved(self.belief, motion) if self.begun else self.belief
+        self.belief = self._on_map(moved(self.belief, motion), observation.scan) if self.begun else self.belief
         self.begun = True
         return self.belief
+
+    def _on_map(self, belief: Belief, scan: Scan | None) -> Belief:
+        """The belief with the scan laid onto the map drawn so far; as it is where the scan does not fit there."""
+        from rhs.estimation.scans.scan_match import ScanMatcher  # compiled code
+
+        self.views_in_all += 1
+        if scan is None or self.views_in_all < MATCH_AFTER:
+            return belief
+        if self.matcher is None or self.views_in_all % REDRAW == 0:
+            self.matcher = ScanMatcher(self.mapper.grid())
+        planar_of = np.ix_(PLANAR, PLANAR)
+        match = self.matcher.match(scan, planar(belief.map_from_body), belief.covariance[planar_of] + LEAST_DOUBT)
+        if match is None:
+            return belief
+        covariance = belief.covariance.copy()
+        covariance[planar_of] = match.covariance
+        return Belief(freeze(se2(*match.state)), freeze(covariance), belief.status)
 
     def note(self, belief: Belief, scan: Scan) -> None:
         from rhs.estimation.scans.votes import low_only

@@ -4,9 +4,9 @@
     python tests/benchmarks/explore.py --families home office --seeds 10000-10004 source.image_width=320
 
 A run of `task=explore` in `world=random:FAMILY/SEED` each; further words are those of a run, and images are 160 px wide
-unless said otherwise. `tour`: length of the world's own route (rhs.worlds.tour), which sees the whole floor and ends where it
-began. `ratio`: way of the robot, home again, over the tour. The goal is 95 % of the floor at a ratio of 1.3. A run whose row
-is there is not done again. Writes explore.csv beside the runs. Seeds below 10000 are for tuning, those from 10000 on to judge.
+unless said otherwise. `tour`: length of the world's own route (rhs.worlds.tour), which sees the whole floor and ends where
+it began. `ratio`: way of the robot, home again, over the tour. The goal is 95 % of the floor at a ratio of 1.3. A run whose
+row is there is not done again. Writes explore.csv beside the runs. Seeds below 10000 are for tuning, from 10000 on to judge.
 """
 
 from __future__ import annotations
