@@ -19,6 +19,7 @@ from rhs_mappers.occupancy import OccupancyMapper
 from rhs_mappers.occupancy_config import Occupancy
 
 START = (1.5, 1.5, 0.0)
+MATCH_M = 0.05  # half a cell: a scan is laid onto the map
 
 
 class Roads(Dijkstra):
@@ -81,7 +82,7 @@ def whole():
 def test_two_rooms_behind_doors_are_seen_whole_and_the_robot_comes_home(whole):
     world, explorer, out = whole
     assert explorer.stop == "no frontier" and seen(explorer, world) > 0.98
-    assert np.linalg.norm(out[-1].truth[:2, 3] - START[:2]) <= explorer.settings.arrive_m + 0.05  # a scan is laid onto cells of 0.1 m
+    assert np.linalg.norm(out[-1].truth[:2, 3] - START[:2]) <= explorer.settings.arrive_m + MATCH_M
     assert not any(step.collided for step in out)
     assert {step.phase for step in out} == {"survey"} and {step.mission for step in out} == {0}
 
@@ -97,7 +98,7 @@ def test_the_budget_of_views_sends_it_home():
     explorer, out = explore(Flatland(house(), START, ()), views=40)
     assert explorer.stop == "budget: mission.advanced.explore.views=40"
     assert summary(explorer)["views"] <= 42
-    assert np.linalg.norm(out[-1].truth[:2, 3] - START[:2]) <= explorer.settings.arrive_m + 0.05  # a scan is laid onto cells of 0.1 m
+    assert np.linalg.norm(out[-1].truth[:2, 3] - START[:2]) <= explorer.settings.arrive_m + MATCH_M
 
 
 def test_coverage_of_the_bounds_sends_it_home():
