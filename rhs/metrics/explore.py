@@ -16,10 +16,11 @@ def floor_within_reach(true: OccupancyGrid, start_m: np.ndarray, radius_m: float
 
     growth = radius_m / true.resolution_m
     regions, _ = label(~configuration_space(~true.free(), growth), structure=np.ones((3, 3)))
-    row, column = true.cells(start_m[None])[0]
-    if not (0 <= row < true.shape[0] and 0 <= column < true.shape[1]) or regions[row, column] == 0:
+    cells = np.argwhere(regions > 0)
+    gaps_m = np.linalg.norm(true.centres(cells) - start_m, axis=1)
+    if not len(cells) or gaps_m.min() > radius_m:  # cells are coarse: a start beside a wall may lie in a grown one
         return np.zeros(true.shape, bool)
-    reached: np.ndarray = inflate(regions == regions[row, column], growth) & true.free()
+    reached: np.ndarray = inflate(regions == regions[tuple(cells[np.argmin(gaps_m)])], growth) & true.free()
     return reached
 
 

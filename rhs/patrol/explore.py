@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 HOME = "home"
 MATCH_AFTER, REDRAW = 10, 5  # views that make a map worth matching with, and views between two drawings of it
 PLANAR = (0, 1, 5)  # x, y, yaw of a covariance (6, 6)
-LEAST_DOUBT = np.diag([1e-6, 1e-6, 1e-6])  # of a motion, 1 mm and a milliradian: one that calls itself exact can be inverted
+LEAST_DOUBT = np.diag([1e-4, 1e-4, 1e-4])  # since the last match: 1 cm and half a degree, odometries promise too much
 STOOD = 0.05  # chance that something stands where the robot's own body was
 
 
