@@ -15,7 +15,7 @@ from .grid import OccupancyGrid
 from .trajectory import Trajectory
 
 Result = TypeVar("Result")
-LOOP = ("patrol", "survey", "blame")  # the tasks that go through the loop of views
+LOOP = ("patrol", "survey", "explore", "blame")  # the tasks that go through the loop of views
 
 
 class RunFiles(Protocol):

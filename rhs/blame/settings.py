@@ -34,6 +34,9 @@ class Blame(Patrol):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.mission.survey == "explore":
+            raise ConfigError("mission.survey=explore: task=blame takes one survey for all its patrols; "
+                              "type mission.survey=route")
         for link in self.links:
             check_choice("", "links", link, LINKS)
         if not self.links or len(set(self.links)) < len(self.links):

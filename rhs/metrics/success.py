@@ -28,7 +28,7 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
         return _planned(row)
     if row.get("task") == "localise":
         return _localised(row)
-    if _number(row, "places_total") > 0 and row.get("task") != "survey":
+    if _number(row, "places_total") > 0 and row.get("task") not in ("survey", "explore"):
         return _visited(row)
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"

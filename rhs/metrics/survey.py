@@ -112,7 +112,8 @@ ACCURACY = (
 SURVEY = columns_of(
     survey_values,
     ("survey_steps", "", "views of the survey", "steps.csv"),
-    ("survey_collisions", "", "separate touches of anything in the survey, by the simulator: the robot was led there",
+    ("survey_collisions", "",
+     "separate touches of anything in the survey, by the simulator: of whoever led the robot, or of the robot that explored",
      "steps.csv, truth"),
     ("survey_clearance_min_m", "m", "least distance from the robot's body to anything in the survey", "steps.csv, truth"),
     ("tracked_share", "share", "views of the survey whose motion was measured (status ok)", "steps.csv"),

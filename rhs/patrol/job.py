@@ -23,6 +23,7 @@ from rhs.estimation.survey import ViewCollector
 from rhs.estimation.views.features import features
 from rhs.worlds.maps import save_map
 
+from .explore import check_explorable, explored
 from .gate import gated
 from .kidnap import Kidnapper
 from .loop import steps
@@ -31,7 +32,7 @@ from .observers import RunLog, closure_rows, plan_row, write_json
 from .run import RunContext
 from .sentinel import Sentinel
 from .sights import Sights
-from .tasks import Patrol, Survey
+from .tasks import Patrol, Survey, explores
 
 START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
 
@@ -45,6 +46,8 @@ class PatrolJob(StepJob):
         if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
             raise ConfigError(f"task=patrol drives the robot, which {self.parts.who['source']} cannot do here; "
                               "type task=survey for the map alone")
+        if explores(settings):
+            check_explorable(self.parts, context.settings("sensor").provides)
         self.ungated = self.parts.odometry
         if context.shared is not None:
             self.parts.odometry = context.shared.odometry
@@ -66,9 +69,10 @@ class PatrolJob(StepJob):
             yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
 
 
-def with_obstacles(world: World, boxes: list[list[float]]) -> World:
-    """The world with boxes that the survey does not see. Raises ConfigError if one would be put on the waiting robot."""
-    end = np.array(world.route_m[-1])
+def with_obstacles(world: World, boxes: list[list[float]], *, at_start: bool = False) -> World:
+    """The world with boxes that the survey does not see. at_start: where the robot waits for the patrol, which is the end of
+    the route otherwise. Raises ConfigError if one would be put on the waiting robot."""
+    end = np.array(world.start[:2] if at_start else world.route_m[-1])
     for x, y, width, depth in boxes:
         gap_m = float(np.hypot(*np.maximum(np.abs(end - (x, y)) - (width / 2, depth / 2), 0.0)))
         if gap_m < world.robot_radius_m:
@@ -91,9 +95,14 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
 
 def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *, sights: Sights | None = None,
             ) -> Generator[Step, None, ViewCollector]:
-    """Lead the camera along its route; the views as they were believed on the way."""
+    """Lead the camera along its route, or let the robot explore; the views as they were believed on the way."""
     collector = ViewCollector(settings.places.every, context.features, features)
-    led = collector.watch(log.follow(context.lead(parts), "survey", parts.source.views_expected))
+    if explores(settings):
+        visit = parts.source.facts.places if isinstance(settings, Patrol) else ()
+        views = log.follow(explored(parts, settings.mission, log.folder, visit=visit), "survey", None)
+    else:
+        views = log.follow(context.lead(parts), "survey", parts.source.views_expected)
+    led = collector.watch(views)
     yield from led if sights is None else sights.watch(led)
     if not collector.views:
         raise RhsError("the source handed out no view; expected at least one")

@@ -10,6 +10,7 @@ from rhs.api.contracts import Odometry
 from rhs.api.records import MissionStatus
 from rhs.base.errors import check_choice, check_range
 
+from .frontiers import ExploreSettings
 from .guard import GuardSettings
 
 
@@ -18,12 +19,15 @@ class MissionAdvanced:
     """Thresholds of the patrol."""
 
     guard: GuardSettings = field(default_factory=GuardSettings)
+    explore: ExploreSettings = field(default_factory=ExploreSettings)
 
 
 @dataclass
 class MissionSettings:
     """How the patrol goes about its places."""
 
+    survey: str = "route"
+    """who leads the survey: route, somebody along the world's route | explore, the robot itself: frontiers, then home"""
     arrive_m: float = 0.25
     """distance from a place at which it counts as visited, metres (belief)"""
     margin_m: float = 0.1
@@ -63,6 +67,7 @@ class MissionSettings:
     advanced: MissionAdvanced = field(default_factory=MissionAdvanced)
 
     def __post_init__(self) -> None:
+        check_choice("mission", "survey", self.survey, ("route", "explore"))
         check_range("mission", "arrive_m", self.arrive_m, low=0.05, high=5.0, unit="m")
         check_range("mission", "margin_m", self.margin_m, low=0.0, high=2.0, unit="m")
         check_range("mission", "comfort_m", self.comfort_m, low=0.0, high=2.0, unit="m")

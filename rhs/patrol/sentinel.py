@@ -127,13 +127,17 @@ class Sentinel:
         pose = planar(belief.map_from_body)
         if self.book.current is not None and self._near(pose):
             self._finish(MissionStatus.ARRIVED, "", events)
-        while not self.book.done:
+        while self._more(pose):
             mission = self.book.current or self.book.open(pose[:2])
             command = self._pursue(pose, belief, scan, events)
             if command is not None:
                 mission.steps += 1
                 return Decision(command, self.path, tuple(events), mission.mission)
         return Decision(None, None, tuple(events), len(self.book.missions))
+
+    def _more(self, pose: np.ndarray) -> bool:
+        """Whether there is somewhere to go."""
+        return not self.book.done
 
     # --- one mission --------------------------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ from rhs.runfolder.steps_csv import PARTIAL
 from .job import PatrolJob, lead_survey
 from .observers import RunLog, unwatched
 from .run import RunContext
-from .tasks import Patrol
+from .tasks import Patrol, explores
 
 LATER = ("planner", "localiser", "replan")  # parts that a survey does not ask
 AFTER = (*LATER, "mission", *(name for name in OUTPUTS if name != "recording"))  # what a survey does not depend on
@@ -36,10 +36,11 @@ AFTER = (*LATER, "mission", *(name for name in OUTPUTS if name != "recording")) 
 
 def survey_key(config: RunConfig) -> str | None:
     """16 hex digits, the same for runs that begin with the same survey. None: a run whose survey is not shared, because
-    there is nothing after it, or because its images are kept, for the recording or to compare places with."""
+    there is nothing after it, because a robot that explores asks its planner, or because its images are kept, for the
+    recording or to compare places with."""
     if type(config.task.settings) is not Patrol or not config.driving:
         return None
-    if config.recording not in ("light", "off") or config.pictures != "off":
+    if config.recording not in ("light", "off") or config.pictures != "off" or explores(config.task.settings):
         return None
     values = {name: value for name, value in to_plain(config).items() if name not in AFTER}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]

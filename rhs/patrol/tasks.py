@@ -1,11 +1,11 @@
-"""The two tasks that go through the loop: map a building (survey), and patrol what was mapped (patrol). Settings only;
-the work is in rhs.patrol.job."""
+"""The tasks that go through the loop: map a building (survey; explore, where nobody leads), and patrol what was mapped
+(patrol). Settings only; the work is in rhs.patrol.job."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypeGuard
 
 from rhs.base.errors import ConfigError, check_choice, check_range
 
@@ -104,4 +104,25 @@ class Patrol(Survey):
         from .job import PatrolJob, with_obstacles
 
         world = context.floor_plan()
-        return PatrolJob(self, context, None if world is None else with_obstacles(world, self.obstacles))
+        waits = explores(self)
+        return PatrolJob(self, context, None if world is None else with_obstacles(world, self.obstacles, at_start=waits))
+
+
+@dataclass
+class Explore(Survey):
+    """Map only, and nobody leads: the robot looks where most is left to see until nothing is, and drives home."""
+
+    mission: MissionSettings = field(default_factory=lambda: MissionSettings(survey="explore"))
+
+    needs: ClassVar[frozenset[str]] = frozenset({"driving"})
+    kinds: ClassVar[tuple[str, ...]] = (*Survey.kinds, "planner")
+
+    def __post_init__(self) -> None:
+        if self.mission.survey != "explore":
+            raise ConfigError(f"mission.survey={self.mission.survey}: task=explore explores; type task=survey for a survey "
+                              "that is led")
+
+
+def explores(settings: Survey) -> TypeGuard[Patrol | Explore]:
+    """Whether the robot draws its map by itself."""
+    return isinstance(settings, Patrol | Explore) and settings.mission.survey == "explore"

@@ -1,0 +1,179 @@
+"""Where a robot that draws its own map looks next: the frontier between what it knows to be free and what nobody has seen.
+
+Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997, for what is left to see; Gonzalez-Banos and
+Latombe, "Navigation strategies for exploring indoor environments", IJRR 2002, for how much of it a place shows: the
+unknown area that rays reach before a known wall, through frontiers alone; Burgard et al., "Coordinated multi-robot
+exploration", IEEE T-RO 2005, for weighing it against the way. Deviations: one camera sees a window of bearings, so a place
+is a position and a heading; the weight is a ratio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.errors import check_ranges
+from rhs.api.geometry import wrap
+from rhs.api.grid import OccupancyGrid, configuration_space
+
+RAYS = 72  # every five degrees
+STRIDE_M = 0.3  # between the places that are weighed
+AT_ONCE = 64  # places whose rays are cast together
+
+
+@dataclass(frozen=True)
+class ExploreSettings:
+    """How the robot explores (mission.survey=explore)."""
+
+    views: int = 6000
+    """after so many views the robot goes home, whatever is left"""
+    coverage: float = 1.0
+    """share of the cells within the world's bounds that is known when the robot goes home; 1: never, frontiers decide (the
+    insides of blocks and walls are never known)"""
+    sight_m: float = 4.0
+    """unknown ground further than this from a place is no reason to go there, metres: half of what a depth camera sees, for
+    walls not known yet"""
+    least_m2: float = 0.3
+    """less unknown ground than this is no reason to go anywhere, square metres: a robot of 0.3 m radius covers as much"""
+    frontier_m: float = 0.3
+    """a shorter frontier is a seam between views, metres"""
+    view_deg: float = 50.0
+    """what the camera sees at once, degrees; a Kinect sees 57"""
+    here_m: float = 1.0
+    """added to every way, metres: a place at hand is not worth infinitely much"""
+    turn_m: float = 0.3
+    """turning by a radian costs as much as so many metres"""
+
+    places: bool = True
+    """before it goes home the robot looks round at those places of the patrol that it has not been near: a localiser knows
+    again what was looked at, not what was only mapped"""
+    place_m: float = 1.0
+    """that near, metres"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, place_m=(0.0, 100.0), views=(1, 10_000_000), coverage=(0.01, 1.0), sight_m=(0.5, 100.0),
+                     least_m2=(0.0, 1e4), frontier_m=(0.0, 100.0), view_deg=(5.0, 360.0), here_m=(0.01, 100.0),
+                     turn_m=(0.0, 100.0))
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """A place worth going to. at_m (2,): metres in the map. facing_rad: heading. gain_m2: unknown ground seen from there."""
+
+    at_m: np.ndarray
+    facing_rad: float
+    gain_m2: float
+
+
+class Frontiers:
+    """What a map leaves to be seen by a robot that needs need_m round its middle. tried (H, W) bool: frontiers looked at in
+    vain."""
+
+    def __init__(self, grid: OccupancyGrid, need_m: float, tried: np.ndarray, settings: ExploreSettings) -> None:
+        from scipy.ndimage import binary_dilation, label
+
+        self.grid, self.settings = grid, settings
+        free, self.unknown = grid.free(), np.isnan(grid.probability)
+        growth = need_m / grid.resolution_m
+        self.open_ = ~configuration_space(~free, growth)
+        passable = ~configuration_space(~(free | self.unknown), growth)  # if the unknown turns out free
+        self.wall = ~(free | self.unknown)
+        frontier = free & binary_dilation(self.unknown) & passable & ~tried
+        regions, _ = label(frontier, structure=np.ones((3, 3)))
+        sizes = np.bincount(regions.ravel())
+        self.frontier = frontier & (sizes[regions] * grid.resolution_m >= settings.frontier_m)
+        self.crossing = binary_dilation(self.frontier, structure=np.ones((3, 3)))
+
+    def best(self, pose: np.ndarray) -> Viewpoint | None:
+        """The viewpoint with the most unknown ground for its way from a pose (x, y, yaw); None where nothing is left."""
+        ways_m = self.ways_m(pose[:2])
+        cells = self._candidates(ways_m)
+        if not len(cells):
+            return None
+        gains, facing = self.seen_m2(cells)
+        at_m = self.grid.centres(cells)
+        way_m = ways_m[cells[:, 0], cells[:, 1]]
+        here = way_m < STRIDE_M
+        ahead = np.where(here, facing, np.arctan2(*(at_m - pose[:2]).T[::-1]))
+        cost = way_m + self.settings.here_m + self.settings.turn_m * np.abs(wrap(ahead - pose[2]))
+        worth = np.where(gains >= self.settings.least_m2, gains / cost, 0.0)
+        k = int(np.argmax(worth))
+        return Viewpoint(at_m[k], float(facing[k]), float(gains[k])) if worth[k] > 0.0 else None
+
+    def _candidates(self, ways_m: np.ndarray) -> np.ndarray:
+        """(K, 2) cells the robot can get to that lie within sight of a frontier, on a lattice."""
+        from scipy.ndimage import distance_transform_edt
+
+        if not self.frontier.any():
+            return np.zeros((0, 2), int)
+        stride = max(1, round(STRIDE_M / self.grid.resolution_m))
+        near = distance_transform_edt(~self.frontier) * self.grid.resolution_m <= self.settings.sight_m
+        lattice = np.zeros(self.grid.shape, bool)
+        lattice[::stride, ::stride] = True
+        lattice |= ways_m == 0.0
+        return np.argwhere(np.isfinite(ways_m) & near & lattice)
+
+    def ways_m(self, at_m: np.ndarray) -> np.ndarray:
+        """(H, W) length of the way to each cell where the robot may be, metres; inf where none leads."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import dijkstra
+
+        ways = np.full(self.grid.shape, np.inf)
+        cells = np.argwhere(self.open_)
+        if not len(cells):
+            return ways
+        number = np.full(self.grid.shape, -1)
+        number[self.open_] = np.arange(len(cells))
+        height, width = self.grid.shape
+        one, other, lengths = [], [], []
+        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            a = number[: height - dr, max(0, -dc): width - max(0, dc)].ravel()
+            b = number[dr:, max(0, dc): width + min(0, dc)].ravel()
+            both = (a >= 0) & (b >= 0)
+            one.append(a[both])
+            other.append(b[both])
+            lengths.append(np.full(int(both.sum()), self.grid.resolution_m * float(np.hypot(dr, dc))))
+        graph = coo_array((np.concatenate(lengths), (np.concatenate(one), np.concatenate(other))), (len(cells), len(cells)))
+        start = int(np.argmin(np.linalg.norm(self.grid.centres(cells) - at_m, axis=1)))
+        ways[self.open_] = dijkstra(graph.tocsr(), directed=False, indices=start)
+        return ways
+
+    def seen_m2(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """((K,) unknown ground in the best view from each of (K, 2) cells, square metres; (K,) heading of that view)."""
+        rays = np.concatenate([self._rays(some)[0] for some in np.array_split(cells, len(cells) // AT_ONCE + 1)])
+        width = max(1, round(np.radians(self.settings.view_deg) / (2.0 * np.pi) * RAYS))
+        total = np.cumsum(np.concatenate([np.zeros((len(rays), 1)), rays, rays[:, :width]], axis=1), axis=1)
+        window = total[:, width:width + RAYS] - total[:, :RAYS]
+        first = np.argmax(window, axis=1)
+        return window.max(axis=1), wrap((first + 0.5 * (width - 1)) * 2.0 * np.pi / RAYS)
+
+    def looked_at(self, at_m: np.ndarray, facing_rad: float) -> np.ndarray:
+        """(H, W) bool: the frontiers that are in view from a place with a heading."""
+        seen = np.zeros(self.grid.shape, bool)
+        _, entries = self._rays(self.grid.cells(at_m[None]))
+        angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
+        inside = np.abs(wrap(angles - facing_rad)) <= 0.5 * np.radians(self.settings.view_deg) + 2.0 * np.pi / RAYS
+        for row, column in entries[0, inside]:
+            if row >= 0:
+                seen[max(0, row - 2):row + 3, max(0, column - 2):column + 3] = True
+        return seen
+
+    def _rays(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """((K, RAYS) unknown ground along each ray that enters it through a frontier, square metres; (K, RAYS, 2) the cell
+        where it does, -1 where it does not)."""
+        resolution_m = self.grid.resolution_m
+        angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
+        reach = np.arange(1.0, self.settings.sight_m / resolution_m)
+        rows = np.floor(cells[:, 0, None, None] + 0.5 + np.sin(angles)[:, None] * reach).astype(int)
+        columns = np.floor(cells[:, 1, None, None] + 0.5 + np.cos(angles)[:, None] * reach).astype(int)
+        height, width = self.grid.shape
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        at = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
+        clear = ~np.logical_or.accumulate(self.wall[at] | ~inside, axis=2)
+        new = self.unknown[at] & clear
+        first = np.argmax(new, axis=2)[..., None]
+        entered = np.take_along_axis(new & self.crossing[at], first, axis=2)
+        area = (new * entered * reach).sum(axis=2) * resolution_m**2 * 2.0 * np.pi / RAYS
+        entry = np.stack([np.take_along_axis(index, first, axis=2)[..., 0] for index in at], axis=-1)
+        return area, np.where(entered, entry, -1)
