@@ -153,8 +153,8 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
 
 
 # ours, in the order of a table
-GROUPS = ("cause", "blame", "patrol", "localise", "calibration", "survey", "explore", "map", "laser", "recording", "planning",
-          "stages")
+GROUPS = ("cause", "blame", "patrol", "localise", "calibration", "survey", "explore", "map", "laser", "recording",
+          "planning", "stages")
 
 
 def metrics(task: str = "") -> list[Metric]:
