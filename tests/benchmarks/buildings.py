@@ -29,6 +29,8 @@ from rhs.worlds.random.names import FAMILIES, building_of
 from rhs.worlds.random.obstacles import reached
 from rhs.worlds.world import load_world
 
+FIGURES = ("places_visited", "collisions", "belief_wrong_sure_share", "success", "ate_rmse_m", "wall_ms")
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -62,14 +64,15 @@ def rows(folder: Path) -> list[dict[str, Any]]:
         row = read_row(path)
         world = load_world(str(row["world"]), seed=int(row["seed"]))
         can = reached(after(world), radius_m=world.robot_radius_m + 0.05)
-        visited, touched = (float(row.get(name, np.nan)) for name in ("places_visited", "collisions"))
+        known = [np.nan if row.get(name) is None else float(row[name]) for name in FIGURES]
+        visited, touched, sure, success, ate, wall = known
         out.append({
             "family": str(row["world"]).removeprefix("random:").partition("/")[0],
             "building": building_of(str(row["world"]), row["seed"]), "status": row["status"],
             "places": len(world.places), "reachable": len(can), "visited": visited, "collisions": touched,
-            "wrong_sure": float(row.get("belief_wrong_sure_share", np.nan)), "success": float(row.get("success", np.nan)),
+            "wrong_sure": sure, "success": success,
             "clean": float(visited >= len(can) and touched == 0), "obstacles": len(world.obstacles),
-            "ate_m": float(row.get("ate_rmse_m", np.nan)), "wall_ms": float(row.get("wall_ms", np.nan)),
+            "ate_m": ate, "wall_ms": wall,
             "cause": str(row.get("cause") or row.get("reason") or "")})
     return out
 

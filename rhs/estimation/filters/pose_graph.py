@@ -225,7 +225,10 @@ def _solved(matrix: csc_matrix, gradient: np.ndarray, damping: float, border: _B
     column, own, along = border
     inner = matrix[6:, 6:]
     damped = (inner + damping * diags(inner.diagonal())).tocsc()
-    factor = splu(damped, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    try:
+        factor = splu(damped, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    except RuntimeError:  # sharp and vague edges side by side: the pivots have to be chosen
+        factor = splu(damped)
     step = factor.solve(-gradient[6:])
     if not column.any():
         return np.vstack([np.zeros(6), step.reshape(-1, 6)]), 0.0
