@@ -57,7 +57,7 @@ class ReplaySource(Source):
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
         self._truth: np.ndarray | None = None
-        self._told = False
+        self._told = self._begun = False
 
     @property
     def lost(self) -> str:  # type: ignore[override]  # others set it once; here it grows as views are read
@@ -78,12 +78,13 @@ class ReplaySource(Source):
             log.warning("replay %s: stamps repaired, the order of the file kept: %s", self._path, _counted(self._repaired))
         if self.rejected:
             log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
-        if self._folder is not None and self._folder.is_dir():
+        if self._begun and self._folder is not None and self._folder.is_dir():
             with replacing(self._folder / "recording.json") as file:
                 json.dump({"rejected": dict(sorted(self.rejected.items()))}, file)
 
     def lead(self) -> Capture | None:
         """The next recorded view, or None at the end."""
+        self._begun = True  # what was refused before leaves nothing behind
         view = self._ahead.result()
         if view is None:
             self._truth = None

@@ -301,7 +301,7 @@ class FakeMapper:
 
 @dataclass
 class FakePlanner:
-    """Goes straight. Its settings are of every type."""
+    """Goes straight, or not at all. Its settings are of every type."""
 
     needs: ClassVar[frozenset[str]] = NOTHING
     provides: ClassVar[frozenset[str]] = NOTHING

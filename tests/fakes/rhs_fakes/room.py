@@ -123,6 +123,12 @@ class Straight:
 
     def plan(self, problem: Any) -> Path:
         points = np.stack([problem.start_m, problem.goal_m])
+        along = np.linspace(*points, 200)
+        column, row = np.floor((along - problem.origin_m) / problem.resolution_m + 1e-9).astype(int).T
+        rows, columns = problem.blocked.shape
+        inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
+        if problem.blocked[row[inside], column[inside]].any():
+            return Path(PlanReason.DISCONNECTED, np.empty((0, 2)), np.empty((0, 2)))
         return Path(PlanReason.OK, points, points)
 
 
