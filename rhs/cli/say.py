@@ -8,9 +8,10 @@ from typing import Any
 SHOWN = (
     "status", "reason", "success", "failure", "cause", "world", "sensor", "odometry", "loop_closer", "mapper", "planner",
     "localiser", "seed", "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m",
-    "path_length_m", "path_optimal_m", "distance_m", "ate_rmse_m", "end_error_before_closing_m", "end_error_m",
-    "tracked_share", "map_agreement", "map_inconsistency", "relations_trans_m", "relations_rot_deg", "revisits_trans_m",
-    "starts", "found_share", "found_m", "localise_rmse_m", "belief_lost_share",
+    "survey_collisions", "explored_share", "explore_way_m", "explore_stop", "path_length_m", "path_optimal_m", "distance_m",
+    "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share", "map_agreement",
+    "map_inconsistency", "relations_trans_m", "relations_rot_deg", "revisits_trans_m", "starts",
+    "found_share", "found_m", "localise_rmse_m", "belief_lost_share",
     "belief_wrong_sure_share", "kidnaps", "kidnap_recovered_share",
     "kidnap_recovery_m", "kidnap_wrong_sure_share", "belief_ece", "strips", "strips_registered_share",
     "mosaic_correlation", "along_error_pct", "plan_success", "plan_reason", "plan_valid", "plan_length_m",

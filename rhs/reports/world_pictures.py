@@ -47,10 +47,11 @@ def write_pictures(worlds: Sequence[tuple[str, World]], folder: Path) -> list[Pa
         draw_plan(figure.add_subplot(), world, name)
         written.append(folder / f"{''.join(c if c.isalnum() or c in '._-' else '_' for c in name)}.png")
         save(figure, written[-1])
-    rows = -(-len(worlds) // SHEET_COLUMNS)
-    figure = new_figure(2.6 * SHEET_COLUMNS, 2.6 * rows)
+    columns = max(1, min(SHEET_COLUMNS, len(worlds)))
+    rows = -(-len(worlds) // columns)
+    figure = new_figure(2.6 * columns, 2.6 * rows)
     for number, (name, world) in enumerate(worlds, 1):
-        draw_plan(figure.add_subplot(rows, SHEET_COLUMNS, number), world, name)
+        draw_plan(figure.add_subplot(rows, columns, number), world, name)
     written.append(folder / "worlds.png")
     save(figure, written[-1])
     return written

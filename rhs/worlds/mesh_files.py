@@ -39,8 +39,7 @@ def read_mesh(path: Path) -> MeshFile:
     """All triangles of a mesh file, each where its scene puts it. Raises ConfigError in one line, whatever is wrong."""
     check_readable(path)
     if importlib.util.find_spec("trimesh") is None:
-        raise ConfigError(f"{path}: reading meshes takes the package trimesh, which is not installed; type: "
-                          "pip install 'rhs[buildings]'")
+        raise ConfigError(f"meshes need packages that are not installed; type: pip install 'rhs[buildings]' (for {path})")
     unit_m, up = _conventions(path)
     try:
         parts, missing = _parts(path)
