@@ -83,17 +83,20 @@ def by_hand() -> list[Origin]:
 
 
 def _entry_points(kind: str) -> dict[str, list[EntryPoint]]:
-    return _on_path(kind, tuple(sys.path))
+    return _on_path(tuple(sys.path)).get(f"rhs.{kind}", {})
 
 
 @cache
-def _on_path(kind: str, path: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
-    """The entry points of the distributions on the path, which a process may change."""
-    found: dict[str, list[EntryPoint]] = {}
-    for point in entry_points(group=f"rhs.{kind}"):
-        same = found.setdefault(point.name, [])
-        if all((p.value, _distribution(p)) != (point.value, _distribution(point)) for p in same):
-            same.append(point)
+def _on_path(path: tuple[str, ...]) -> dict[str, dict[str, list[EntryPoint]]]:
+    """Group -> name -> the entry points of the distributions on the path, which a process may change; read once for all
+    kinds, for every file of every distribution is opened."""
+    found: dict[str, dict[str, list[EntryPoint]]] = {}
+    installed = entry_points()
+    for group in (group for group in installed.groups if group.startswith("rhs.")):
+        for point in installed.select(group=group):
+            same = found.setdefault(group, {}).setdefault(point.name, [])
+            if all((p.value, _distribution(p)) != (point.value, _distribution(point)) for p in same):
+                same.append(point)
     return found
 
 
