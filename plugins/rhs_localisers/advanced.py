@@ -186,12 +186,12 @@ class FitSettings:
     """Whether the map explains what is seen; see scan_fit.py."""
 
     expected: float = 0.75
-    """share of a scan's ends on walls of the map, from where it is as likely from a right pose as from the best wrong one"""
+    """share of a scan's ends in mapped ground that lie on walls, from where it is as likely from a right pose as from the best wrong one"""
     slope: float = 6.0
     """log-odds that a share larger by 1 is worth"""
     step: float = 1.5
     """most that one scan is worth, log-odds"""
-    prior: float = 0.1
+    prior: float = 0.2
     """chance of a belief of which nothing is known yet"""
     most: float = 0.9995
     """surer than this nobody gets, one way or the other"""
@@ -220,11 +220,11 @@ class FitSettings:
 class ScanAdvanced(FilterAdvanced):
     """Thresholds of `localiser=particle_filter_scan`."""
 
-    fresh_m: float = 0.3
+    fresh_m: float = 0.1
     """scans taken so far apart are worth two, nearer ones less in proportion, metres"""
     fresh_lever_m: float = 1.0
     """a turn by a radian is worth as much as so many metres"""
-    near_above: float = 0.5
+    near_above: float = 0.9
     """with less than this share of the weight within 0.25 m and 5 degrees the robot does not call itself tracking, however
     much lies in the cluster: along a bare corridor it may be metres off"""
     fit: FitSettings = field(default_factory=FitSettings)

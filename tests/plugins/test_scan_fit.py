@@ -34,16 +34,26 @@ def test_ends_on_walls_are_explained_those_in_the_open_and_behind_walls_are_not(
     assert watch.explained(scan(1.95, 1.9), np.array([2.0, 2.05, 0.0])) == 0.5  # ahead through the post at 3.05 m
 
 
+def test_ends_where_nothing_is_mapped_say_nothing():
+    grid = room()
+    cells = grid.probability.copy()
+    cells[22:, 15:25] = 0.5  # nobody was there, nor saw the wall behind
+    watch = FitWatch(OccupancyGrid(cells, grid.resolution_m, grid.origin_m), FitSettings(least_beams=1))
+    at = np.array([2.0, 2.5, 0.0])
+    assert watch.explained(scan(1.95, 1.0), at) == 1.0  # the wall ahead; to the left an end in the unknown
+    assert watch.explained(scan(1.0, 1.0), at) == 0.0  # ahead in the open
+
+
 def test_too_few_beams_say_nothing():
     watch = FitWatch(room(), FitSettings())
     before = watch.chance
     watch.look(scan(1.0, np.inf, np.nan), np.array([2.0, 2.0, 0.0]), 1.0)
-    assert np.isnan(watch.share) and watch.chance == before == pytest.approx(0.1)
+    assert np.isnan(watch.share) and watch.chance == before == pytest.approx(FitSettings().prior)
     assert np.isnan(watch.explained(None, np.zeros(3)))
 
 
 def test_the_chance_grows_with_new_scans_that_fit_and_falls_with_others():
-    watch = FitWatch(room(), FitSettings(least_beams=2))
+    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.1))
     fits, fits_not, at = scan(1.95, 1.45), scan(1.0, 1.0), np.array([2.0, 2.5, 0.0])
     watch.look(fits, at, 0.0)
     assert watch.chance == pytest.approx(0.1)  # nothing new
@@ -58,7 +68,7 @@ def test_the_chance_grows_with_new_scans_that_fit_and_falls_with_others():
 
 
 def test_a_belief_that_leaps_off_its_motion_begins_anew():
-    watch = FitWatch(room(), FitSettings())
+    watch = FitWatch(room(), FitSettings(prior=0.1))
     watch.begin(0.99)
     watch.follow(np.array([1.0, 1.0, 0.0]), np.array([1.2, 1.0, 0.1]))
     assert watch.chance == pytest.approx(0.99)
@@ -68,7 +78,7 @@ def test_a_belief_that_leaps_off_its_motion_begins_anew():
 
 def test_what_is_new_in_a_scan_goes_with_the_way():
     def after(*travel: float) -> float:
-        return freshness(Motion(se2(*travel), np.eye(6), Tracking.OK), ScanAdvanced())
+        return freshness(Motion(se2(*travel), np.eye(6), Tracking.OK), ScanAdvanced(fresh_m=0.3))
 
     assert after(0.0, 0.0, 0.0) == 0.0 and after(0.3, 0.0, 0.0) == pytest.approx(1.0) and after(5.0, 0.0, 0.0) == 1.0
     assert after(0.03, 0.0, 0.0) == pytest.approx(0.1) and after(0.0, 0.0, 0.15) == pytest.approx(0.5)
