@@ -26,19 +26,25 @@ class RoomyPlanner:
     def __init__(self, planner: Planner, grid: OccupancyGrid, free: np.ndarray, *, radius_m: float,
                  settings: MissionSettings, who: str) -> None:
         self.planner, self.grid, self.settings, self.who = planner, grid, settings, who
-        least_m = radius_m + settings.margin_m
+        least_m, side_m = radius_m + settings.margin_m, min(settings.margin_m, settings.advanced.guard.side_m)
+        narrow_cells = (radius_m + side_m) / grid.resolution_m
+        self._squeezed = narrow_cells, configuration_space(~free, narrow_cells)
         self._grown = [(growth, configuration_space(~free, growth)) for growth in
                        np.unique([least_m + share * settings.comfort_m for share in COMFORTS])[::-1] / grid.resolution_m]
 
-    def plan(self, start_m: np.ndarray, goal_m: np.ndarray, *, obstacles: np.ndarray, things_m: np.ndarray) -> Path:
+    def plan(self, start_m: np.ndarray, goal_m: np.ndarray, *, obstacles: np.ndarray, things_m: np.ndarray,
+             squeeze: bool = False) -> Path:
         """The way from (2,) to (2,), metres in the map, round what stands there besides the map: obstacles (H, W) bool, in
-        cells of it, and things_m (K, 2), seen just now and finer."""
+        cells of it, and things_m (K, 2), seen just now and finer. squeeze: where there is no other way, through gaps that
+        leave no margin for the size of the cells, for a robot whose guard does not let it touch."""
         gap_cells = self._gap_m(things_m) / self.grid.resolution_m
 
         def ask(growth_cells: float, mapped: np.ndarray) -> Path:
             return self._ask(mapped | inflate(obstacles, growth_cells) | (gap_cells < growth_cells), start_m, goal_m)
 
         least = ask(*self._grown[-1])
+        if squeeze and not least.found and (narrow := ask(*self._squeezed)).found:
+            return narrow
         for room in self._grown[:-1] if least.found else ():
             plan = ask(*room)
             if plan.found and length_m(plan) <= LONGER * length_m(least) + 0.5:

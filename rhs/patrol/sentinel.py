@@ -218,7 +218,8 @@ class Sentinel:
         self.attempts += 1
         mission = self.book.missions[-1]
         things = self._near_things(pose) if self.barred else np.zeros((0, 2))
-        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things)
+        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things,
+                               squeeze=self.guard.sees)
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
         self.last_reason = plan.reason
