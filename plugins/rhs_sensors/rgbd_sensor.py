@@ -9,8 +9,6 @@ Depth noise and range: Nguyen, Izadi and Lovell 2012 (section 4.1) and Khoshelha
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from rhs.api.contracts import Context
@@ -24,6 +22,8 @@ from .rgbd import Rgbd
 
 class RgbdSensor:
     """Each noise has its own random stream, so that one setting does not change another's numbers."""
+
+    senses_ahead = True
 
     def __init__(self, settings: Rgbd, context: Context) -> None:
         self._settings = settings
@@ -99,12 +99,19 @@ class ScanRows:
 
     def scan(self, depth: np.ndarray) -> Scan:
         """Ranges (N,) from the camera along the floor; NaN where depth is unknown or beyond max_range_m."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # a column of NaN has a NaN median, as it should
-            middle = np.nanmedian(depth[self._rows, self._columns], axis=0)
+        rows = depth[self._rows, self._columns]
+        middle = rows[0] if len(rows) == 1 else known_median(rows)
         ranges = middle.astype(float) * self._stretch
         ranges[~self._level | ~(ranges <= self._max_range_m)] = np.nan
         return Scan(self._bearings, frozen(ranges), self._max_range_m, self._origin)
+
+
+def known_median(rows: np.ndarray) -> np.ndarray:
+    """(N,) median of what is known of each column of (R, N); NaN where nothing is."""
+    known = ~np.isnan(rows).all(axis=0)
+    out = np.full(rows.shape[1], np.nan, rows.dtype)
+    out[known] = np.nanmedian(rows[:, known], axis=0)
+    return out
 
 
 def _level_rows(camera: Camera, columns: np.ndarray) -> np.ndarray:

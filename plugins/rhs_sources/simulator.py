@@ -55,6 +55,7 @@ class SimulatorSource(Source):
         self.folder = context.folder
         self.scene = self._scene()
         self.renderer = self.scene.renderer
+        self.leads_ahead = self.renderer == "raster"  # an OpenGL context belongs to one thread
         self.stand = np.array(self.world.start)  # true x, y, yaw
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
         self.nearest_m, self.touched = np.inf if self.solid else np.nan, False
