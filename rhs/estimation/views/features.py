@@ -7,7 +7,8 @@ This module is OpenCV's home in the core; OpenCV is imported at the first call a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -29,6 +30,8 @@ THUMBNAIL_COLUMNS = 80  # of a thumbnail: blocks of 4 by 4 pixels of a picture o
 USUAL = FeatureAdvanced()
 
 ORB_RATIO = 1.2  # of the sizes of two levels of ORB's pyramid
+
+_detecting = 1  # threads that describe key-points
 
 _shared: WeakKeyDictionary[Observation, dict[Any, Features]] = WeakKeyDictionary()
 
@@ -187,7 +190,8 @@ def _detect(
     empty = np.empty((0, 2), np.float32), np.empty(0), none
     if observation.image is None:
         return empty
-    key_points, descriptors = detector.detectAndCompute(gray(observation.image), None)
+    with _threads():
+        key_points, descriptors = detector.detectAndCompute(gray(observation.image), None)
     if not key_points:  # KeyPoint_convert returns a tuple then, and the descriptors are None
         return empty
     pixels = _cv2().KeyPoint_convert(key_points)
@@ -213,6 +217,25 @@ def _lifted(
     for array in (pixels, descriptors, points):
         array.setflags(write=False)
     return Features(pixels, descriptors, points)
+
+
+def detect_on(threads: int) -> None:
+    """From now on key-points are described by so many threads: the same ones, sooner. None of them lives on between two
+    views, so that a process may fork."""
+    global _detecting
+    _detecting = threads
+
+
+@contextmanager
+def _threads() -> Iterator[None]:
+    if _detecting == 1:
+        yield
+        return
+    _cv2().setNumThreads(_detecting)
+    try:
+        yield
+    finally:
+        _cv2().setNumThreads(1)
 
 
 @cache
