@@ -25,6 +25,18 @@ def test_features_are_computed_once_per_observation_and_settings():
     assert not first.points.flags.writeable
 
 
+def test_key_points_are_the_same_however_many_threads_describe_them():
+    one = vision.features(view(), SETTINGS)
+    vision.detect_on(2)
+    try:
+        two = vision.features(view(), SETTINGS)
+    finally:
+        vision.detect_on(1)
+    assert len(one.pixels) > 50
+    assert np.array_equal(one.pixels, two.pixels) and np.array_equal(one.descriptors, two.descriptors)
+    assert vision._cv2().getNumThreads() == 1
+
+
 def test_descriptors_have_unit_length():
     features = vision.features(view(), SETTINGS)
     assert features.descriptors.dtype == np.float32
