@@ -14,6 +14,7 @@ import numpy as np
 from rhs.api.contracts import Context
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture, Observation, Scan
+from rhs.api.spare import both
 from rhs.estimation.scans.obstacle_scan import ObstacleScanner
 
 from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
@@ -36,21 +37,28 @@ class RgbdSensor:
             self._band = ObstacleScanner(context.camera, settings.advanced.obstacle, max_range_m=settings.max_range_m)
 
     def sense(self, capture: Capture) -> Observation:
-        image = image_of(capture, self._camera)
+        clean = image_of(capture, self._camera)
         noise = self._settings.noise and not capture.sensed
-        depth = self._degraded(depth_of(capture, self._camera), noise)
+        ideal = depth_of(capture, self._camera)
         image_sigma = self._settings.image_sigma if noise else 0.0
+        (depth, scan, obstacle), image = both(lambda: self._ranges(ideal, noise),
+                                              lambda: noisy_image(clean, image_sigma, self._image_rng))
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
-            image=noisy_image(image, image_sigma, self._image_rng),
+            image=image,
             depth=depth,
-            scan=self._rows.scan(depth),
+            scan=scan,
             command=capture.command,
             wheel=self._encoders.read(capture.travel, exact=capture.sensed),
-            obstacle=None if self._band is None else self._band.scan(depth),
+            obstacle=obstacle,
         )
+
+    def _ranges(self, ideal: np.ndarray, noise: bool) -> tuple[np.ndarray, Scan, Scan | None]:
+        """Depth (H, W) as this sensor measures it, and its two scans."""
+        depth = self._degraded(ideal, noise)
+        return depth, self._rows.scan(depth), None if self._band is None else self._band.scan(depth)
 
     def _degraded(self, ideal: np.ndarray, noise: bool) -> np.ndarray:
         """(H, W) float32 depth with noise, in steps of disparity, NaN outside the range."""

@@ -12,13 +12,13 @@ from rhs.api.contracts import Context
 from rhs.api.floorplan import World
 from rhs.api.geometry import se2
 from rhs.api.records import Step
+from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError
 from rhs.base.memory import keep_freed_memory
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.parts import Chosen, build, build_part
-from rhs.estimation.views.features import detect_on
 from rhs.metrics.evaluate import evaluate
 from rhs.metrics.success import with_success
 from rhs.recording.rerun_view import check_live
@@ -192,7 +192,7 @@ class RunContext:
         in_line = Eyes(parts.source, parts.sensor, parts.who)
         ahead = looks_ahead(self.config.ahead, parts.source, parts.sensor)
         eyes = Ahead(in_line) if ahead else in_line
-        detect_on(2 if ahead else 1)
+        grant(ahead)
         self._eyes.append(eyes)
         return steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who, eyes=eyes)
 
@@ -235,7 +235,7 @@ class RunContext:
 
     def close(self, status: str, reason: str) -> BaseException | None:
         """Close sources and files, each whatever became of the others; the first refusal."""
-        detect_on(1)
+        grant(False)
         closers = [eyes.close for eyes in self._eyes]
         closers += [parts.source.close for parts in self._built if parts.source is not None]
         if self.log is not None:

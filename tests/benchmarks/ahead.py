@@ -1,8 +1,8 @@
 """What looking ahead saves: `python tests/benchmarks/ahead.py [--runs 3] [WORD ...]`.
 
 The default run, in line (ahead=off) and ahead (ahead=on) by turns, each in a process of its own; words are of the runs, as
-on the command line. Prints seconds of the wall clock, which want an idle machine; of processor time, which do not; and of the
-main thread's processor time, below which no wall clock gets. Ends with exit code 1 where rows or recordings differ.
+on the command line. Prints seconds of the wall clock, which want an idle machine; of processor time, which do not; and of
+the main thread's processor time, below which no wall clock gets. Ends with exit code 1 where rows or recordings differ.
 """
 
 from __future__ import annotations

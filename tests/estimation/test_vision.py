@@ -7,6 +7,7 @@ from painted_room import observe, paintings
 
 from rhs.api.geometry import camera_from_fov, inverse, se2, transform
 from rhs.api.records import Features, FeatureSettings, Observation
+from rhs.api.spare import grant
 from rhs.estimation.views import features as vision
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)
@@ -27,11 +28,11 @@ def test_features_are_computed_once_per_observation_and_settings():
 
 def test_key_points_are_the_same_however_many_threads_describe_them():
     one = vision.features(view(), SETTINGS)
-    vision.detect_on(2)
+    grant(True)
     try:
         two = vision.features(view(), SETTINGS)
     finally:
-        vision.detect_on(1)
+        grant(False)
     assert len(one.pixels) > 50
     assert np.array_equal(one.pixels, two.pixels) and np.array_equal(one.descriptors, two.descriptors)
     assert vision._cv2().getNumThreads() == 1

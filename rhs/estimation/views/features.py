@@ -20,6 +20,7 @@ import numpy as np
 from rhs.api.files import replacing
 from rhs.api.frozen import freeze
 from rhs.api.records import FeatureAdvanced, Features, FeatureSettings, Observation, Thumbnail
+from rhs.api.spare import granted
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 
@@ -30,8 +31,6 @@ THUMBNAIL_COLUMNS = 80  # of a thumbnail: blocks of 4 by 4 pixels of a picture o
 USUAL = FeatureAdvanced()
 
 ORB_RATIO = 1.2  # of the sizes of two levels of ORB's pyramid
-
-_detecting = 1  # threads that describe key-points
 
 _shared: WeakKeyDictionary[Observation, dict[Any, Features]] = WeakKeyDictionary()
 
@@ -219,19 +218,14 @@ def _lifted(
     return Features(pixels, descriptors, points)
 
 
-def detect_on(threads: int) -> None:
-    """From now on key-points are described by so many threads: the same ones, sooner. None of them lives on between two
-    views, so that a process may fork."""
-    global _detecting
-    _detecting = threads
-
-
 @contextmanager
 def _threads() -> Iterator[None]:
-    if _detecting == 1:
+    """OpenCV describes key-points on two processors where one is to spare: the same ones, sooner. Its threads end with the
+    view."""
+    if not granted():
         yield
         return
-    _cv2().setNumThreads(_detecting)
+    _cv2().setNumThreads(2)
     try:
         yield
     finally:
