@@ -15,6 +15,8 @@ from .laser import Laser
 class LaserSensor:
     """Hands on scan and wheel travel; the recording has put its own noise on both."""
 
+    senses_ahead = True
+
     def __init__(self, settings: Laser, context: Context) -> None:
         self._settings, self._camera = settings, context.camera
 

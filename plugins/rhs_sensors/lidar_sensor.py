@@ -15,6 +15,8 @@ from .lidar import Lidar
 class LidarSensor:
     """Reads a band of the cloud as a planar scan; the recording has put its own noise on it."""
 
+    senses_ahead = True
+
     def __init__(self, settings: Lidar, context: Context) -> None:
         self._settings, self._camera = settings, context.camera
         step = 2.0 * np.pi / settings.beams

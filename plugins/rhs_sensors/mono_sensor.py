@@ -12,6 +12,8 @@ from .mono import Mono
 class MonoSensor:
     """Takes depth and scan away; each noise has its own random stream, so that settings stay apart."""
 
+    senses_ahead = True
+
     def __init__(self, settings: Mono, context: Context) -> None:
         self._settings = settings
         self._camera = context.camera

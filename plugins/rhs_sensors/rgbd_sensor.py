@@ -9,13 +9,12 @@ Depth noise and range: Nguyen, Izadi and Lovell 2012 (section 4.1) and Khoshelha
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from rhs.api.contracts import Context
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture, Observation, Scan
+from rhs.api.spare import both
 from rhs.estimation.scans.obstacle_scan import ObstacleScanner
 
 from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
@@ -24,6 +23,8 @@ from .rgbd import Rgbd
 
 class RgbdSensor:
     """Each noise has its own random stream, so that one setting does not change another's numbers."""
+
+    senses_ahead = True
 
     def __init__(self, settings: Rgbd, context: Context) -> None:
         self._settings = settings
@@ -36,21 +37,28 @@ class RgbdSensor:
             self._band = ObstacleScanner(context.camera, settings.advanced.obstacle, max_range_m=settings.max_range_m)
 
     def sense(self, capture: Capture) -> Observation:
-        image = image_of(capture, self._camera)
+        clean = image_of(capture, self._camera)
         noise = self._settings.noise and not capture.sensed
-        depth = self._degraded(depth_of(capture, self._camera), noise)
+        ideal = depth_of(capture, self._camera)
         image_sigma = self._settings.image_sigma if noise else 0.0
+        (depth, scan, obstacle), image = both(lambda: self._ranges(ideal, noise),
+                                              lambda: noisy_image(clean, image_sigma, self._image_rng))
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
-            image=noisy_image(image, image_sigma, self._image_rng),
+            image=image,
             depth=depth,
-            scan=self._rows.scan(depth),
+            scan=scan,
             command=capture.command,
             wheel=self._encoders.read(capture.travel, exact=capture.sensed),
-            obstacle=None if self._band is None else self._band.scan(depth),
+            obstacle=obstacle,
         )
+
+    def _ranges(self, ideal: np.ndarray, noise: bool) -> tuple[np.ndarray, Scan, Scan | None]:
+        """Depth (H, W) as this sensor measures it, and its two scans."""
+        depth = self._degraded(ideal, noise)
+        return depth, self._rows.scan(depth), None if self._band is None else self._band.scan(depth)
 
     def _degraded(self, ideal: np.ndarray, noise: bool) -> np.ndarray:
         """(H, W) float32 depth with noise, in steps of disparity, NaN outside the range."""
@@ -99,12 +107,19 @@ class ScanRows:
 
     def scan(self, depth: np.ndarray) -> Scan:
         """Ranges (N,) from the camera along the floor; NaN where depth is unknown or beyond max_range_m."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # a column of NaN has a NaN median, as it should
-            middle = np.nanmedian(depth[self._rows, self._columns], axis=0)
+        rows = depth[self._rows, self._columns]
+        middle = rows[0] if len(rows) == 1 else known_median(rows)
         ranges = middle.astype(float) * self._stretch
         ranges[~self._level | ~(ranges <= self._max_range_m)] = np.nan
         return Scan(self._bearings, frozen(ranges), self._max_range_m, self._origin)
+
+
+def known_median(rows: np.ndarray) -> np.ndarray:
+    """(N,) median of what is known of each column of (R, N); NaN where nothing is."""
+    known = ~np.isnan(rows).all(axis=0)
+    out = np.full(rows.shape[1], np.nan, rows.dtype)
+    out[known] = np.nanmedian(rows[:, known], axis=0)
+    return out
 
 
 def _level_rows(camera: Camera, columns: np.ndarray) -> np.ndarray:

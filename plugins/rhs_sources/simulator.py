@@ -55,6 +55,7 @@ class SimulatorSource(Source):
         self.folder = context.folder
         self.scene = self._scene()
         self.renderer = self.scene.renderer
+        self.leads_ahead = self.renderer == "raster"  # an OpenGL context belongs to one thread
         self.stand = np.array(self.world.start)  # true x, y, yaw
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
         self.nearest_m, self.touched = np.inf if self.solid else np.nan, False
@@ -140,7 +141,7 @@ class SimulatorSource(Source):
         """One substep, shortened to the contact if there is something in the way; turning is never blocked."""
         here = self._distance(self.stand)
         share, goal = 1.0, unicycle(self.stand, forward_mps * seconds, turn_radps * seconds)
-        there = self._distance(goal)
+        there = self._distance(goal) if forward_mps else here  # a robot that turns stays where it is
         if there < 0 and there < here:
             self.touched = self.bumped = True
             low, high = 0.0, 1.0
@@ -150,15 +151,19 @@ class SimulatorSource(Source):
                 low, high = (middle, high) if clear else (low, middle)
             share = low if here >= 0 else 0.0
             goal = unicycle(self.stand, forward_mps * seconds * share, turn_radps * seconds)
+            there = self._distance(goal)
         self.travelled_m += abs(forward_mps) * seconds * share
         self.stand = goal
-        self._note_clearance()
+        self._note(there)
 
     def _distance(self, stand: np.ndarray) -> float:
         return self.solid.distance_m(float(stand[0]), float(stand[1])) if self.solid else np.nan
 
     def _note_clearance(self) -> None:
-        self.nearest_m = min(self.nearest_m, self._distance(self.stand))
+        self._note(self._distance(self.stand))
+
+    def _note(self, distance_m: float) -> None:
+        self.nearest_m = min(self.nearest_m, distance_m)
         self.touched |= self.nearest_m < 0
 
     def _capture(self, seconds: float, command: Twist | None, travel: np.ndarray | None) -> Capture:

@@ -25,6 +25,7 @@ class TubeSource(Source):
     """See rhs.api.contracts.Source. The map begins under the camera's first place, on the bottom of the tube."""
 
     renderer = "numpy"
+    leads_ahead = True
 
     def __init__(self, settings: Tube, context: SourceContext) -> None:
         self._settings = settings

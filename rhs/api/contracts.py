@@ -108,6 +108,9 @@ class Source(Protocol):
     renderer: str = ""  # for the row: what draws its images, of a simulator
     stamps_repaired: int = 0  # for the row: stamps of a recording that stepped back and were put right; no view is lost
     lost: str = ""  # for the row: what could not be read, of a damaged recording
+    # whether lead, truth and clearance_m may be called by another thread than the one that built it, one call at a time, for
+    # views that nobody has asked for yet
+    leads_ahead: bool = False
 
     def lead(self) -> Capture | None:
         """The next view of the survey: the robot led along its route, or the next recorded view. None at the end."""
@@ -153,6 +156,9 @@ class Sensor(Protocol):
 
     Index and stamp are the capture's. Scan bearings are counted from the body's x axis, left positive; ranges are metres
     from `origin_xy_m`, which is in the body frame. Noise comes from `context.rng` only: one seed, one observation."""
+
+    # whether sense may be called by another thread than the one that built it, before the view is asked for
+    senses_ahead: bool = False
 
     def sense(self, capture: Capture) -> Observation: ...
 
@@ -285,7 +291,9 @@ class Localiser(Protocol):
     def update(self, observation: Observation, motion: Motion) -> Belief: ...
 
 
-OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provides", "renderer", "stamps_repaired", "lost")),
+OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provides", "renderer", "stamps_repaired", "lost",
+                                                                       "leads_ahead")),
+                                                     "sensor": (Sensor, ("senses_ahead",)),
                                                      "mapper": (Mapper, ("draws_furniture",)),
                                                      "odometry": (Odometry, ("keeps_moving", "scale_from"))}
 

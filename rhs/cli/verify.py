@@ -150,7 +150,8 @@ def again(configs: Mapping[str, RunConfig], jobs: int) -> dict[str, dict[str, ob
     """The rows of these configurations, run now, each in a process of its own and in a folder that does not last."""
     planned = {}
     for config in configs.values():
-        bare = replace(config, output="", overwrite=False, recording="off", pictures="off", video=False, live="")
+        bare = replace(config, output="", overwrite=False, recording="off", pictures="off", video=False, live="",
+                       ahead="off")
         planned[config_hash(config)] = Job(f"again_{config_hash(config)}", bare, ())
     with tempfile.TemporaryDirectory(prefix="rhs-verify-") as folder:
         run_jobs(list(planned.values()), Path(folder), Limits(jobs or processes()), tell=lambda job, status: None)

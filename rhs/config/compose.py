@@ -31,7 +31,7 @@ from .parts import Chosen, build, check_combination
 
 TASK = "task"
 # What is kept and how many processes work: no number depends on these.
-OUTPUTS = ("output", "overwrite", "recording", "pictures", "video", "live", "processes")
+OUTPUTS = ("output", "overwrite", "recording", "pictures", "video", "live", "processes", "ahead")
 
 
 @dataclass
@@ -51,6 +51,9 @@ class Core:
     """also make video.webm"""
     live: str = ""
     """watch while it runs: viewer (opens Rerun), an address of one, or a file ending in .rrd; empty: do not"""
+    ahead: str = "auto"
+    """render and sense the views of a survey that is led ahead, in a thread beside the estimates: on, off, or auto, which is
+    on in a single run where there are two processors, off in a sweep; no number depends on it"""
     output: str = ""
     """run folder; empty: results/runs/DATE_TIME_seedN under the current folder"""
     overwrite: bool = False
@@ -60,6 +63,7 @@ class Core:
     def __post_init__(self) -> None:
         check_range("", "seed", self.seed, low=0, high=2**63 - 1)
         check_choice("", "recording", self.recording, ("auto", "full", "light", "off"))
+        check_choice("", "ahead", self.ahead, ("auto", "on", "off"))
         check_choice("", "pictures", self.pictures, ("auto", "on", "off", "page"))
 
 

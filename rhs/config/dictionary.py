@@ -131,7 +131,8 @@ STEPS = _rows(
     ("duration_s", "s", "command that led to this view: for how long"),
     ("motion_*", "", "details the odometry tells (inliers, matches, ...)"),
     ("belief_*", "", "details the localiser tells"),
-    ("*_ms", "ms", "time of a stage: capture, sense, odometry, localise, map, plan"),
+    ("*_ms", "ms", "wall-clock time of a stage: capture, sense, odometry, localise, map, plan; with ahead=on, capture and "
+     "sense of a survey are those of a thread beside the others: stages then add up to more than the run took"),
 )
 STATUSES = {
     "ok": "the run went to its end (what it achieved is `success`)",

@@ -6,26 +6,19 @@ pictures and the progress bar consume the steps it yields; they never reach into
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from rhs.api.belief import moved
 from rhs.api.contracts import Mapper, Odometry, Sensor, Slam, Source
-from rhs.api.frozen import freeze
 from rhs.api.records import Belief, Capture, Event, Motion, Observation, Path, Scan, Step, Twist
-from rhs.api.validate import (
-    check_belief,
-    check_capture,
-    check_motion,
-    check_observation,
-    check_pose,
-    reach_of,
-)
+from rhs.api.validate import check_belief, check_motion, reach_of
+
+from .ahead import Ahead
+from .eyes import Eyes, Looked
 
 
 @dataclass(frozen=True)
@@ -56,46 +49,43 @@ class Pilot(Protocol):
 
 
 def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, first_index: int = 0,
-          after_s: float = -np.inf, who: Mapping[str, str] | None = None) -> Iterator[Step]:
+          after_s: float = -np.inf, who: Mapping[str, str] | None = None,
+          eyes: Eyes | Ahead | None = None) -> Iterator[Step]:
     """Yield one Step per view until the pilot stops. What a part hands over is checked before it goes on (rhs.api.validate).
 
-    after_s: stamp of the last view before. who: kind -> the part as a person typed it, for errors."""
+    after_s: stamp of the last view before. who: kind -> the part as a person typed it, for errors. eyes: that take the views
+    of this source and sensor; closed at the end."""
     named = who or names(source=source, sensor=sensor, odometry=odometry, localiser=getattr(pilot, "localiser", pilot))
-    reach_m = reach_of(source.facts)
-    clock, index = Stopwatch(), first_index
-    with clock("capture"):
-        capture = pilot.first(source)
-    while capture is not None:
-        capture = check_capture(capture, who=named["source"], after_s=after_s)
-        after_s = capture.stamp_s
-        with clock("sense"):
-            observation = check_observation(with_extras(sensor.sense(capture), capture), capture, who=named["sensor"])
-        with clock("odometry"):
-            motion = check_motion(odometry.update(observation), who=named["odometry"], reach_m=reach_m)
-        with clock("localise"):
-            belief = check_belief(pilot.locate(observation, motion), who=named[pilot.believer], reach_m=reach_m)
-        scan = observation.scan if observation.scan is not None else motion.scan
-        with clock("map"):
-            if scan is not None:
-                pilot.note(belief, scan)
-        with clock("plan"):
-            decision = pilot.decide(belief, scan)
-        clearance_m, collided = source.clearance_m()
-        truth = source.truth()
-        truth = None if truth is None else check_pose(truth, who=named["source"], field="truth()")
-        yield Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, truth,
-                   decision.path, decision.mission, decision.events, capture.command, clock.timings_ms,
-                   clearance_m, collided)
-        clock, index = Stopwatch(), index + 1
-        with clock("capture"):
-            capture = pilot.move(source, decision.command)
+    look, index = eyes or Eyes(source, sensor, named, after_s=after_s), first_index
+    try:
+        looked = look(lambda: pilot.first(source))
+        while looked is not None:
+            step, command = estimated(looked, odometry, pilot, index=index, who=named, reach_m=reach_of(source.facts))
+            yield step
+            index += 1
+            looked = look(lambda command=command: pilot.move(source, command))  # type: ignore[misc]
+    finally:
+        look.close()
 
 
-def with_extras(observation: Observation, capture: Capture) -> Observation:
-    """The observation with the bumper and the extra modalities of its capture, which pass every sensor."""
-    if not isinstance(observation, Observation) or (not capture.extras and capture.contact is None):
-        return observation
-    return replace(observation, extras=freeze({**capture.extras, **observation.extras}), contact=capture.contact)
+def estimated(looked: Looked, odometry: Odometry, pilot: Pilot, *, index: int, who: Mapping[str, str],
+              reach_m: float) -> tuple[Step, Twist | None]:
+    """What is made of a view: odometry, localise, map, plan; the step and the pilot's command."""
+    capture, observation, clock = looked.capture, looked.observation, looked.clock
+    with clock("odometry"):
+        motion = check_motion(odometry.update(observation), who=who["odometry"], reach_m=reach_m)
+    with clock("localise"):
+        belief = check_belief(pilot.locate(observation, motion), who=who[pilot.believer], reach_m=reach_m)
+    scan = observation.scan if observation.scan is not None else motion.scan
+    with clock("map"):
+        if scan is not None:
+            pilot.note(belief, scan)
+    with clock("plan"):
+        decision = pilot.decide(belief, scan)
+    true = looked.judged()
+    step = Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, true.truth, decision.path,
+                decision.mission, decision.events, capture.command, clock.timings_ms, true.clearance_m, true.collided)
+    return step, decision.command
 
 
 def names(**parts: object) -> dict[str, str]:
@@ -131,16 +121,3 @@ class Led:
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         return source.lead()
-
-
-class Stopwatch:
-    """Collects the milliseconds spent in named stages."""
-
-    def __init__(self) -> None:
-        self.timings_ms: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        yield
-        self.timings_ms[stage] = self.timings_ms.get(stage, 0.0) + 1e3 * (time.perf_counter() - begin)

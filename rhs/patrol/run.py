@@ -12,6 +12,7 @@ from rhs.api.contracts import Context
 from rhs.api.floorplan import World
 from rhs.api.geometry import se2
 from rhs.api.records import Step
+from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError
 from rhs.base.memory import keep_freed_memory
@@ -24,7 +25,9 @@ from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
+from .ahead import Ahead, looks_ahead
 from .culprit import exit_noticed, in_one_line, write_traceback
+from .eyes import Eyes
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
@@ -144,6 +147,7 @@ class RunContext:
         self.log: RunLog | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
+        self._eyes: list[Eyes | Ahead] = []
         self._parts: dict[str, object] = {}  # kind -> part, as built last
         self._began_s = time.perf_counter() - (0.0 if shared is None else shared.took_s)
 
@@ -185,7 +189,12 @@ class RunContext:
 
     def lead(self, parts: Parts) -> Iterator[Step]:
         led = Led(se2(*parts.source.facts.start), parts.mapper, parts.slam)
-        return steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who)
+        in_line = Eyes(parts.source, parts.sensor, parts.who)
+        ahead = looks_ahead(self.config.ahead, parts.source, parts.sensor)
+        eyes = Ahead(in_line) if ahead else in_line
+        grant(ahead)
+        self._eyes.append(eyes)
+        return steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who, eyes=eyes)
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None = None) -> Iterator[Step]:
         if self.log is None:
@@ -226,7 +235,9 @@ class RunContext:
 
     def close(self, status: str, reason: str) -> BaseException | None:
         """Close sources and files, each whatever became of the others; the first refusal."""
-        closers = [parts.source.close for parts in self._built if parts.source is not None]
+        grant(False)
+        closers = [eyes.close for eyes in self._eyes]
+        closers += [parts.source.close for parts in self._built if parts.source is not None]
         if self.log is not None:
             closers += [self.log.table.close, lambda: self.log.recorder.close(status, reason)]  # type: ignore[union-attr]
         first: BaseException | None = None

@@ -166,8 +166,9 @@ def compressed_image(image: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """PNG of an (H, W, 3) uint8 RGB image: what is recorded comes back bit for bit."""
     import cv2
 
-    how = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]  # best for noise
-    done, png = cv2.imencode(".png", image[:, :, ::-1], how)
+    how = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
+           cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_PAETH]  # of a noisy picture: as small as any, and the soonest done
+    done, png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), how)
     if not done:
         raise ValueError("OpenCV could not encode the image as PNG")
     return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format="png", data=png.ravel())

@@ -120,7 +120,8 @@ def job_of(config: RunConfig, combination: Sequence[Word], swept: Sequence[str])
     """A job, its folder named after the values of the keys that are swept; big files are left out unless asked for."""
     recording = "light" if config.recording == "auto" else config.recording
     pictures = "off" if config.pictures == "auto" else config.pictures
-    config = replace(config, output="", overwrite=False, recording=recording, pictures=pictures, live="")
+    ahead = "off" if config.ahead == "auto" else config.ahead
+    config = replace(config, output="", overwrite=False, recording=recording, pictures=pictures, live="", ahead=ahead)
     told = ",".join(word.text for word in combination if word.key in swept)
     readable = re.sub(r"[^A-Za-z0-9._=,+-]", "-", told).strip(".-")[:60]
     name = f"{readable}_{config_hash(config)}" if readable else config_hash(config)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rhs.api import geometry as g
 
@@ -107,6 +108,17 @@ def test_a_point_behind_the_camera_has_no_pixel():
 def test_a_quaternion_without_direction_is_refused(quaternion):
     with pytest.raises(ValueError, match="no direction"):
         g.rotation_of_quaternion(np.array(quaternion, float))
+
+
+def test_quaternions_and_rotation_vectors_are_scipys():
+    rng = np.random.default_rng(0)
+    turns = [g.exp_so3(v * 10.0 ** rng.uniform(-9, 0.5)) for v in rng.standard_normal((400, 3))]
+    turns += [np.eye(3), np.diag([1.0, -1.0, -1.0]), np.diag([-1.0, 1.0, -1.0]), np.diag([-1.0, -1.0, 1.0])]
+    turns += [turn.astype(np.float32).astype(float) for turn in turns[:50]]  # rotations to seven digits
+    for turn in turns:
+        known = Rotation.from_matrix(turn)
+        assert np.abs(g.quaternion_xyzw(turn) - known.as_quat(canonical=True)).max() < 1e-15
+        assert np.abs(g.log_so3(turn) - known.as_rotvec()).max() < 1e-14
 
 
 def test_quaternion_round_trip_with_w_last():

@@ -7,6 +7,7 @@ from painted_room import observe, paintings
 
 from rhs.api.geometry import camera_from_fov, inverse, se2, transform
 from rhs.api.records import Features, FeatureSettings, Observation
+from rhs.api.spare import grant
 from rhs.estimation.views import features as vision
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)
@@ -23,6 +24,18 @@ def test_features_are_computed_once_per_observation_and_settings():
     assert vision.features(observation, SETTINGS) is first
     assert vision.features(observation, FeatureSettings(count=50)) is not first
     assert not first.points.flags.writeable
+
+
+def test_key_points_are_the_same_however_many_threads_describe_them():
+    one = vision.features(view(), SETTINGS)
+    grant(True)
+    try:
+        two = vision.features(view(), SETTINGS)
+    finally:
+        grant(False)
+    assert len(one.pixels) > 50
+    assert np.array_equal(one.pixels, two.pixels) and np.array_equal(one.descriptors, two.descriptors)
+    assert vision._cv2().getNumThreads() == 1
 
 
 def test_descriptors_have_unit_length():

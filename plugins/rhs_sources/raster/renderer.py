@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.geometry import Camera, inverse
+from rhs.api.spare import both
 
 from .shade import shade
 from .textures import pyramids
@@ -98,5 +99,7 @@ class Renderer:
         image = np.empty((camera.height, camera.width, 3), np.uint8)
         depth_m = np.empty((camera.height, camera.width), np.float32)
         textures = np.ascontiguousarray(mesh.faces[self._shown[:count], 4])
-        shade(self._seen, self._planes, textures, mesh.texels, mesh.levels, mesh.repeats, self.probes, image, depth_m)
+        faces = self._seen, self._planes, textures, mesh.texels, mesh.levels, mesh.repeats, self.probes, image, depth_m
+        middle = camera.height // 2
+        both(lambda: shade(*faces, 0, middle), lambda: shade(*faces, middle, camera.height))
         return image, depth_m

@@ -96,16 +96,16 @@ def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, p
         image[y, x + k, 2] = ((red_blue >> 32) * share + 0x800000) >> 24
 
 
-@typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, FLAGS, I64, PICTURE, DEPTHS), **FREE)
-def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m):
-    """Image (H, W, 3) and depth_m (H, W) of the faces seen; white and NaN where there is none.
+@typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, FLAGS, I64, PICTURE, DEPTHS, I64, I64), **FREE)
+def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m, top, bottom):
+    """Image (H, W, 3) and depth_m (H, W) of the faces seen in rows top to bottom - 1; white and NaN where there is none.
 
     seen, planes: of `find_visible`. textures (N,): the texture of each row of planes. levels (T, L, 3): where each level
     of a texture begins in texels, its width and height. repeats (T,): whether it goes on in copies of itself.
     most: probes at most; 0: the nearest texel, unfiltered."""
-    height, width = seen.shape
+    width = seen.shape[1]
     us, vs = np.empty(BLOCK), np.empty(BLOCK)
-    for y in range(height):
+    for y in range(top, bottom):
         x = 0
         while x < width:
             n, end = seen[y, x], x + 1

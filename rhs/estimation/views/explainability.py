@@ -42,7 +42,8 @@ def explainability(
     if len(rows) == 0 or len(query.pixels) == 0:
         return Explainability(0.0, 0.0)
     pixels = camera.project(drawn)
-    close = ((query.pixels[:, None] - pixels[None]) ** 2).sum(axis=2) < scaled_px(settings.pixels_px, camera.width) ** 2
+    across, down = (query.pixels[:, None, k] - pixels[None, :, k] for k in (0, 1))
+    close = across * across + down * down < scaled_px(settings.pixels_px, camera.width) ** 2
     ours, theirs = np.nonzero(close)
     alike = np.einsum("nd,nd->n", query.descriptors[ours], memory.rootsift(rows[theirs])) > settings.likeness
     depth = query.points[ours, 2]

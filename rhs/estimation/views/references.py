@@ -51,8 +51,10 @@ def registered(now: Sight, features: Snapshot, references: Sequence[Reference], 
     chosen: list[Sight] = []
     seen = np.zeros(now.depth.shape, bool)
     for reference in _by_nearness(now, references)[:CANDIDATES]:
+        if len(chosen) == settings.references:
+            break
         placed, same = _placed(now, features, reference, rng, settings)
-        if (same & ~seen).mean() >= NEW_SHARE and len(chosen) < settings.references:
+        if (same & ~seen).mean() >= NEW_SHARE:
             chosen.append(placed)
             seen |= same
     return chosen
