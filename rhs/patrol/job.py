@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World
+from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World, after
 from rhs.api.randomness import generator
 from rhs.api.records import Belief, Event, MissionStatus, Step, View
 from rhs.api.task import Parts, StepJob
@@ -22,6 +22,7 @@ from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
 from rhs.estimation.views.features import features
 from rhs.worlds.maps import save_map
+from rhs.worlds.world_moving import path_fault, walkers
 
 from .explore import check_explorable, explored
 from .gate import gated
@@ -81,6 +82,15 @@ def with_obstacles(world: World, boxes: list[list[float]], *, at_start: bool = F
     more = tuple(Box(f"obstacle_{i + 1}", (x, y), (width, depth, OBSTACLE_HEIGHT_M))
                  for i, (x, y, width, depth) in enumerate(boxes))
     return replace(world, obstacles=world.obstacles + more)
+
+
+def with_people(world: World, paths_m: Sequence[Sequence[float]]) -> World:
+    """The world with people on closed paths besides those it has. Raises ConfigError for a path through a wall or a box."""
+    people = walkers(paths_m)
+    for person in people:
+        if fault := path_fault(after(world), person):
+            raise ConfigError(f"people: {fault}")
+    return replace(world, moving=replace(world.moving, people=world.moving.people + people)) if people else world
 
 
 def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *, sights: Sights | None = None,

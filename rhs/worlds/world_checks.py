@@ -13,6 +13,8 @@ from rhs.api.floorplan import World, after, distance_m, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
+from .world_moving import path_fault
+
 MAX_AREA_M2 = 40_000.0  # a grid of 4 million cells at 0.1 m
 
 
@@ -42,6 +44,7 @@ def check_world(world: World, file: Located) -> None:
             raise ConfigError(f"{file.where('places')}: GOAL_OUTSIDE_MAP: place '{name}' ({x:g}, {y:g}) cannot be "
                               "reached from the start; move it into the building")
     _check_route(world, file)
+    _check_moving(world, file)
 
 
 def _check_names(world: World, file: Located) -> None:
@@ -64,6 +67,18 @@ def check_extent(world: World, file: Located) -> None:
                           f"expected at most {MAX_AREA_M2:g} square metres")
 
 
+def _check_moving(world: World, file: Located) -> None:
+    names = [person.name for person in world.moving.people] + [timed.box.name for timed in world.moving.timed]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"{file.where('people')}: two things that move are named '{twice[0]}'; give each its own name")
+    for person in world.moving.people:
+        if fault := path_fault(world, person) or path_fault(after(world), person):
+            raise ConfigError(f"{file.where('people')}: {fault}")
+        if not _reached(world, person.path_m).all():
+            raise ConfigError(f"{file.where('people')}: PATH_OUTSIDE_MAP: the path of '{person.name}' is not in the building")
+
+
 def _check_route(world: World, file: Located) -> None:
     for x, y in world.route_m:
         _check_point(world, file, f"route point [{x:g}, {y:g}]", np.array([x, y]), "ROUTE")
@@ -72,11 +87,12 @@ def _check_route(world: World, file: Located) -> None:
         if not _reached(world, a + along * (b - a)).all():
             raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: the leg from {a.tolist()} to {b.tolist()} goes "
                               "through a wall or a box; lead it round")
-    come = tuple(box for box in after(world).boxes if box not in world.boxes)
+    timed = tuple(box for timed in world.moving.timed if (box := timed.at(0.0)) is not None)
+    come = tuple(box for box in after(world).boxes if box not in world.boxes) + timed
     for end in (world.route_m[0], world.route_m[-1]):
         distance, thing = distance_m(replace(world, walls=(), boxes=come, mesh=None), end)
         if distance < world.robot_radius_m:
-            key = "obstacles" if thing in [f"box '{box.name}'" for box in world.obstacles] else "changes"
+            key = "timed" if thing in [f"box '{box.name}'" for box in timed] else "obstacles" if thing in [f"box '{box.name}'" for box in world.obstacles] else "changes"
             raise ConfigError(f"{file.where(key)}: {thing} is put in {distance:.2f} m from the robot at "
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
 
