@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Step = dict[str, str]
 MARKS = (  # events, what the legend says, marker, colour, size
-    (("blocked", "replan", "wait"), "way blocked, planned anew", "^", "#e07a00", 7.0),
+    (("blocked", "replan", "wait", "ask", "skipped"), "way blocked, planned anew", "^", "#e07a00", 7.0),
     (("contact",), "touched something", "*", "#c1121f", 11.0),
     (("lost",), "does not know where it is", "$?$", "#7b2cbf", 8.0),
     (("gave_up",), "gave the place up", "X", "#222222", 8.0),
