@@ -133,6 +133,7 @@ class Person:
 
     path_m (N, 2): corners; the last is joined to the first. pauses_s: at each corner, or empty. start_m: along the path, where
     the walk begins. keep_m: nearer to the robot's side nobody steps; who would, stands, and after patience_s turns round.
+    shy: runs off along the path before a robot that comes as near, at 1 m/s or the own speed.
     survey: walks during the survey too, from its beginning, and makes way for a camera that is led; else is not there."""
 
     name: str
@@ -144,6 +145,7 @@ class Person:
     height_m: float = 1.7
     keep_m: float = 0.4
     patience_s: float = 3.0
+    shy: bool = False
     survey: bool = False
     surface: Surface = field(default_factory=lambda: Surface("carpet", (70.0, 90.0, 140.0), 30.0))
 

@@ -104,7 +104,10 @@ class Sentinel:
 
     def note(self, belief: Belief, scan: Scan) -> None:
         if belief.status is BeliefStatus.TRACKING:
-            self.watch.look(belief.map_from_body, scan, self.obstacle)
+            around = self.guard.around
+            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=around.now_s)
+            if self.guard.moves:
+                self.watch.fade(around.now_s - self.settings.advanced.guard.fade_s)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:

@@ -15,6 +15,9 @@ THING = 0.75  # votes from which a cell holds a thing: one beam that ended there
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
 PATCH_M = 0.1  # grain of the ground that has to be seen
+# Something came where nothing was: so many new cells, this near, seen free so lately, and no thing known within so much of them
+# (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
+CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
 
 
 class Surroundings:
@@ -29,6 +32,7 @@ class Surroundings:
         self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
         self.seen_s = np.full((cells, cells), -np.inf)
         self.pose, self.now_s = np.eye(4), -np.inf
+        self.moved_s = -np.inf  # when something was last seen where nothing had been
         self.sight: Scan | None = None  # the widest measured scan of the last view
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
@@ -45,11 +49,35 @@ class Surroundings:
         self._follow()
         scan, obstacle = observation.scan, observation.obstacle
         self.sight = obstacle if obstacle is not None else scan
+        things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
+        seen = []
         if scan is not None:
-            self._saw(self.at_eye.look(self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M))
+            seen.append(self.at_eye.look(self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M))
         if obstacle is not None:
-            self._saw(self.below.look(self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M))
+            seen.append(self.below.look(self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M))
+        if any(self._came(cells, things) for cells in seen):
+            self.moved_s = self.now_s
+        for cells in seen:
+            self._saw(cells)
         self._stand()
+
+    def _came(self, cells: np.ndarray, things: np.ndarray) -> bool:
+        """Whether things stand in cells (K, 2) that were seen free a moment ago, away from what was known. things (H, W) bool:
+        cells with votes before this view."""
+        rows, columns = cells.T
+        fresh = (self.at_eye.votes[rows, columns] > 0.0) | (self.below.votes[rows, columns] > 0.0)
+        fresh &= ~things[rows, columns] & (self.seen_s[rows, columns] > self.now_s - CAME_SEEN_S)
+        new = cells[fresh]
+        middles = (new[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m
+        new = new[np.hypot(*self.in_body(middles).T) < CAME_WITHIN_M]
+        if len(new) < CAME_CELLS:
+            return False
+        reach = round(CAME_APART_M / CELL_M)
+        counted = np.zeros((things.shape[0] + 1, things.shape[1] + 1), int)
+        counted[1:, 1:] = things.cumsum(axis=0).cumsum(axis=1)
+        low, high = np.maximum(new - reach, 0).T, np.minimum(new + reach + 1, things.shape[0]).T
+        near = (counted[high[0], high[1]] - counted[low[0], high[1]] - counted[high[0], low[1]] + counted[low[0], low[1]])
+        return int((near == 0).sum()) >= CAME_CELLS
 
     def forget(self) -> None:
         """Nothing was seen yet."""

@@ -14,6 +14,7 @@ from rhs.api.floorplan import Box, Moving, Person, Timed
 
 STEP_S = 0.05  # nobody walks further than some centimetres between two looks at the robot
 CLEAR_M = 0.2  # a thing is put where the robot's side is further away than this
+FLEE_MPS = 1.0  # of who is shy
 STEP_M = 0.02  # grain of making way
 NOWHERE_M = -1000.0  # height of what is not there
 Shape = Person | Box
@@ -46,6 +47,11 @@ class Walk:
 
     def step(self, seconds: float, robot: np.ndarray) -> None:
         """Walk on, unless it is time to stand, or the robot is in the way."""
+        if self.person.shy and self.gap_m(self.at_m, robot) < self.person.keep_m:
+            length_m = max(self.person.speed_mps, FLEE_MPS) * seconds
+            self.at_m = max((self.at_m, self.at_m + length_m, self.at_m - length_m),
+                            key=lambda at: self.gap_m(at, robot)) % self.way_m
+            return
         if self.pause_s > 0.0:
             self.pause_s -= seconds
             return

@@ -41,7 +41,7 @@ def _person(section: Section, surface: Painter) -> Person:
         section.number("start_m", 0.0, low=0.0), section.number("width_m", default.width_m, low=0.05, high=1.0),
         section.number("height_m", default.height_m, low=0.1, high=2.5),
         section.number("keep_m", default.keep_m, low=0.1, high=5.0),
-        section.number("patience_s", default.patience_s, low=0.0, high=1e6), section.flag("survey", False),
+        section.number("patience_s", default.patience_s, low=0.0, high=1e6), section.flag("shy", False), section.flag("survey", False),
         surface(section.section("surface"), default.surface))
     section.finish()
     return person
