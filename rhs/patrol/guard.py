@@ -32,7 +32,7 @@ class GuardSettings:
     look_moving_s: float = 1.5
     """the same while something has been seen to move, in the last remember_s: who walks 0.8 m/s is elsewhere after 2 s"""
     fade_s: float = 8.0
-    """and what stands in the way, beside the map, is forgotten when nobody has looked there for so long, seconds"""
+    """and what was seen to come, or stands where the map knows nothing, is forgotten when it was not seen for so long, seconds"""
     remember_s: float = 60.0
     """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
     ahead_m: float = 0.15
@@ -57,7 +57,7 @@ class Guard:
 
     def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings) -> None:
         self.radius_m, self.pace, self.settings = radius_m, pace, settings
-        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s)
+        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s)
         self.touched = False
         self.given: Twist | None = None
         self._still = 0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World, after
+from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World
 from rhs.api.randomness import generator
 from rhs.api.records import Belief, Event, MissionStatus, Step, View
 from rhs.api.task import Parts, StepJob
@@ -22,7 +22,8 @@ from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
 from rhs.estimation.views.features import features
 from rhs.worlds.maps import save_map
-from rhs.worlds.world_moving import path_fault, walkers
+from rhs.worlds.world_checks import walk_fault
+from rhs.worlds.world_moving import walkers
 
 from .explore import check_explorable, explored
 from .gate import gated
@@ -88,7 +89,7 @@ def with_people(world: World, paths_m: Sequence[Sequence[float]]) -> World:
     """The world with people on closed paths besides those it has. Raises ConfigError for a path through a wall or a box."""
     people = walkers(paths_m)
     for person in people:
-        if fault := path_fault(after(world), person):
+        if fault := walk_fault(world, person):
             raise ConfigError(f"people: {fault}")
     return replace(world, moving=replace(world.moving, people=world.moving.people + people)) if people else world
 

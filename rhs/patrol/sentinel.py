@@ -37,6 +37,7 @@ from .relocate import Search, clear_ahead_m
 
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
+GONE_CELLS = 5  # of an obstacle seen through in one view: it has moved; fewer are its edge
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_M = 0.5  # places put off may be tried again from so far away
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -104,10 +105,12 @@ class Sentinel:
 
     def note(self, belief: Belief, scan: Scan) -> None:
         if belief.status is BeliefStatus.TRACKING:
-            around = self.guard.around
-            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=around.now_s)
+            now_s, before = self.guard.around.now_s, self.watch.cells
+            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=now_s)
+            if (before & ~self.watch.cells).sum() >= GONE_CELLS:
+                self.guard.around.moved_s = now_s
             if self.guard.moves:
-                self.watch.fade(around.now_s - self.settings.advanced.guard.fade_s)
+                self.watch.fade(now_s - self.settings.advanced.guard.fade_s)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -241,8 +244,10 @@ class Sentinel:
     def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Where something seen bars every way, ask the replan part. Else, or if it wants to go on: forget what was seen and
         look again once; then give the place up, with the planner's reason."""
-        if self.watch.cells.any():
-            seen = self.grid.centres(np.argwhere(self.watch.cells))
+        seen = self.grid.centres(np.argwhere(self.watch.cells))
+        if self.barred:
+            seen = np.concatenate([seen, self._near_things(pose)])
+        if len(seen):
             nearest = seen[np.argmin(np.linalg.norm(seen - pose[:2], axis=1))]
             mission = self.book.current
             command = self._answer(self._told(nearest, known=True, no_way=True), pose, events)

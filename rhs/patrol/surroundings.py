@@ -23,16 +23,17 @@ CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
 class Surroundings:
     """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
-    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float) -> None:
+    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float, fade_s: float = np.inf) -> None:
         from rhs.estimation.scans.votes import Votes  # compiled code
 
-        self.radius_m, self.remember_s = radius_m, remember_s
+        self.radius_m, self.remember_s, self.fade_s = radius_m, remember_s, fade_s
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
         self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
         self.seen_s = np.full((cells, cells), -np.inf)
         self.pose, self.now_s = np.eye(4), -np.inf
         self.moved_s = -np.inf  # when something was last seen where nothing had been
+        self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.sight: Scan | None = None  # the widest measured scan of the last view
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
@@ -49,41 +50,52 @@ class Surroundings:
         self._follow()
         scan, obstacle = observation.scan, observation.obstacle
         self.sight = obstacle if obstacle is not None else scan
-        things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
+        before = self.at_eye.votes.copy(), self.below.votes.copy()
         seen = []
         if scan is not None:
             seen.append(self.at_eye.look(self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M))
         if obstacle is not None:
             seen.append(self.below.look(self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M))
-        if any(self._came(cells, things) for cells in seen):
-            self.moved_s = self.now_s
+        for cells in seen:
+            self._note_what_came(cells, before)
         for cells in seen:
             self._saw(cells)
         self._stand()
 
-    def _came(self, cells: np.ndarray, things: np.ndarray) -> bool:
-        """Whether things stand in cells (K, 2) that were seen free a moment ago, away from what was known. things (H, W) bool:
-        cells with votes before this view."""
+    def _note_what_came(self, cells: np.ndarray, votes: tuple[np.ndarray, np.ndarray]) -> None:
+        """Whether things stand in cells (K, 2) that were seen free a moment ago, away from what was always there. votes: of
+        both layers until this view."""
         rows, columns = cells.T
-        fresh = (self.at_eye.votes[rows, columns] > 0.0) | (self.below.votes[rows, columns] > 0.0)
-        fresh &= ~things[rows, columns] & (self.seen_s[rows, columns] > self.now_s - CAME_SEEN_S)
+        now = [layer.votes[rows, columns] for layer in (self.at_eye, self.below)]
+        old = [layer[rows, columns] for layer in votes]
+        has, had = (now[0] > 0.0) | (now[1] > 0.0), (old[0] > 0.0) | (old[1] > 0.0)
+        again = has & np.isfinite(self.came_s[rows, columns])
+        again &= (now[0] > old[0]) | (now[1] > old[1]) | (np.maximum(*now) >= self.at_eye.settings.most)
+        self.came_s[rows[again], columns[again]] = self.now_s
+        self.came_s[rows[~has], columns[~has]] = np.inf
+        fresh = has & ~had & (self.seen_s[rows, columns] > self.now_s - CAME_SEEN_S)
         new = cells[fresh]
         middles = (new[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m
         new = new[np.hypot(*self.in_body(middles).T) < CAME_WITHIN_M]
         if len(new) < CAME_CELLS:
-            return False
+            return
+        things = ((votes[0] > 0.0) | (votes[1] > 0.0)) & ~np.isfinite(self.came_s)
         reach = round(CAME_APART_M / CELL_M)
         counted = np.zeros((things.shape[0] + 1, things.shape[1] + 1), int)
         counted[1:, 1:] = things.cumsum(axis=0).cumsum(axis=1)
         low, high = np.maximum(new - reach, 0).T, np.minimum(new + reach + 1, things.shape[0]).T
-        near = (counted[high[0], high[1]] - counted[low[0], high[1]] - counted[high[0], low[1]] + counted[low[0], low[1]])
-        return int((near == 0).sum()) >= CAME_CELLS
+        near = counted[high[0], high[1]] - counted[low[0], high[1]] - counted[high[0], low[1]] + counted[low[0], low[1]]
+        came = new[near == 0]
+        if len(came) >= CAME_CELLS:
+            self.moved_s = self.now_s
+            self.came_s[came[:, 0], came[:, 1]] = self.now_s
 
     def forget(self) -> None:
         """Nothing was seen yet."""
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
         self.seen_s[:] = -np.inf
+        self.came_s[:] = np.inf
 
     def _saw(self, cells: np.ndarray) -> None:
         self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
@@ -103,7 +115,8 @@ class Surroundings:
         if np.abs(off).max() < KEPT_M:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.seen_s, -np.inf)):
+        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.seen_s, -np.inf),
+                             (self.came_s, np.inf)):
             kept = np.full_like(array, empty)
             height, width = array.shape
             to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
@@ -125,6 +138,7 @@ class Surroundings:
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
         there = (self.at_eye.votes[near] >= THING) | (self.below.votes[near] >= THING)
+        there &= self.came_s[near] >= self.now_s - self.fade_s  # what came may have gone unseen
         rows, columns = np.nonzero(there & (self.seen_s[near] >= self.now_s - self.remember_s))
         points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
         body = self.in_body(points)

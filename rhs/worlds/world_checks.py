@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rhs.api.floorplan import World, after, distance_m, truth_grid
+from rhs.api.floorplan import Person, World, after, distance_m, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
@@ -73,10 +73,15 @@ def _check_moving(world: World, file: Located) -> None:
     if twice:
         raise ConfigError(f"{file.where('people')}: two things that move are named '{twice[0]}'; give each its own name")
     for person in world.moving.people:
-        if fault := path_fault(world, person) or path_fault(after(world), person):
+        if fault := walk_fault(world, person):
             raise ConfigError(f"{file.where('people')}: {fault}")
-        if not _reached(world, person.path_m).all():
-            raise ConfigError(f"{file.where('people')}: PATH_OUTSIDE_MAP: the path of '{person.name}' is not in the building")
+
+
+def walk_fault(world: World, person: Person) -> str:
+    """What is wrong with a person's path, on the survey or on the patrol; empty: nothing."""
+    if not _true_plan(world).inside(person.path_m).all() or not _reached(world, person.path_m).all():
+        return f"PATH_OUTSIDE_MAP: the path of '{person.name}' is not in the building, where the robot could come"
+    return path_fault(world, person) or path_fault(after(world), person)
 
 
 def _check_route(world: World, file: Located) -> None:
