@@ -31,7 +31,7 @@ class NewMission:
 class Wait:
     """Stand still for a while, in case it goes away; then as `new_mission`."""
 
-    views: int = 20
+    views: int = 40
     """views to wait for something new on the path, or where there is no way round, half a second each"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
@@ -53,7 +53,7 @@ class Wait:
 class GoRound:
     """Plan again round it, in the same mission; only where there is no way round, stand still for a while."""
 
-    views: int = 20
+    views: int = 40
     """views to wait where there is no way round, half a second each; then the place is left out"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
@@ -76,7 +76,7 @@ class SkipAndReturn:
 
     tries: int = 2
     """times that a place is put off"""
-    views: int = 20
+    views: int = 40
     """views to wait where there is neither another place nor a way round, half a second each"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
@@ -102,7 +102,7 @@ class Ask:
     file: str = "answer.txt"
     """where the answer is read: new_mission, replan, wait, skip or give_up. A path; what is not there is no answer, and the
     word counts until the file is taken away"""
-    views: int = 20
+    views: int = 40
     """views to wait for an answer, half a second each"""
     tries: int = 2
     """times that a place is put off where nobody answers"""

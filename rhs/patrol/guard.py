@@ -31,7 +31,7 @@ class GuardSettings:
     """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in"""
     look_moving_s: float = 1.5
     """the same while something has been seen to move, in the last remember_s: who walks 0.8 m/s is elsewhere after 2 s"""
-    fade_s: float = 8.0
+    fade_s: float = 4.0
     """and what was seen to come, or stands where the map knows nothing, is forgotten when it was not seen for so long, seconds"""
     remember_s: float = 60.0
     """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
