@@ -71,8 +71,8 @@ class GoRound:
 
 @dataclass
 class SkipAndReturn:
-    """Go on with the next place and come back to this one when the others are done; where no other is left, and after so many
-    tries of one place, as `go_round`."""
+    """Go on with the next place and come back to this one when the others are done; where no other is left, and after
+    so many tries of one place, as `go_round`."""
 
     tries: int = 2
     """times that a place is put off"""

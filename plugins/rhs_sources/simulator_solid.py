@@ -62,8 +62,8 @@ class Solid:
             height = shape.height_m if isinstance(shape, Person) else shape.size_m[2]
             turn = [0.0, 0.0, float(np.sin(0.5 * stand.yaw_rad)), float(np.cos(0.5 * stand.yaw_rad))]
             self.rounds[number] = (stand.x_m, stand.y_m, self.rounds[number][2])
-            pybullet.resetBasePositionAndOrientation(self.bodies[number], [stand.x_m, stand.y_m, stand.bottom_m + 0.5 * height],
-                                                     turn, physicsClientId=self.client)
+            middle = [stand.x_m, stand.y_m, stand.bottom_m + 0.5 * height]
+            pybullet.resetBasePositionAndOrientation(self.bodies[number], middle, turn, physicsClientId=self.client)
 
     def _add(self, half_m, middle_m, yaw_rad: float) -> None:
         shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=list(half_m), physicsClientId=self.client)

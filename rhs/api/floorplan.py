@@ -131,9 +131,9 @@ class Changes:
 class Person:
     """A person, or a pet, who walks a closed path: an upright cylinder.
 
-    path_m (N, 2): corners; the last is joined to the first. pauses_s: at each corner, or empty. start_m: along the path, where
-    the walk begins. keep_m: nearer to the robot's side nobody steps; who would, stands, and after patience_s turns round.
-    shy: runs off along the path before a robot that comes as near, at 1 m/s or the own speed.
+    path_m (N, 2): corners; the last is joined to the first. pauses_s: at each corner, or empty. start_m: along the path,
+    where the walk begins. keep_m: nearer to the robot's side nobody steps; who would, stands, and after patience_s turns
+    round. shy: runs off along the path before a robot that comes as near, at 1 m/s or the own speed.
     survey: walks during the survey too, from its beginning, and makes way for a camera that is led; else is not there."""
 
     name: str
@@ -168,7 +168,8 @@ class Timed:
 
 @dataclass(frozen=True)
 class Moving:
-    """What moves in a world by itself (rhs.worlds.live moves it); times in seconds since the patrol began. light_s: (time, brightness) in order of time, straight lines between; it multiplies the world's light."""
+    """What moves in a world by itself (rhs.worlds.live moves it); times in seconds since the patrol began.
+    light_s: (time, brightness) in order of time, straight lines between; it multiplies the world's light."""
 
     people: tuple[Person, ...] = ()
     timed: tuple[Timed, ...] = ()

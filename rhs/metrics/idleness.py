@@ -3,8 +3,8 @@
 Idleness: Machado, Ramalho, Zucker and Drogoul, "Multi-agent patrolling: an empirical analysis of alternative architectures",
 MABS 2002: of a place at a time, the seconds since it was last visited. The survey counts as a visit of all when the patrol
 begins. Bounds: Chevaleyre, "Theoretical analysis of the multi-agent patrolling problem", IAT 2004; for one robot the worst
-idleness of a patrol that goes on for ever is at least the shortest round trip over its speed, and following that trip attains
-it. Of a patrol that visits each place once and ends, it is at least the shortest way through all of them.
+idleness of a patrol that goes on for ever is at least the shortest round trip over its speed, and following that trip
+attains it. Of a patrol that visits each place once and ends, it is at least the shortest way through all of them.
 """
 
 from __future__ import annotations
@@ -124,8 +124,8 @@ IDLENESS = columns_of(
     ("idleness_worst_s", "s", "longest time that a place went without a visit, the patrol's beginning and end counted",
      "Machado et al. 2002"),
     ("idleness_mean_s", "s", "mean over places and time of the time since the last visit", "Machado et al. 2002"),
-    ("idleness_bound_s", "s", "least idleness_worst_s possible: the shortest way through all places that can be reached, in any "
-     "order, at the highest speed that was commanded", "Held and Karp 1962"),
+    ("idleness_bound_s", "s", "least idleness_worst_s possible: the shortest way through all places that can be reached, in "
+     "any order, at the highest speed that was commanded", "Held and Karp 1962"),
     ("idleness_cycle_s", "s", "the same of a patrol that goes on for ever: the shortest round trip", "Chevaleyre 2004"),
     ("views_waited", "", "views in which the robot stood still before something on its path", "steps.csv"),
     ("extra_way_m", "m", "way driven beyond the shortest through the places reached, in the order of the world, on the true "

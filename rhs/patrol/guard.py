@@ -32,7 +32,8 @@ class GuardSettings:
     look_moving_s: float = 1.5
     """the same while something has been seen to move, in the last remember_s: who walks 0.8 m/s is elsewhere after 2 s"""
     fade_s: float = 4.0
-    """and what was seen to come, or stands where the map knows nothing, is forgotten when it was not seen for so long, seconds"""
+    """and what was seen to come, or stands where the map knows nothing, is forgotten when it was not seen for so long,
+    seconds"""
     remember_s: float = 60.0
     """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
     ahead_m: float = 0.15
@@ -48,7 +49,8 @@ class GuardSettings:
     votes: VoteSettings = field(default_factory=VoteSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
+        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6),
+                     remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
                      brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
 
 

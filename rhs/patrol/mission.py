@@ -139,8 +139,8 @@ class Logbook:
         return mission
 
     def close(self, status: MissionStatus, reason: str = "") -> None:
-        """End the current mission. `arrived` and `gave_up` go on to the next place; `aborted` tries the same again; `skipped`
-        puts it off until the others are done."""
+        """End the current mission. `arrived` and `gave_up` go on to the next place; `aborted` tries the same again;
+        `skipped` puts it off until the others are done."""
         mission = self.missions[-1]
         mission.status, mission.reason = status, reason
         if status in (MissionStatus.ARRIVED, MissionStatus.GAVE_UP):
@@ -156,7 +156,8 @@ class Logbook:
     def skipped(self) -> int:
         """How often the current place was put off."""
         name, x, y = self.place
-        return sum(one.status is MissionStatus.SKIPPED and (one.place, one.goal_m) == (name, [x, y]) for one in self.missions)
+        put_off = [one for one in self.missions if one.status is MissionStatus.SKIPPED]
+        return sum((one.place, one.goal_m) == (name, [x, y]) for one in put_off)
 
     def to_rows(self) -> list[dict]:
         return [asdict(mission) for mission in self.missions]

@@ -45,7 +45,7 @@ class ObstacleWatch:
         gap_cells = distance_transform_edt(~walls) if walls.any() else np.full(grid.shape, np.inf)
         self.gap_m = np.where(free, gap_cells * grid.resolution_m, 0.0)  # to the nearest wall; 0 where nothing is known
         self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
-        # of each: when a beam of it last passed a cell or ended there; one at the camera's height says nothing of what lies lower
+        # of each: when a beam of it last passed a cell or ended there; one at eye height says nothing of what lies lower
         self.seen_s = np.full((2, *grid.shape), -np.inf)
 
     def forget(self) -> None:
@@ -58,7 +58,8 @@ class ObstacleWatch:
         for layer, seen_s in zip((self.at_eye, self.below), self.seen_s, strict=True):
             layer.votes[seen_s < before_s] = 0.0
 
-    def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *, now_s: float = 0.0) -> None:
+    def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
+             now_s: float = 0.0) -> None:
         """Count one view: its scan, and what its whole depth image shows besides."""
         from rhs.estimation.scans.votes import low_only
 

@@ -15,7 +15,7 @@ THING = 0.75  # votes from which a cell holds a thing: one beam that ended there
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
 PATCH_M = 0.1  # grain of the ground that has to be seen
-# Something came where nothing was: so many new cells, this near, seen free so lately, and no thing known within so much of them
+# Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
 CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
 

@@ -19,8 +19,8 @@ SHEET_COLUMNS = 5
 
 
 def draw_plan(axes: Axes, world: World, title: str) -> None:
-    """Walls black, furniture brown (light: low; outlined: hanging over nothing), obstacles after the survey red, people's paths light blue, the survey
-    blue from its green start, places as crosses."""
+    """Walls black, furniture brown (light: low; outlined: hanging over nothing), obstacles after the survey red, paths of
+    people light blue, the survey blue from its green start, places as crosses."""
     for box in world.boxes:
         high = box.bottom_m + box.size_m[2]
         colour = "#e3cfae" if high <= LOW_M else "#b08a58"

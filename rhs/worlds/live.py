@@ -119,7 +119,8 @@ class Live:
             for walk in self.walks:
                 walk.step(seconds / count, robot)
         if self.patrol:
-            self.where = [_put(timed, was, self.now_s, robot) for timed, was in zip(self.moving.timed, self.where, strict=True)]
+            pairs = zip(self.moving.timed, self.where, strict=True)
+            self.where = [_put(timed, was, self.now_s, robot) for timed, was in pairs]
 
     @property
     def brightness(self) -> float:

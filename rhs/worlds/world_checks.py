@@ -97,7 +97,9 @@ def _check_route(world: World, file: Located) -> None:
     for end in (world.route_m[0], world.route_m[-1]):
         distance, thing = distance_m(replace(world, walls=(), boxes=come, mesh=None), end)
         if distance < world.robot_radius_m:
-            key = "timed" if thing in [f"box '{box.name}'" for box in timed] else "obstacles" if thing in [f"box '{box.name}'" for box in world.obstacles] else "changes"
+            of = {f"box '{box.name}'": key for key, boxes in (("obstacles", world.obstacles), ("timed", timed))
+                  for box in boxes}
+            key = of.get(thing, "changes")
             raise ConfigError(f"{file.where(key)}: {thing} is put in {distance:.2f} m from the robot at "
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
 

@@ -1,4 +1,4 @@
-"""What of a world file moves by itself: `people`, `doors`, `timed`, `light_s` (format: worlds/README.md), and where it may."""
+"""What of a world file moves by itself: `people`, `doors`, `timed`, `light_s` (worlds/README.md), and where it may."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def _person(section: Section, surface: Painter) -> Person:
         section.number("start_m", 0.0, low=0.0), section.number("width_m", default.width_m, low=0.05, high=1.0),
         section.number("height_m", default.height_m, low=0.1, high=2.5),
         section.number("keep_m", default.keep_m, low=0.1, high=5.0),
-        section.number("patience_s", default.patience_s, low=0.0, high=1e6), section.flag("shy", False), section.flag("survey", False),
-        surface(section.section("surface"), default.surface))
+        section.number("patience_s", default.patience_s, low=0.0, high=1e6), section.flag("shy", False),
+        section.flag("survey", False), surface(section.section("surface"), default.surface))
     section.finish()
     return person
 
@@ -78,7 +78,8 @@ def _pairs(section: Section, key: str, *, rising: bool = True) -> tuple[tuple[fl
     pairs = section.points(key, least=1)
     times = pairs.ravel() if rising else pairs[:, 0]
     if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
-        raise ConfigError(f"{section.where(key)}: {key}: {pairs.tolist()}; expected seconds from 0 on, each later than the last")
+        raise ConfigError(f"{section.where(key)}: {key}: {pairs.tolist()}; expected seconds from 0 on, each later than "
+                          "the last")
     return tuple((float(a), float(b)) for a, b in pairs)
 
 
@@ -87,7 +88,8 @@ def walkers(paths_m: Sequence[Sequence[float]]) -> tuple[Person, ...]:
     people = []
     for number, values in enumerate(paths_m, 1):
         if len(values) < 4 or len(values) % 2 or not np.all(np.isfinite(values)):
-            raise ConfigError(f"people={list(values)}: expected the corners of a closed path, x1, y1, x2, y2 and so on, metres")
+            raise ConfigError(f"people={list(values)}: expected the corners of a closed path, x1, y1, x2, y2 and so "
+                              "on, metres")
         for value in values:
             check_range("people", "path_m", value, low=-1e4, high=1e4, unit="m")
         path = np.array(values, float).reshape(-1, 2)
@@ -105,6 +107,6 @@ def path_fault(world: World, person: Person) -> str:
             at = a + share * (b - a)
             gap, thing = distance_m(world, at)
             if gap < 0.5 * person.width_m:
-                return (f"PATH_OCCUPIED: the path of '{person.name}', {person.width_m:g} m wide, comes within {gap:.2f} m of "
-                        f"{thing} at ({at[0]:.2f}, {at[1]:.2f}); lead it round")
+                return (f"PATH_OCCUPIED: the path of '{person.name}', {person.width_m:g} m wide, comes within {gap:.2f} m "
+                        f"of {thing} at ({at[0]:.2f}, {at[1]:.2f}); lead it round")
     return ""

@@ -5,8 +5,8 @@
 
 A sweep of `world=random:FAMILY+people` over seeds, each its own building, and over `replan`; further words are those of a
 run. Killed, it goes on where it stopped when the same command is given again. `touches`: collisions, every one the robot's
-doing: nobody walks into it. `idle worst`, `bound`: means of idleness_worst_s and idleness_bound_s, seconds. Compared are only
-buildings in which every policy ended. Writes moving.csv beside the runs. Seeds from 10000 on are for judging only.
+doing: nobody walks into it. `idle worst`, `bound`: means of idleness_worst_s and idleness_bound_s, seconds. Compared are
+only buildings in which every policy ended. Writes moving.csv beside the runs. Seeds from 10000 on are for judging only.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def rows(folder: Path) -> list[dict[str, Any]]:
     for path in sorted(folder.glob("*/row.json")):
         row = read_row(path)
         figures = {name: np.nan if row.get(name) is None else float(row[name]) for name in FIGURES}
-        out.append({"building": building_of(str(row["world"]), row["seed"]), "replan": row["replan"], "status": row["status"],
-                    **figures, "cause": str(row.get("cause") or row.get("reason") or "")})
+        out.append({"building": building_of(str(row["world"]), row["seed"]), "replan": row["replan"],
+                    "status": row["status"], **figures, "cause": str(row.get("cause") or row.get("reason") or "")})
     return out
 
 
@@ -83,7 +83,8 @@ def table(found: list[dict[str, Any]]) -> list[str]:
                      f"{mean['idleness_mean_s']:>7.1f}{mean['idleness_bound_s']:>7.1f}{total['replans']:>8.0f}"
                      f"{total['views_waited']:>8.0f}{mean['extra_way_m']:>9.1f}{total['places_skipped']:>8.0f}"
                      f"{total['places_visited_later']:>6.0f}{mean['patrol_steps']:>7.0f}")
-    touched = [f"  {row['building']} {row['replan']}: {row['collisions']:.0f} touches" for row in found if row["collisions"] > 0]
+    touched = [f"  {row['building']} {row['replan']}: {row['collisions']:.0f} touches" for row in found
+               if row["collisions"] > 0]
     left = [f"  {row['building']} {row['replan']}: {row['cause'][:120]}" for row in found if row["cause"]]
     return [*lines, *touched, *left]
 

@@ -9,7 +9,7 @@ from rhs.metrics.idleness import idleness, shortest_trips
 
 
 def test_worst_and_mean_idleness_of_two_places_by_hand():
-    """Of 10 s, a visited at 4, b at 10 (its end): worst 10; mean of (4^2/2 + 6^2/2 + 10^2/2) over 2 places and 10 s = 3.8."""
+    """Of 10 s, a visited at 4, b at 10 (its end): worst 10; mean (4^2/2 + 6^2/2 + 10^2/2) / (2 places * 10 s) = 3.8."""
     worst, mean = idleness([[4.0], [10.0]], 10.0)
     assert worst == 10.0 and mean == pytest.approx((8.0 + 18.0 + 50.0) / 20.0)
 

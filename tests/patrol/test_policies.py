@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from flatland import Flatland, Oracle, Through, parts, ring
-from rhs_replan import Ask, GoRound, SkipAndReturn, Wait
 
 from rhs.api.contracts import Blocked
 from rhs.api.errors import ContractError
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
+from rhs_replan import Ask, GoRound, SkipAndReturn, Wait
 
 PLACES = (("a", 4.0, 1.0), ("home", 1.0, 3.0))
 

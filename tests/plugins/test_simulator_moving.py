@@ -46,8 +46,8 @@ def ahead_m(capture) -> float:
 
 
 def test_a_person_is_seen_on_the_patrol_where_they_walk_and_stops_the_robot(source):
-    """From (2, 1) looking east: on the survey the wall at 8 m, on the patrol anna at 5 m, 0.2 m thick to the front. The judge
-    stops the robot at her: 3 m less both radii."""
+    """From (2, 1) looking east: on the survey the wall at 8 m, on the patrol anna at 5 m, 0.2 m thick to the front. The
+    judge stops the robot at her: 3 m less both radii."""
     world = source()
     assert ahead_m(world.lead()) == pytest.approx(6.0, abs=0.02)
     world.begin_patrol()

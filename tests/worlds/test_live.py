@@ -48,7 +48,8 @@ def test_a_person_stands_before_the_robot_and_turns_round_after_a_while():
 def test_nobody_steps_nearer_to_a_robot_than_they_keep():
     rng = np.random.default_rng(0)
     robot = np.array([2.0, 0.9, 0.3])
-    people = [Person("a", LINE, speed_mps=1.2), Person("b", LINE, start_m=5.0, keep_m=0.2), Person("c", LINE, start_m=2.5, shy=True)]
+    people = [Person("a", LINE, speed_mps=1.2), Person("b", LINE, start_m=5.0, keep_m=0.2),
+              Person("c", LINE, start_m=2.5, shy=True)]
     some = live(*people, robot=robot)
     for _ in range(400):
         before = [walk.gap_m(walk.at_m, robot) for walk in some.walks]

@@ -3,8 +3,8 @@
     random:FAMILY[+plain|+obstacles|+people|+obstacles+people][/NUMBER]
 
 NUMBER is the building's seed; without it the building's seed is the run's. `+plain` puts nothing in after the survey,
-`+obstacles` always something; without a word half of the buildings have obstacles. `+people` is `+plain` with people who walk
-about, `+obstacles+people` has both.
+`+obstacles` always something; without a word half of the buildings have obstacles. `+people` is `+plain` with people who
+walk about, `+obstacles+people` has both.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Who walks about in a drawn building: one to three people, now and then a pet, each there and back on a way with room for it."""
+"""Who walks about in a drawn building: one to three people, now and then a pet, each there and back on a way with room."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ TRIES = 40
 
 
 def with_drawn_people(world: World, rng: np.random.Generator) -> World:
-    """The world with people on free ways. They stop at both ends for up to eight seconds; none begins within 1.5 m of the robot
-    that waits for its patrol. Pets are shy: a level camera at a metre sees nothing so low nearer than two metres."""
+    """The world with people on free ways. They stop at both ends for up to eight seconds; none begins within 1.5 m of the
+    robot that waits for its patrol. Pets are shy: a level camera at a metre sees nothing so low nearer than two metres."""
     grid, clearance = free_space(after(world))
     people: list[Person] = []
     for number in range(1, int(rng.integers(1, 4)) + 1):
@@ -49,7 +49,8 @@ def _walker(world: World, rng: np.random.Generator, number: int) -> Person:
     width, height = ((0.2, 0.35), (0.25, 0.45)) if pet else ((0.36, 0.5), (1.5, 1.9))
     return Person(f"{'pet' if pet else 'person'} {number}", np.zeros((0, 2)), pace, (),
                   width_m=round(float(rng.uniform(*width)), 3), height_m=round(float(rng.uniform(*height)), 3),
-                  keep_m=round(float(rng.uniform(0.3, 0.6)), 3), patience_s=round(float(rng.uniform(1.0, 4.0)), 2), shy=pet, surface=look)
+                  keep_m=round(float(rng.uniform(0.3, 0.6)), 3), 
+                  patience_s=round(float(rng.uniform(1.0, 4.0)), 2), shy=pet, surface=look)
 
 
 def _way(ground: Ground, rng: np.random.Generator) -> np.ndarray | None:
