@@ -37,7 +37,6 @@ from .relocate import Search, clear_ahead_m
 
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
-GONE_CELLS = 5  # of an obstacle seen through in one view: it has moved; fewer are its edge
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_M = 0.5  # places put off may be tried again from so far away
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -105,10 +104,8 @@ class Sentinel:
 
     def note(self, belief: Belief, scan: Scan) -> None:
         if belief.status is BeliefStatus.TRACKING:
-            now_s, before = self.guard.around.now_s, self.watch.cells
+            now_s = self.guard.around.now_s
             self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=now_s)
-            if (before & ~self.watch.cells).sum() >= GONE_CELLS:
-                self.guard.around.moved_s = now_s
             if self.guard.moves:
                 self.watch.fade(now_s - self.settings.advanced.guard.fade_s)
 

@@ -33,6 +33,7 @@ class Surroundings:
         self.seen_s = np.full((cells, cells), -np.inf)
         self.pose, self.now_s = np.eye(4), -np.inf
         self.moved_s = -np.inf  # when something was last seen where nothing had been
+        self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.sight: Scan | None = None  # the widest measured scan of the last view
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
@@ -50,36 +51,39 @@ class Surroundings:
         self._follow()
         scan, obstacle = observation.scan, observation.obstacle
         self.sight = obstacle if obstacle is not None else scan
-        before = self.at_eye.votes.copy(), self.below.votes.copy()
         seen = []
+        things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
         if scan is not None:
-            seen.append(self.at_eye.look(self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M))
+            seen.append((self.at_eye, self.looked_s[0], self.at_eye.votes.copy(), self.at_eye.look(
+                self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M)))
         if obstacle is not None:
-            seen.append(self.below.look(self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M))
-        for cells in seen:
-            self._note_what_came(cells, before)
-        for cells in seen:
+            seen.append((self.below, self.looked_s[1], self.below.votes.copy(), self.below.look(
+                self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M)))
+        for layer, looked_s, votes, cells in seen:
+            self._note_what_came(layer.votes, votes, cells, (looked_s, things))
+            looked_s[cells[:, 0], cells[:, 1]] = self.now_s
             self._saw(cells)
         self._stand()
 
-    def _note_what_came(self, cells: np.ndarray, votes: tuple[np.ndarray, np.ndarray]) -> None:
-        """Whether things stand in cells (K, 2) that were seen free a moment ago, away from what was always there. votes: of
-        both layers until this view."""
+    def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
+                        known: tuple[np.ndarray, np.ndarray]) -> None:
+        """Whether things stand in cells (K, 2) that this layer saw free a moment ago, away from what was always there. now,
+        before: its votes. known: when it last looked at each cell, and where either layer had votes."""
+        looked_s, things = known
         rows, columns = cells.T
-        now = [layer.votes[rows, columns] for layer in (self.at_eye, self.below)]
-        old = [layer[rows, columns] for layer in votes]
-        has, had = (now[0] > 0.0) | (now[1] > 0.0), (old[0] > 0.0) | (old[1] > 0.0)
-        again = has & np.isfinite(self.came_s[rows, columns])
-        again &= (now[0] > old[0]) | (now[1] > old[1]) | (np.maximum(*now) >= self.at_eye.settings.most)
+        new_votes, old_votes = now[rows, columns], before[rows, columns]
+        hit = (new_votes > old_votes) | (new_votes >= self.at_eye.settings.most)
+        again = hit & np.isfinite(self.came_s[rows, columns])
         self.came_s[rows[again], columns[again]] = self.now_s
-        self.came_s[rows[~has], columns[~has]] = np.inf
-        fresh = has & ~had & (self.seen_s[rows, columns] > self.now_s - CAME_SEEN_S)
+        nothing = (self.at_eye.votes[rows, columns] <= 0.0) & (self.below.votes[rows, columns] <= 0.0)
+        self.came_s[rows[nothing], columns[nothing]] = np.inf
+        fresh = hit & ~things[rows, columns] & (looked_s[rows, columns] > self.now_s - CAME_SEEN_S)
         new = cells[fresh]
         middles = (new[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m
         new = new[np.hypot(*self.in_body(middles).T) < CAME_WITHIN_M]
         if len(new) < CAME_CELLS:
             return
-        things = ((votes[0] > 0.0) | (votes[1] > 0.0)) & ~np.isfinite(self.came_s)
+        things = things & ~np.isfinite(self.came_s)
         reach = round(CAME_APART_M / CELL_M)
         counted = np.zeros((things.shape[0] + 1, things.shape[1] + 1), int)
         counted[1:, 1:] = things.cumsum(axis=0).cumsum(axis=1)
@@ -96,6 +100,8 @@ class Surroundings:
             layer.votes[:] = 0.0
         self.seen_s[:] = -np.inf
         self.came_s[:] = np.inf
+        for looked_s in self.looked_s:
+            looked_s[:] = -np.inf
 
     def _saw(self, cells: np.ndarray) -> None:
         self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
@@ -116,7 +122,7 @@ class Surroundings:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
         for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.seen_s, -np.inf),
-                             (self.came_s, np.inf)):
+                             (self.came_s, np.inf), (self.looked_s[0], -np.inf), (self.looked_s[1], -np.inf)):
             kept = np.full_like(array, empty)
             height, width = array.shape
             to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
