@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.floorplan import Box, Wall, World, truth_grid
+from rhs.api.floorplan import Box, Wall, World, after, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.api.randomness import generator
 from rhs.base.errors import ConfigError, RhsError
@@ -27,6 +27,7 @@ from .looks import looks
 from .loops import draw_ladder, draw_loop
 from .names import parse
 from .obstacles import with_drawn_obstacles
+from .people import with_drawn_people
 from .rooms import draw_home, draw_office
 from .shapes import edges_of, nearest_gap_m, turned, within
 from .sketch import Room, Sketch
@@ -85,9 +86,7 @@ def _world(family: str, word: str, number: int) -> World:
 
 
 def _peopled(world: World, rng: np.random.Generator) -> World:
-    from .people import with_drawn_people
-
-    world = with_drawn_people(world, rng)
+    world = with_drawn_people(world, rng, *free_space(after(world)))
     check_world(world, _Drawn(world.name))
     return world
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from rhs.api.floorplan import Person, World, after
+from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
 from ..tour import Ground
 from ..world_moving import path_fault
-from .building import free_space
 from .looks import surface
 
 PETS = 0.25  # share of the walkers that are one
@@ -20,10 +20,11 @@ WAY_M = (2.5, 12.0)  # of the walk, one way
 TRIES = 40
 
 
-def with_drawn_people(world: World, rng: np.random.Generator) -> World:
+def with_drawn_people(world: World, rng: np.random.Generator, grid: OccupancyGrid,
+                      clearance: np.ndarray) -> World:
     """The world with people on free ways. They stop at both ends for up to eight seconds; none begins within 1.5 m of the
-    robot that waits for its patrol. Pets are shy: a level camera at a metre sees nothing so low nearer than two metres."""
-    grid, clearance = free_space(after(world))
+    robot that waits for its patrol. Pets are shy: a level camera at a metre sees nothing so low nearer than two metres.
+    grid, clearance (H, W): the free space of the patrol, metres to the nearest thing."""
     people: list[Person] = []
     for number in range(1, int(rng.integers(1, 4)) + 1):
         person = _walker(world, rng, number)
