@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.geometry import planar, se2
-from rhs.api.records import Motion, Observation, Scan, Twist
+from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
 from rhs.estimation.scans.settings import VoteSettings
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
@@ -46,6 +46,9 @@ class Surroundings:
 
         if motion.replaced:
             self.forget()
+        if motion.status is not Tracking.OK:
+            for looked_s in self.looked_s:
+                looked_s[:] = -np.inf
         self.pose = self.pose @ se2(*planar(motion.previous_from_body))
         self.now_s = observation.stamp_s
         self._follow()
@@ -60,7 +63,8 @@ class Surroundings:
             seen.append((self.below, self.looked_s[1], self.below.votes.copy(), self.below.look(
                 self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M)))
         for layer, looked_s, votes, cells in seen:
-            self._note_what_came(layer.votes, votes, cells, (looked_s, things))
+            if motion.status is Tracking.OK:  # else what was seen before may stand elsewhere in this frame
+                self._note_what_came(layer.votes, votes, cells, (looked_s, things))
             looked_s[cells[:, 0], cells[:, 1]] = self.now_s
             self._saw(cells)
         self._stand()
