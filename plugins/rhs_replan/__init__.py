@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 from rhs.api.contracts import Blockage, Blocked, Context
 from rhs.api.errors import check_range
+
+MOST = 100_000
 
 
 @dataclass
@@ -28,19 +31,101 @@ class NewMission:
 class Wait:
     """Stand still for a while, in case it goes away; then as `new_mission`."""
 
-    views: int = 20
-    """views to wait for something new on the path, half a second each"""
+    views: int = 40
+    """views to wait for something new on the path, or where there is no way round, half a second each"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
-        check_range("replan", "views", self.views, low=0, high=100_000)
+        check_range("replan", "views", self.views, low=0, high=MOST)
 
     def build(self, context: Context) -> Wait:
         return self
 
     def blocked(self, blockage: Blockage) -> Blocked:
-        if not blockage.known and blockage.waited < self.views:
+        if (blockage.no_way or not blockage.known) and blockage.waited < self.views:
             return Blocked.WAIT
         return NewMission().blocked(blockage)
+
+
+@dataclass
+class GoRound:
+    """Plan again round it, in the same mission; only where there is no way round, stand still for a while."""
+
+    views: int = 40
+    """views to wait where there is no way round, half a second each; then the place is left out"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_range("replan", "views", self.views, low=0, high=MOST)
+
+    def build(self, context: Context) -> GoRound:
+        return self
+
+    def blocked(self, blockage: Blockage) -> Blocked:
+        return Blocked.WAIT if blockage.no_way and blockage.waited < self.views else Blocked.REPLAN
+
+
+@dataclass
+class SkipAndReturn:
+    """Go on with the next place and come back to this one when the others are done; where no other is left, and after
+    so many tries of one place, as `go_round`."""
+
+    tries: int = 2
+    """times that a place is put off"""
+    views: int = 40
+    """views to wait where there is neither another place nor a way round, half a second each"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_range("replan", "tries", self.tries, low=0, high=1000)
+        check_range("replan", "views", self.views, low=0, high=MOST)
+
+    def build(self, context: Context) -> SkipAndReturn:
+        return self
+
+    def blocked(self, blockage: Blockage) -> Blocked:
+        if blockage.others and blockage.skipped < self.tries:
+            return Blocked.SKIP
+        return GoRound(self.views).blocked(blockage)
+
+
+@dataclass
+class Ask:
+    """Stand still and ask: the event `ask` says so, the answer is a word in a file. Without one it is `skip_and_return`."""
+
+    file: str = "answer.txt"
+    """where the answer is read: new_mission, replan, wait, skip or give_up. A path; what is not there is no answer, and the
+    word counts until the file is taken away"""
+    views: int = 40
+    """views to wait for an answer, half a second each"""
+    tries: int = 2
+    """times that a place is put off where nobody answers"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_range("replan", "views", self.views, low=0, high=MOST)
+        check_range("replan", "tries", self.tries, low=0, high=1000)
+
+    def build(self, context: Context) -> Ask:
+        return self
+
+    def blocked(self, blockage: Blockage) -> Blocked:
+        try:
+            word = Path(self.file).expanduser().read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError):
+            word = ""
+        if word in ANSWERS and not (word == Blocked.WAIT and blockage.waited >= MOST_WAIT):
+            return Blocked(word)
+        return Blocked.ASK if blockage.waited < self.views else SkipAndReturn(self.tries, 0).blocked(blockage)
+
+
+ANSWERS = tuple(str(answer) for answer in Blocked if answer is not Blocked.ASK)
+MOST_WAIT = 1000  # views that an answer can make it wait

@@ -18,10 +18,12 @@ from rhs.api.errors import ConfigError, RhsError
 from rhs.api.floorplan import World, after
 from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
 from rhs.api.records import Capture, Twist
+from rhs.worlds.live import Live
 from rhs.worlds.world import reversed_world
 
 from .lens import Lens
 from .simulator_config import Simulator
+from .simulator_mesh import brighter
 from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
 from .simulator_scene import Look, Scene, scene_of
 
@@ -51,12 +53,14 @@ class SimulatorSource(Source):
         self.views = waypoints(self.world.route_m, self.world.start[2], pace(settings))
         self.views_expected: int | None = len(self.views)
         self.solid = judge_of(self.world)
+        self.live: Live | None = None
         self.provides = None if self.solid else settings.provides - {"driving", "teleport"}
         self.folder = context.folder
         self.scene = self._scene()
         self.renderer = self.scene.renderer
         self.leads_ahead = self.renderer == "raster"  # an OpenGL context belongs to one thread
         self.stand = np.array(self.world.start)  # true x, y, yaw
+        self._begin_moving(patrol=False)
         self.travelled_m, self.stamp_s, self.index, self.led = 0.0, 0.0, 0, 0
         self.nearest_m, self.touched = np.inf if self.solid else np.nan, False
         self.bumped = False  # the robot's bumper, since the last view
@@ -97,6 +101,10 @@ class SimulatorSource(Source):
             return self._capture(0.0, None, None)
         self.travelled_m += view.distance_m
         before, self.stand = self.stand, self._strayed(view)
+        self._pass(view.duration_s)
+        if self.live is not None:
+            self.live.makes_way(self._robot())
+            self._place()
         travel = planar(inverse(se2(*before)) @ se2(*self.stand))
         self._note_clearance()
         return self._capture(view.duration_s, self._command_for(travel, view.duration_s), travel)
@@ -117,12 +125,35 @@ class SimulatorSource(Source):
     def begin_patrol(self) -> None:
         """From now on the world is as its file says it is after the survey."""
         changed = after(self.world)
-        if changed is self.world:
-            return
-        self.close()
-        self.world = changed
-        self.solid = judge_of(changed)
-        self.scene = self._scene()
+        if changed is not self.world:
+            self.close()
+            self.world = changed
+            self.solid = judge_of(changed)
+            self.scene = self._scene()
+        self._begin_moving(patrol=True)
+
+    def _begin_moving(self, *, patrol: bool) -> None:
+        """What moves by itself begins anew: survey and patrol have a clock each."""
+        if not self.world.moving.still:
+            self.live = Live(self.world.moving, self._robot(), patrol=patrol)
+            self._place()
+
+    def _robot(self) -> np.ndarray:
+        return np.array([*self.stand[:2], self.world.robot_radius_m])
+
+    def _pass(self, seconds: float) -> None:
+        """Let time pass for what moves by itself, while the robot stands where it is."""
+        if self.live is not None:
+            self.live.step(seconds, self._robot())
+            self._place()
+
+    def _place(self) -> None:
+        """Put what moves where it is now, for the picture and for the judge."""
+        if self.live is not None:
+            stands = self.live.stands()
+            self.scene.place(stands)
+            if self.solid is not None:
+                self.solid.place(stands)
 
     def drive(self, command: Twist) -> Capture:
         """Follow the command as well as this robot can, stopping at contact, and look."""
@@ -139,6 +170,7 @@ class SimulatorSource(Source):
 
     def _advance(self, forward_mps: float, turn_radps: float, seconds: float) -> None:
         """One substep, shortened to the contact if there is something in the way; turning is never blocked."""
+        self._pass(seconds)
         here = self._distance(self.stand)
         share, goal = 1.0, unicycle(self.stand, forward_mps * seconds, turn_radps * seconds)
         there = self._distance(goal) if forward_mps else here  # a robot that turns stays where it is
@@ -179,6 +211,8 @@ class SimulatorSource(Source):
     def _look(self) -> tuple[np.ndarray, np.ndarray]:
         """Picture and depth from here, through the lens if there is one."""
         image, depth = self.scene.render(self.world_from_body)
+        if self.live is not None:
+            image = brighter(image, self.live.brightness)
         return (image, depth) if self.lens is None else self.lens.bend(image, depth)
 
     def teleport(self, world_from_body: np.ndarray) -> None:

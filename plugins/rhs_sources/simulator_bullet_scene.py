@@ -18,6 +18,7 @@ import numpy as np
 from rhs.api.errors import RhsError
 from rhs.api.floorplan import World
 from rhs.api.geometry import Camera, inverse, se3
+from rhs.worlds.live import Stand
 
 from .simulator_bullet import pybullet, quiet
 from .simulator_mesh import Quad, building, lit
@@ -97,6 +98,9 @@ class BulletScene(Scene):
         depth = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
         depth[window >= 1.0] = np.nan
         return image, (depth + nudge).astype(np.float32)
+
+    def place(self, stands: list[Stand]) -> None:
+        """Nothing moves in a world that is drawn by PyBullet."""
 
     def _nudge(self, world_from_body: np.ndarray) -> float:
         """Metres, at most a few hundredths of a millimetre, by which to push the camera along its axis.

@@ -9,13 +9,15 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from rhs.api.floorplan import LAMP_SHARE, Box, Light, Wall, World
+from rhs.api.floorplan import LAMP_SHARE, Box, Light, Person, Wall, World
 
 from .simulator_textures import WallPainter, generator, surface
 
 OVERLAP_M = 0.02  # walls reach a little below the floor and above the ceiling, so that no gap of a pixel shows
 UNDER_M = 0.005  # by which our floor lies below that of somebody else's building
 FLOOR_PX_PER_M = 80.0  # of floor and ceiling: the floor is never nearer to the camera than its height
+
+SIDES = 10  # of a person, seen from above; even
 
 Quad = tuple[np.ndarray, np.ndarray]
 Painted = tuple[list[Quad], np.ndarray]  # quads that wear parts of one image (H, W, 3) uint8
@@ -64,6 +66,40 @@ def furniture(world: World, boxes: Iterable[Box], px_per_m: float) -> Iterator[P
         rng = generator(world.seed, "box", box.name)
         yield box_sides(box), surface(rng, box.surface, (2 * (w + d), h), px_per_m)
         yield box_lids(box), surface(rng, box.surface, (w, d), px_per_m)
+
+
+def shape_faces(world: World, shape: Person | Box, px_per_m: float) -> Iterator[Painted]:
+    """A person or a box that stands in the origin."""
+    if isinstance(shape, Box):
+        yield from furniture(world, [shape], px_per_m)
+        return
+    sides, lids = prism(0.5 * shape.width_m, shape.height_m)
+    around = np.pi * shape.width_m
+    image = surface(generator(world.seed, "person", shape.name), shape.surface, (around, shape.height_m), px_per_m)
+    if shape.height_m > 1.0:  # dressed: head, coat, trousers
+        head, belt = round(0.13 * len(image)), round(0.5 * len(image))
+        image[:head] = brighter(image[:head], 1.6)
+        image[belt:] = brighter(image[belt:], 0.5)
+    yield sides, image
+    yield lids, image[: round(0.1 * len(image)) + 1]
+
+
+def prism(radius_m: float, height_m: float) -> tuple[list[Quad], list[Quad]]:
+    """Sides and lids of an upright prism of SIDES sides round the origin: nearly a cylinder."""
+    turn = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    ring = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    sides = []
+    for i in range(SIDES):
+        p, q = ring[i], ring[(i + 1) % SIDES]
+        face = np.array([[*p, 0.0], [*q, 0.0], [*q, height_m], [*p, height_m]])
+        uv = np.array([[i, 0.0], [i + 1, 0.0], [i + 1, SIDES], [i, SIDES]]) / SIDES
+        sides.append((face, uv))
+    lids = []
+    for i in range(1, SIDES - 2, 2):
+        corners = ring[[0, i, i + 1, i + 2]]
+        lids.append((np.column_stack([corners, np.full(4, height_m)]), WHOLE))
+        lids.append((np.column_stack([corners[::-1], np.zeros(4)]), WHOLE))
+    return sides, lids
 
 
 def wall_faces(wall: Wall, number: int) -> list[Quad]:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.api.floorplan import Box, Wall, World
+from rhs.api.floorplan import Box, Person, Wall, World
+from rhs.worlds.live import Stand, shapes_of
 
 from .simulator_bullet import pybullet, quiet
 
@@ -30,6 +31,12 @@ class Solid:
                 self._add_wall(wall, number)
         for box in world.boxes:
             self._add_box(box)
+        self.moving = range(len(self.bodies), len(self.bodies) + len(shapes_of(world.moving)))
+        for shape in shapes_of(world.moving):
+            if isinstance(shape, Person):
+                self._add_person(shape)
+            else:
+                self._add_box(shape)
         self.robot = self._robot()
 
     def _add_box(self, box: Box) -> None:
@@ -40,6 +47,23 @@ class Solid:
         a, b = wall.segments_m[number]
         half = (0.5 * float(np.hypot(*(b - a))), WALL_HALF_THICKNESS_M, 0.5 * wall.height_m)
         self._add(half, (*(0.5 * (a + b)), 0.5 * wall.height_m), float(np.arctan2(*(b - a)[::-1])))
+
+    def _add_person(self, person: Person) -> None:
+        radius = 0.5 * person.width_m
+        shape = pybullet.createCollisionShape(pybullet.GEOM_CYLINDER, radius=radius, height=person.height_m,
+                                              physicsClientId=self.client)
+        self.rounds.append((0.0, 0.0, radius))
+        self.bodies.append(pybullet.createMultiBody(0, shape, -1, [0.0, 0.0, 0.5 * person.height_m],
+                                                    physicsClientId=self.client))
+
+    def place(self, stands: list[Stand]) -> None:
+        """Put what moves (rhs.worlds.live.shapes_of) where it is now."""
+        for number, shape, stand in zip(self.moving, shapes_of(self.world.moving), stands, strict=True):
+            height = shape.height_m if isinstance(shape, Person) else shape.size_m[2]
+            turn = [0.0, 0.0, float(np.sin(0.5 * stand.yaw_rad)), float(np.cos(0.5 * stand.yaw_rad))]
+            self.rounds[number] = (stand.x_m, stand.y_m, self.rounds[number][2])
+            middle = [stand.x_m, stand.y_m, stand.bottom_m + 0.5 * height]
+            pybullet.resetBasePositionAndOrientation(self.bodies[number], middle, turn, physicsClientId=self.client)
 
     def _add(self, half_m, middle_m, yaw_rad: float) -> None:
         shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=list(half_m), physicsClientId=self.client)

@@ -236,6 +236,11 @@ class Blocked(StrEnum):
     """break the mission off and begin another to the same place (thesis 5.6)"""
     WAIT = "wait"
     """stand still for this view and look again"""
+    SKIP = "skip"
+    """go on with the next place, come back to this one when the others are done; without another place, or after
+    mission.tries of it: leave this place out"""
+    ASK = "ask"
+    """as wait, and say that somebody is asked what to do"""
     GIVE_UP = "give_up"
     """leave this place out"""
 
@@ -243,15 +248,20 @@ class Blocked(StrEnum):
 @dataclass(frozen=True, eq=False)
 class Blockage:
     """Something stands on the path. at_m: (2,) its middle, metres in the map. known: it stood there before in the attempts
-    at this place. waited: views waited for it already."""
+    at this place. waited: views waited for it already. skipped: times this place was put off already. others: other places
+    left that were not put off here. no_way: there is no way round what was seen; new_mission and replan then look round
+    once more, and leave the place out if that does not help."""
 
     at_m: np.ndarray
     known: bool
     waited: int
+    skipped: int = 0
+    others: int = 0
+    no_way: bool = False
 
 
 class Replan(Protocol):
-    """Decides what to do when the way is blocked."""
+    """Decides what to do when the way is blocked: asked in each view in which it is."""
 
     def blocked(self, blockage: Blockage) -> Blocked: ...
 

@@ -128,11 +128,73 @@ class Changes:
 
 
 @dataclass(frozen=True, eq=False)
+class Person:
+    """A person, or a pet, who walks a closed path: an upright cylinder.
+
+    path_m (N, 2): corners; the last is joined to the first. pauses_s: at each corner, or empty. start_m: along the path,
+    where the walk begins. keep_m: nearer to the robot's side nobody steps; who would, stands, and after patience_s turns
+    round. shy: runs off along the path before a robot that comes as near, at 1 m/s or the own speed.
+    survey: walks during the survey too, from its beginning, and makes way for a camera that is led; else is not there."""
+
+    name: str
+    path_m: np.ndarray
+    speed_mps: float = 0.8
+    pauses_s: tuple[float, ...] = ()
+    start_m: float = 0.0
+    width_m: float = 0.4
+    height_m: float = 1.7
+    keep_m: float = 0.4
+    patience_s: float = 3.0
+    shy: bool = False
+    survey: bool = False
+    surface: Surface = field(default_factory=lambda: Surface("carpet", (70.0, 90.0, 140.0), 30.0))
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A box that stands there at times: from stands_s[k][0] until stands_s[k][1], and again every every_s (0: once).
+    otherwise: where it is else, None: nowhere. During the survey it is as it is at 0."""
+
+    box: Box
+    stands_s: tuple[tuple[float, float], ...]
+    every_s: float = 0.0
+    otherwise: Box | None = None
+
+    def at(self, now_s: float) -> Box | None:
+        """Where it should stand now."""
+        now = now_s % self.every_s if self.every_s > 0.0 else now_s
+        return self.box if any(low <= now < high for low, high in self.stands_s) else self.otherwise
+
+
+@dataclass(frozen=True)
+class Moving:
+    """What moves in a world by itself (rhs.worlds.live moves it); times in seconds since the patrol began.
+    light_s: (time, brightness) in order of time, straight lines between; it multiplies the world's light."""
+
+    people: tuple[Person, ...] = ()
+    timed: tuple[Timed, ...] = ()
+    light_s: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing moves."""
+        return not (self.people or self.timed or self.light_s)
+
+    def brightness(self, now_s: float) -> float:
+        """Factor on all colours now."""
+        if not self.light_s:
+            return 1.0
+        times, values = zip(*self.light_s, strict=True)
+        return float(np.interp(now_s, times, values))
+
+
+@dataclass(frozen=True, eq=False)
 class World:
     """A building. start: (x m, y m, yaw rad). places: (name, x m, y m). route_m (N, 2): the survey from the start on.
 
     obstacles are unknown to the survey and put in when the patrol begins, and `changes` happen then: see `after`. path: the
     file it was read from. mesh: somebody else's building, which may stand there without walls. light: as it is now.
+    moving: what moves by itself, which no plan shows.
     """
 
     name: str
@@ -152,6 +214,7 @@ class World:
     mesh: Mesh | None = None
     changes: Changes = Changes()
     light: Light = Light()
+    moving: Moving = Moving()
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:

@@ -17,6 +17,7 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
+from .contracts import Blocked
 from .errors import ContractError
 from .frozen import freeze
 from .grid import MOST_CELLS, OccupancyGrid
@@ -260,6 +261,11 @@ def check_covariance(covariance: Any, *, who: str, field: str = "covariance") ->
 
 
 # --- fields --------------------------------------------------------------------------------------------------------------
+
+
+def check_blocked(answer: Any, *, who: str) -> Blocked:
+    """What a replan part answered. Raises ContractError."""
+    return _record(answer, Blocked, who)
 
 
 def _refuse(who: str, field: str, found: str, expected: str) -> NoReturn:

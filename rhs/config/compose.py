@@ -142,7 +142,8 @@ def _check_names(values: dict[str, Any], choices: dict[str, str | None]) -> None
             raise ConfigError(f"{kind}={name}: in a YAML file this is chosen by `override /{kind}: {name}` under defaults")
 
 
-OF_A_DRIVE = ("planner", "localiser", "replan", "mission", "obstacles", "world")  # words that a recording has no use for
+# words that a recording has no use for
+OF_A_DRIVE = ("planner", "localiser", "replan", "mission", "obstacles", "people", "world")
 
 
 def _check_of_use(config: RunConfig, words: Sequence[Any]) -> None:

@@ -154,7 +154,7 @@ ENUMERATIONS: dict[str, type[StrEnum]] = {
 
 
 # ours, in the order of a table
-GROUPS = ("cause", "blame", "patrol", "localise", "calibration", "survey", "explore", "map", "laser", "recording",
+GROUPS = ("cause", "blame", "patrol", "moving", "localise", "calibration", "survey", "explore", "map", "laser", "recording",
           "planning", "stages")
 
 

@@ -47,7 +47,7 @@ def cause(run: RunFiles) -> str:
 
 def first_failed(missions: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
     """The first mission that did not end at its place."""
-    return next((m for m in missions if m["status"] not in ("arrived", "aborted")), None)
+    return next((m for m in missions if m["status"] not in ("arrived", "aborted", "skipped")), None)
 
 
 def first_of_failed(patrol: Sequence[Step], missions: Sequence[Mapping[str, Any]]) -> list[tuple[int, str]]:

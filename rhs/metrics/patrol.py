@@ -77,7 +77,9 @@ def path_optimal_informed_m(run: RunFiles, facts: dict, patrol: list[dict[str, s
         if {"arrived", "gave_up"} & set(events) and places:
             place = places.pop(0)
             stops += [place] if "arrived" in events else []
-        stops += [_true_xy(step)] if "blocked" in events else []
+        if "skipped" in events and places:
+            places.append(places.pop(0))
+        stops += [_true_xy(step)] if {"blocked", "skipped"} & set(events) else []
     return _shortest_m(run.grid("true_map") if plan is None else plan, facts, patrol, stops)
 
 

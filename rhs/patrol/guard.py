@@ -29,6 +29,11 @@ class GuardSettings:
     it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
     look_s: float = 15.0
     """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in"""
+    look_moving_s: float = 1.5
+    """the same while something has been seen to move, in the last remember_s: who walks 0.8 m/s is elsewhere after 2 s"""
+    fade_s: float = 4.0
+    """and what was seen to come, or stands where the map knows nothing, is forgotten when it was not seen for so long,
+    seconds"""
     remember_s: float = 60.0
     """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
     ahead_m: float = 0.15
@@ -44,7 +49,8 @@ class GuardSettings:
     votes: VoteSettings = field(default_factory=VoteSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
+        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6),
+                     remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
                      brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
 
 
@@ -53,7 +59,7 @@ class Guard:
 
     def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings) -> None:
         self.radius_m, self.pace, self.settings = radius_m, pace, settings
-        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s)
+        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s)
         self.touched = False
         self.given: Twist | None = None
         self._still = 0
@@ -66,7 +72,13 @@ class Guard:
 
     @property
     def _since_s(self) -> float:
-        return self.around.now_s - self.settings.look_s
+        settings = self.settings
+        return self.around.now_s - (min(settings.look_moving_s, settings.look_s) if self.moves else settings.look_s)
+
+    @property
+    def moves(self) -> bool:
+        """Whether something was seen to move lately."""
+        return self.around.now_s - self.around.moved_s < self.settings.remember_s
 
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""

@@ -22,6 +22,8 @@ from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
 from rhs.estimation.views.features import features
 from rhs.worlds.maps import save_map
+from rhs.worlds.world_checks import walk_fault
+from rhs.worlds.world_moving import walkers
 
 from .explore import check_explorable, explored
 from .gate import gated
@@ -81,6 +83,15 @@ def with_obstacles(world: World, boxes: list[list[float]], *, at_start: bool = F
     more = tuple(Box(f"obstacle_{i + 1}", (x, y), (width, depth, OBSTACLE_HEIGHT_M))
                  for i, (x, y, width, depth) in enumerate(boxes))
     return replace(world, obstacles=world.obstacles + more)
+
+
+def with_people(world: World, paths_m: Sequence[Sequence[float]]) -> World:
+    """The world with people on closed paths besides those it has. Raises ConfigError for a path through a wall or a box."""
+    people = walkers(paths_m)
+    for person in people:
+        if fault := walk_fault(world, person):
+            raise ConfigError(f"people: {fault}")
+    return replace(world, moving=replace(world.moving, people=world.moving.people + people)) if people else world
 
 
 def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *, sights: Sights | None = None,

@@ -118,6 +118,10 @@ class Logbook:
     places: tuple[tuple[str, float, float], ...]
     missions: list[Mission] = field(default_factory=list)
     visited: int = 0
+    order: list[tuple[str, float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.order = list(self.places)
 
     @property
     def current(self) -> Mission | None:
@@ -129,17 +133,31 @@ class Logbook:
 
     def open(self, at_m: np.ndarray) -> Mission:
         """Begin the mission to the next place."""
-        name, x, y = self.places[self.visited]
+        name, x, y = self.order[self.visited]
         mission = Mission(len(self.missions) + 1, name, [float(x), float(y)], [float(v) for v in at_m])
         self.missions.append(mission)
         return mission
 
     def close(self, status: MissionStatus, reason: str = "") -> None:
-        """End the current mission. `arrived` and `gave_up` go on to the next place; `aborted` tries the same again."""
+        """End the current mission. `arrived` and `gave_up` go on to the next place; `aborted` tries the same again;
+        `skipped` puts it off until the others are done."""
         mission = self.missions[-1]
         mission.status, mission.reason = status, reason
         if status in (MissionStatus.ARRIVED, MissionStatus.GAVE_UP):
             self.visited += 1
+        if status is MissionStatus.SKIPPED:
+            self.order.append(self.order.pop(self.visited))
+
+    @property
+    def place(self) -> tuple[str, float, float]:
+        """Of the current mission."""
+        return self.order[self.visited]
+
+    def skipped(self) -> int:
+        """How often the current place was put off."""
+        name, x, y = self.place
+        put_off = [one for one in self.missions if one.status is MissionStatus.SKIPPED]
+        return sum((one.place, one.goal_m) == (name, [x, y]) for one in put_off)
 
     def to_rows(self) -> list[dict]:
         return [asdict(mission) for mission in self.missions]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.files import replacing
-from rhs.api.floorplan import World, after, truth_grid
+from rhs.api.floorplan import Moving, World, after, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Step
 from rhs.api.records import Path as Plan
@@ -100,12 +100,24 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
         save_map(folder / "true_map", truth_grid(world))
         if after(world) is not world:
             save_map(folder / "true_map_patrol", truth_grid(after(world)))
+        if not world.moving.still:
+            write_json(folder / "moving.json", moving_rows(world.moving))
     level = "full" if config.recording == "auto" else config.recording
     recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))
     return RunLog(folder, StepTable(folder), Audience(listeners), watch)
+
+
+def moving_rows(moving: Moving) -> dict[str, Any]:
+    """What moves by itself, for pictures and people; times in seconds of the patrol."""
+    people = [{"name": one.name, "path_m": one.path_m.tolist(), "width_m": one.width_m, "height_m": one.height_m,
+               "speed_mps": one.speed_mps, "survey": one.survey} for one in moving.people]
+    timed = [{"name": one.box.name, "stands_s": [list(pair) for pair in one.stands_s], "every_s": one.every_s,
+              "corners_m": one.box.corners_m.tolist(),
+              "otherwise_m": None if one.otherwise is None else one.otherwise.corners_m.tolist()} for one in moving.timed]
+    return {"people": people, "timed": timed, "light_s": [list(pair) for pair in moving.light_s]}
 
 
 def closure_rows(closure: Closure) -> dict[str, Any]:

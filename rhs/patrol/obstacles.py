@@ -45,21 +45,31 @@ class ObstacleWatch:
         gap_cells = distance_transform_edt(~walls) if walls.any() else np.full(grid.shape, np.inf)
         self.gap_m = np.where(free, gap_cells * grid.resolution_m, 0.0)  # to the nearest wall; 0 where nothing is known
         self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
+        # of each: when a beam of it last passed a cell or ended there; one at eye height says nothing of what lies lower
+        self.seen_s = np.full((2, *grid.shape), -np.inf)
 
     def forget(self) -> None:
         """A new mission begins with the map as surveyed."""
         self.at_eye.votes[:] = 0
         self.below.votes[:] = 0
 
-    def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None) -> None:
+    def fade(self, before_s: float) -> None:
+        """Forget what was not looked at since then: where things move, it may have gone."""
+        for layer, seen_s in zip((self.at_eye, self.below), self.seen_s, strict=True):
+            layer.votes[seen_s < before_s] = 0.0
+
+    def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
+             now_s: float = 0.0) -> None:
         """Count one view: its scan, and what its whole depth image shows besides."""
         from rhs.estimation.scans.votes import low_only
 
         if scan is not None:
-            self.at_eye.look(map_from_body, scan, hits=self._unknown(map_from_body, scan), within_m=self.within_m)
+            cells = self.at_eye.look(map_from_body, scan, hits=self._unknown(map_from_body, scan), within_m=self.within_m)
+            self.seen_s[0, cells[:, 0], cells[:, 1]] = now_s
         if obstacle is not None:
             hits = low_only(obstacle, scan) & self._unknown(map_from_body, obstacle)
-            self.below.look(map_from_body, obstacle, hits=hits, within_m=self.within_m)
+            cells = self.below.look(map_from_body, obstacle, hits=hits, within_m=self.within_m)
+            self.seen_s[1, cells[:, 0], cells[:, 1]] = now_s
 
     def _unknown(self, map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
         """(N,) bool: the beam ends where the map knows of nothing."""
@@ -79,6 +89,7 @@ class ObstacleWatch:
         points = points_m[self.unknown(points_m)]
         cells = self.grid.cells(points)
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
+        self.seen_s[1, cells[:, 0], cells[:, 1]] = np.inf
 
     @property
     def cells(self) -> np.ndarray:

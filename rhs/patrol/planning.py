@@ -49,7 +49,7 @@ class RoomyPlanner:
             plan = ask(*room)
             if plan.found and length_m(plan) <= LONGER * length_m(least) + 0.5:
                 return plan
-        if least.reason is PlanReason.GOAL_BLOCKED and not self._something_at(goal_m, obstacles):
+        if least.reason is PlanReason.GOAL_BLOCKED and not self._something_at(goal_m, obstacles, gap_cells):
             return replace(least, reason=PlanReason.NEVER_SEEN)
         return least
 
@@ -74,9 +74,9 @@ class RoomyPlanner:
             gaps[cells[:, 0], cells[:, 1]] = cKDTree(things_m).query(self.grid.centres(cells), distance_upper_bound=2.0)[0]
         return gaps
 
-    def _something_at(self, goal_m: np.ndarray, obstacles: np.ndarray) -> bool:
+    def _something_at(self, goal_m: np.ndarray, obstacles: np.ndarray, gap_cells: np.ndarray) -> bool:
         """Whether anything known to stand somewhere bars the goal; what was never seen does not."""
-        things = inflate(self.grid.occupied() | obstacles, self._grown[-1][0])
+        things = inflate(self.grid.occupied() | obstacles, self._grown[-1][0]) | (gap_cells < self._grown[-1][0])
         return bool(things[tuple(self.grid.cells(goal_m[None])[0])])
 
 

@@ -23,7 +23,7 @@ from rhs.api.records import (
     View,
 )
 from rhs.api.task import Parts
-from rhs.api.validate import check_capture
+from rhs.api.validate import check_blocked, check_capture
 from rhs.estimation.survey import known_free
 
 from .control import Pace, ahead_on_path, closest_on_path, steer, target_on, turn
@@ -37,6 +37,8 @@ from .relocate import Search, clear_ahead_m
 
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
+WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
+ELSEWHERE_M = 0.5  # places put off may be tried again from so far away
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
@@ -60,6 +62,7 @@ class Sentinel:
         self.obstacle: Scan | None = None  # of the last view
         self.lost_in_all = 0
         self.plans: list[tuple[int, Path]] = []
+        self.put_off: tuple[np.ndarray, list[tuple[str, float, float]]] = (np.zeros(2), [])  # places, and where it was done
         self.kidnapper: Kidnapper | None = None
         self.search = Search(radius_m, self.pace)
         self._begin_place()
@@ -101,7 +104,10 @@ class Sentinel:
 
     def note(self, belief: Belief, scan: Scan) -> None:
         if belief.status is BeliefStatus.TRACKING:
-            self.watch.look(belief.map_from_body, scan, self.obstacle)
+            now_s = self.guard.around.now_s
+            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=now_s)
+            if self.guard.moves:
+                self.watch.fade(now_s - self.settings.advanced.guard.fade_s)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -176,7 +182,7 @@ class Sentinel:
             self.book.missions[-1].replans += 1
             events.append(Event.REPLAN)
         if self.path is None and not self._plan(pose, events):
-            return self._after_failed_plan(events)
+            return self._after_failed_plan(pose, events)
         assert self.path is not None
         command = steer(self.path.points_m, belief.map_from_body, self.pace)
         if not self.guard.sees:
@@ -233,8 +239,18 @@ class Sentinel:
         near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
         return near
 
-    def _after_failed_plan(self, events: list[Event]) -> Twist | None:
-        """Forget what was seen and look again once; then give the place up, with the planner's reason."""
+    def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
+        """Where something seen bars every way, ask the replan part. Else, or if it wants to go on: forget what was seen and
+        look again once; then give the place up, with the planner's reason."""
+        seen = self.grid.centres(np.argwhere(self.watch.cells))
+        if self.barred:
+            seen = np.concatenate([seen, self._near_things(pose)])
+        if len(seen):
+            nearest = seen[np.argmin(np.linalg.norm(seen - pose[:2], axis=1))]
+            mission = self.book.current
+            command = self._answer(self._told(nearest, known=True, no_way=True), pose, events)
+            if command is not None or self.book.current is not mission:
+                return command
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
             self.watch.forget()
@@ -257,19 +273,31 @@ class Sentinel:
         if len(hits) == 0:
             return None
         known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)
-        return Blockage(hits.mean(axis=0), known, self.waited)
+        return self._told(hits.mean(axis=0), known=known)
+
+    def _told(self, at_m: np.ndarray, *, known: bool, no_way: bool = False) -> Blockage:
+        """What the replan part is told of something in the way there."""
+        left = self.book.order[self.book.visited + 1:]
+        others = sum(place not in self.put_off[1] for place in left)
+        return Blockage(at_m, known, self.waited, self.book.skipped(), others, no_way)
 
     def _answer(self, blockage: Blockage, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Do what the replan part says of the blockage: a command to wait, or None and no path any more."""
-        answer, at = self.replan.blocked(blockage), blockage.at_m
-        if answer is Blocked.WAIT:
-            self.waited += 1
-            events.append(Event.WAIT)
-            return Twist(0.0, 0.0, WAIT_S)
+        answer, at = check_blocked(self.replan.blocked(blockage), who=self.who.get("replan", "replan")), blockage.at_m
+        if answer in (Blocked.WAIT, Blocked.ASK):
+            self.waited, self.still = self.waited + 1, 0
+            self.attempts -= blockage.no_way  # the plan that failed is tried again
+            events.append(Event.WAIT if answer is Blocked.WAIT else Event.ASK)
+            return self._watching(at, pose)
+        if blockage.no_way and answer in (Blocked.REPLAN, Blocked.NEW_MISSION):
+            return None  # it is looked at once more
         self.path, self.waited = None, 0
         self.seen_obstacles.append(at)
         near = f"obstacle near ({at[0]:.1f}, {at[1]:.1f}) m"
-        if answer is Blocked.GIVE_UP:
+        if answer is Blocked.SKIP and blockage.others and blockage.skipped < self.settings.tries:
+            self._put_off(pose)
+            self._finish(MissionStatus.SKIPPED, near, events)
+        elif answer in (Blocked.GIVE_UP, Blocked.SKIP):
             self._finish(MissionStatus.GAVE_UP, near, events)
         elif answer is Blocked.NEW_MISSION:
             self.book.close(MissionStatus.ABORTED, near)
@@ -279,6 +307,20 @@ class Sentinel:
             self.book.missions[-1].replans += 1
             events.append(Event.REPLAN)
         return None
+
+    def _watching(self, at_m: np.ndarray, pose: np.ndarray) -> Twist:
+        """Stand still for a view, turned to what is waited for: else nobody sees it go."""
+        bearing = float(wrap(np.arctan2(at_m[1] - pose[1], at_m[0] - pose[0]) - pose[2]))
+        if abs(bearing) > WATCH_RAD and self.guard.sees and not self.pace.arc_radius_m:
+            return turn(bearing, self.pace)
+        return Twist(0.0, 0.0, WAIT_S)
+
+    def _put_off(self, pose: np.ndarray) -> None:
+        """Remember that the place is put off here: that one and no other is worth a try from somewhere else."""
+        where, places = self.put_off
+        if np.linalg.norm(pose[:2] - where) > ELSEWHERE_M:
+            where, places = pose[:2].copy(), []
+        self.put_off = where, [*places, self.book.place]
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)
@@ -299,6 +341,7 @@ class Sentinel:
             self.turned_rad = 0.0 if shift > 0.05 else self.turned_rad + turned
             moved = shift > 0.05 or (turned > 0.03 and self.turned_rad < MOST_TURNING_RAD)
             self.still = 0 if moved else self.still + 1
+            self.waited = 0 if shift > 0.05 else self.waited
         self.last_pose = pose
         limit = self.settings.tries * 10
         return self.still >= self.settings.stuck_steps or self.attempts > limit

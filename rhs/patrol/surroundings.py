@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.geometry import planar, se2
-from rhs.api.records import Motion, Observation, Scan, Twist
+from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
 from rhs.estimation.scans.settings import VoteSettings
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
@@ -15,20 +15,26 @@ THING = 0.75  # votes from which a cell holds a thing: one beam that ended there
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
 PATCH_M = 0.1  # grain of the ground that has to be seen
+# Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
+# (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
+CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
 
 
 class Surroundings:
     """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
-    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float) -> None:
+    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float, fade_s: float = np.inf) -> None:
         from rhs.estimation.scans.votes import Votes  # compiled code
 
-        self.radius_m, self.remember_s = radius_m, remember_s
+        self.radius_m, self.remember_s, self.fade_s = radius_m, remember_s, fade_s
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
         self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
         self.seen_s = np.full((cells, cells), -np.inf)
         self.pose, self.now_s = np.eye(4), -np.inf
+        self.moved_s = -np.inf  # when something was last seen where nothing had been
+        self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
+        self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.sight: Scan | None = None  # the widest measured scan of the last view
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
@@ -40,22 +46,66 @@ class Surroundings:
 
         if motion.replaced:
             self.forget()
+        if motion.status is not Tracking.OK:
+            for looked_s in self.looked_s:
+                looked_s[:] = -np.inf
         self.pose = self.pose @ se2(*planar(motion.previous_from_body))
         self.now_s = observation.stamp_s
         self._follow()
         scan, obstacle = observation.scan, observation.obstacle
         self.sight = obstacle if obstacle is not None else scan
+        seen = []
+        things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
         if scan is not None:
-            self._saw(self.at_eye.look(self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M))
+            seen.append((self.at_eye, self.looked_s[0], self.at_eye.votes.copy(), self.at_eye.look(
+                self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M)))
         if obstacle is not None:
-            self._saw(self.below.look(self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M))
+            seen.append((self.below, self.looked_s[1], self.below.votes.copy(), self.below.look(
+                self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M)))
+        for layer, looked_s, votes, cells in seen:
+            if motion.status is Tracking.OK:  # else what was seen before may stand elsewhere in this frame
+                self._note_what_came(layer.votes, votes, cells, (looked_s, things))
+            looked_s[cells[:, 0], cells[:, 1]] = self.now_s
+            self._saw(cells)
         self._stand()
+
+    def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
+                        known: tuple[np.ndarray, np.ndarray]) -> None:
+        """Whether things stand in cells (K, 2) that this layer saw free a moment ago, away from what was always there. now,
+        before: its votes. known: when it last looked at each cell, and where either layer had votes."""
+        looked_s, things = known
+        rows, columns = cells.T
+        new_votes, old_votes = now[rows, columns], before[rows, columns]
+        hit = (new_votes > old_votes) | (new_votes >= self.at_eye.settings.most)
+        again = hit & np.isfinite(self.came_s[rows, columns])
+        self.came_s[rows[again], columns[again]] = self.now_s
+        nothing = (self.at_eye.votes[rows, columns] <= 0.0) & (self.below.votes[rows, columns] <= 0.0)
+        self.came_s[rows[nothing], columns[nothing]] = np.inf
+        fresh = hit & ~things[rows, columns] & (looked_s[rows, columns] > self.now_s - CAME_SEEN_S)
+        new = cells[fresh]
+        middles = (new[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m
+        new = new[np.hypot(*self.in_body(middles).T) < CAME_WITHIN_M]
+        if len(new) < CAME_CELLS:
+            return
+        things = things & ~np.isfinite(self.came_s)
+        reach = round(CAME_APART_M / CELL_M)
+        counted = np.zeros((things.shape[0] + 1, things.shape[1] + 1), int)
+        counted[1:, 1:] = things.cumsum(axis=0).cumsum(axis=1)
+        low, high = np.maximum(new - reach, 0).T, np.minimum(new + reach + 1, things.shape[0]).T
+        near = counted[high[0], high[1]] - counted[low[0], high[1]] - counted[high[0], low[1]] + counted[low[0], low[1]]
+        came = new[near == 0]
+        if len(came) >= CAME_CELLS:
+            self.moved_s = self.now_s
+            self.came_s[came[:, 0], came[:, 1]] = self.now_s
 
     def forget(self) -> None:
         """Nothing was seen yet."""
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
         self.seen_s[:] = -np.inf
+        self.came_s[:] = np.inf
+        for looked_s in self.looked_s:
+            looked_s[:] = -np.inf
 
     def _saw(self, cells: np.ndarray) -> None:
         self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
@@ -75,7 +125,8 @@ class Surroundings:
         if np.abs(off).max() < KEPT_M:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.seen_s, -np.inf)):
+        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.seen_s, -np.inf),
+                             (self.came_s, np.inf), (self.looked_s[0], -np.inf), (self.looked_s[1], -np.inf)):
             kept = np.full_like(array, empty)
             height, width = array.shape
             to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
@@ -97,6 +148,7 @@ class Surroundings:
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
         there = (self.at_eye.votes[near] >= THING) | (self.below.votes[near] >= THING)
+        there &= self.came_s[near] >= self.now_s - self.fade_s  # what came may have gone unseen
         rows, columns = np.nonzero(there & (self.seen_s[near] >= self.now_s - self.remember_s))
         points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
         body = self.in_body(points)

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, ClassVar, TypeGuard
 
 from rhs.base.errors import ConfigError, check_choice, check_range
+from rhs.worlds.world_moving import walkers
 
 from .mission import MissionSettings
 
@@ -89,6 +90,9 @@ class Patrol(Survey):
 
     obstacles: list[list[float]] = field(default_factory=list)
     """boxes the map does not know, put in when the patrol begins: [[x_m, y_m, width_m, depth_m], ...]"""
+    people: list[list[float]] = field(default_factory=list)
+    """people who walk about during the patrol, besides those of the world, each a closed path: [[x1, y1, x2, y2, ...], ...],
+    metres; 0.8 m/s, standing for a robot in their way"""
     mission: MissionSettings = field(default_factory=MissionSettings)
 
     kinds: ClassVar[tuple[str, ...]] = (*Survey.kinds, "planner", "localiser", "replan")
@@ -99,13 +103,15 @@ class Patrol(Survey):
                 raise ConfigError(f"obstacles={list(box)}: expected 4 finite numbers: x_m, y_m, width_m, depth_m")
             check_range("obstacles", "width_m", box[2], low=0.01, high=1000.0, unit="m")
             check_range("obstacles", "depth_m", box[3], low=0.01, high=1000.0, unit="m")
+        walkers(self.people)
 
     def build(self, context: RunContext) -> PatrolJob:
-        from .job import PatrolJob, with_obstacles
+        from .job import PatrolJob, with_obstacles, with_people
 
         world = context.floor_plan()
-        waits = explores(self)
-        return PatrolJob(self, context, None if world is None else with_obstacles(world, self.obstacles, at_start=waits))
+        if world is not None:
+            world = with_people(with_obstacles(world, self.obstacles, at_start=explores(self)), self.people)
+        return PatrolJob(self, context, world)
 
 
 @dataclass

@@ -13,7 +13,7 @@ from rhs.api.trajectory import Trajectory, aligned, read_tum
 from rhs.metrics.accuracy import pair
 from rhs.runfolder.run import Run
 
-from .event_marks import draw_happenings, draw_unknown
+from .event_marks import draw_happenings, draw_moving, draw_unknown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,6 +51,7 @@ def draw_run(axes: Axes, folder: Path) -> None:
         if after is not None:
             draw_unknown(axes, true, after)
     draw_found_walls(axes, folder)
+    draw_moving(axes, json_of(folder / "moving.json") or {})
     draw_lines(axes, folder)
     draw_plans(axes, folder)
     draw_places(axes, folder)

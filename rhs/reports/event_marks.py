@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Step = dict[str, str]
 MARKS = (  # events, what the legend says, marker, colour, size
-    (("blocked", "replan", "wait"), "way blocked, planned anew", "^", "#e07a00", 7.0),
+    (("blocked", "replan", "wait", "ask", "skipped"), "way blocked, planned anew", "^", "#e07a00", 7.0),
     (("contact",), "touched something", "*", "#c1121f", 11.0),
     (("lost",), "does not know where it is", "$?$", "#7b2cbf", 8.0),
     (("gave_up",), "gave the place up", "X", "#222222", 8.0),
@@ -49,6 +49,22 @@ def draw_unknown(axes: Axes, before: OccupancyGrid, after: OccupancyGrid) -> Non
                 axes.fill([x - half, x + half, x + half, x - half], [y - half, y - half, y + half, y + half],
                           facecolor=colour, alpha=0.45, edgecolor="none", zorder=1)
             axes.fill([], [], facecolor=colour, alpha=0.45, label=label)
+
+
+def draw_moving(axes: Axes, moving: dict[str, Any]) -> None:
+    """Lightly: the paths of people, as wide as they are, and doors and things at times; from moving.json."""
+    for person in moving.get("people", ()):
+        path = np.array([*person["path_m"], person["path_m"][0]])
+        axes.plot(*path.T, color="#8ecae6", linewidth=2.5, alpha=0.7, solid_capstyle="round", zorder=1)
+        axes.annotate(person["name"], path[0], fontsize=6, color="#3a86a8", zorder=2)
+    if moving.get("people"):
+        axes.plot([], [], color="#8ecae6", linewidth=2.5, alpha=0.7, label="people's paths")
+    for thing in moving.get("timed", ()):
+        for corners, style in ((thing["corners_m"], "-"), (thing["otherwise_m"], ":")):
+            if corners is not None:
+                axes.plot(*np.array([*corners, corners[0]]).T, style, color="#3a86a8", linewidth=1.0, zorder=2)
+    if moving.get("timed"):
+        axes.plot([], [], color="#3a86a8", linewidth=1.0, label="doors and things at times")
 
 
 def _stand(step: Step) -> tuple[float, float]:

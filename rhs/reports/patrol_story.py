@@ -53,6 +53,7 @@ def _what_happened(missions: list[dict[str, Any]], rows: list[dict[str, Any]]) -
     lines += [f"It gave {m['place']} up: {m['reason']}." for m in given_up]
     lines += [f"On the way to {m['place']} something stood in the way: {m['reason']}; it set out anew." for m in missions
               if m["status"] == "aborted"]
+    lines += [f"It put {m['place']} off: {m['reason']}." for m in missions if m["status"] == "skipped"]
     lines += [f"On the way to {m['place']} it planned anew {_times(m['replans'])}." for m in missions if m["replans"]]
     return lines
 

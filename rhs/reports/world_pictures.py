@@ -19,14 +19,16 @@ SHEET_COLUMNS = 5
 
 
 def draw_plan(axes: Axes, world: World, title: str) -> None:
-    """Walls black, furniture brown (light: low; outlined: hanging over nothing), obstacles after the survey red, the survey
-    blue from its green start, places as crosses."""
+    """Walls black, furniture brown (light: low; outlined: hanging over nothing), obstacles after the survey red, paths of
+    people light blue, the survey blue from its green start, places as crosses."""
     for box in world.boxes:
         high = box.bottom_m + box.size_m[2]
         colour = "#e3cfae" if high <= LOW_M else "#b08a58"
         axes.fill(*box.corners_m.T, facecolor="none" if box.bottom_m > 0 else colour, edgecolor="#7d5f36", linewidth=0.5)
     for box in world.obstacles:
         axes.fill(*box.corners_m.T, facecolor="#d62728", edgecolor="none")
+    for person in world.moving.people:
+        axes.plot(*np.vstack([person.path_m, person.path_m[:1]]).T, color="#8ecae6", linewidth=2.0, alpha=0.8)
     for wall in world.walls:
         axes.plot(*wall.points_m.T, color="black", linewidth=1.2)
     axes.plot(*world.route_m.T, color="#1f77b4", linewidth=0.7)

@@ -28,6 +28,7 @@ from .buildings import FOREIGN, RADIUS_M, read_building, settled
 from .map_walls import Building
 from .random.names import FAMILIES, PREFIX, is_random
 from .world_checks import check_extent, check_world
+from .world_moving import moving_of
 from .world_yaml import Section, no_keys, read_yaml
 
 __all__ = ["Box", "Paintings", "Surface", "Wall", "World", "load_world", "mapping_grid_frame", "truth_grid",
@@ -128,6 +129,7 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         ceiling=_surface(file.section("ceiling"), CEILING),
         seed=file.whole("seed", 0),
         mesh=None if building is None else building.mesh,
+        moving=moving_of(file, _box, _surface),
     )
     world = replace(world, changes=_changes(file.section("changes"), [box.name for box in world.boxes]))
     file.finish()
@@ -179,15 +181,19 @@ def _pilasters(wall: Wall, section: Section) -> list[Box]:
 def _boxes(file: Section, key: str) -> tuple[Box, ...]:
     boxes = []
     for section in file.sections(key):
-        x, y = _point(section, "centre_m")
-        size = section.numbers("size_m", count=3, low=0.01, high=100.0)
-        boxes.append(Box(
-            name=section.text("name"), centre_m=(x, y), size_m=(size[0], size[1], size[2]),
-            yaw_rad=float(np.radians(section.number("yaw_deg", 0.0, low=-360.0, high=360.0))),
-            bottom_m=section.number("bottom_m", 0.0, low=0.0, high=20.0),
-            surface=_surface(section.section("surface"), FURNITURE)))
+        boxes.append(_box(section))
         section.finish()
     return tuple(boxes)
+
+
+def _box(section: Section) -> Box:
+    x, y = _point(section, "centre_m")
+    size = section.numbers("size_m", count=3, low=0.01, high=100.0)
+    return Box(
+        name=section.text("name"), centre_m=(x, y), size_m=(size[0], size[1], size[2]),
+        yaw_rad=float(np.radians(section.number("yaw_deg", 0.0, low=-360.0, high=360.0))),
+        bottom_m=section.number("bottom_m", 0.0, low=0.0, high=20.0),
+        surface=_surface(section.section("surface"), FURNITURE))
 
 
 def _changes(section: Section, boxes: list[str]) -> Changes:

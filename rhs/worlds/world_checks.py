@@ -9,9 +9,11 @@ from typing import Protocol
 
 import numpy as np
 
-from rhs.api.floorplan import World, after, distance_m, truth_grid
+from rhs.api.floorplan import Person, World, after, distance_m, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
+
+from .world_moving import path_fault
 
 MAX_AREA_M2 = 40_000.0  # a grid of 4 million cells at 0.1 m
 
@@ -42,6 +44,7 @@ def check_world(world: World, file: Located) -> None:
             raise ConfigError(f"{file.where('places')}: GOAL_OUTSIDE_MAP: place '{name}' ({x:g}, {y:g}) cannot be "
                               "reached from the start; move it into the building")
     _check_route(world, file)
+    _check_moving(world, file)
 
 
 def _check_names(world: World, file: Located) -> None:
@@ -64,6 +67,23 @@ def check_extent(world: World, file: Located) -> None:
                           f"expected at most {MAX_AREA_M2:g} square metres")
 
 
+def _check_moving(world: World, file: Located) -> None:
+    names = [person.name for person in world.moving.people] + [timed.box.name for timed in world.moving.timed]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"{file.where('people')}: two things that move are named '{twice[0]}'; give each its own name")
+    for person in world.moving.people:
+        if fault := walk_fault(world, person):
+            raise ConfigError(f"{file.where('people')}: {fault}")
+
+
+def walk_fault(world: World, person: Person) -> str:
+    """What is wrong with a person's path, on the survey or on the patrol; empty: nothing."""
+    if not _true_plan(world).inside(person.path_m).all() or not _reached(world, person.path_m).all():
+        return f"PATH_OUTSIDE_MAP: the path of '{person.name}' is not in the building, where the robot could come"
+    return path_fault(world, person) or path_fault(after(world), person)
+
+
 def _check_route(world: World, file: Located) -> None:
     for x, y in world.route_m:
         _check_point(world, file, f"route point [{x:g}, {y:g}]", np.array([x, y]), "ROUTE")
@@ -72,11 +92,14 @@ def _check_route(world: World, file: Located) -> None:
         if not _reached(world, a + along * (b - a)).all():
             raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: the leg from {a.tolist()} to {b.tolist()} goes "
                               "through a wall or a box; lead it round")
-    come = tuple(box for box in after(world).boxes if box not in world.boxes)
+    timed = tuple(box for timed in world.moving.timed if (box := timed.at(0.0)) is not None)
+    come = tuple(box for box in after(world).boxes if box not in world.boxes) + timed
     for end in (world.route_m[0], world.route_m[-1]):
         distance, thing = distance_m(replace(world, walls=(), boxes=come, mesh=None), end)
         if distance < world.robot_radius_m:
-            key = "obstacles" if thing in [f"box '{box.name}'" for box in world.obstacles] else "changes"
+            of = {f"box '{box.name}'": key for key, boxes in (("obstacles", world.obstacles), ("timed", timed))
+                  for box in boxes}
+            key = of.get(thing, "changes")
             raise ConfigError(f"{file.where(key)}: {thing} is put in {distance:.2f} m from the robot at "
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
 

@@ -42,6 +42,15 @@ def test_it_is_chosen_and_set(site):
     assert config.planner.settings.step_m == 0.2
 
 
+def test_its_answer_to_a_blocked_way_keeps_the_contract(site):
+    from rhs.testing import check_plugin
+
+    with installed(FAKES, site):
+        config = compose_config([*STRANGER, "replan=polite", "replan.views=3"])
+        check_plugin("replan", config.parts["replan"].settings)
+    assert (config.parts["replan"].name, config.parts["replan"].settings.views) == ("polite", 3)
+
+
 def test_help_tells_its_settings_their_meaning_and_where_it_comes_from(site):
     with installed(FAKES, site):
         text = " ".join(help_text().split())

@@ -2,7 +2,7 @@
 
 A pure function of the family, its number and the word after `+`: everything comes from generators named after them, and
 every coordinate is rounded to a tenth of a millimetre. The obstacles have a generator of their own: `+plain` is the same
-building without them.
+building without them. So have the people.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.floorplan import Box, Wall, World, truth_grid
+from rhs.api.floorplan import Box, Wall, World, after, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.api.randomness import generator
 from rhs.base.errors import ConfigError, RhsError
@@ -27,6 +27,7 @@ from .looks import looks
 from .loops import draw_ladder, draw_loop
 from .names import parse
 from .obstacles import with_drawn_obstacles
+from .people import with_drawn_people
 from .rooms import draw_home, draw_office
 from .shapes import edges_of, nearest_gap_m, turned, within
 from .sketch import Room, Sketch
@@ -57,7 +58,7 @@ class _Drawn:
 
 
 def random_world(name: str, seed: int = 0) -> World:
-    """The building of `random:FAMILY[+plain|+obstacles][/NUMBER]`; without a number its number is `seed`.
+    """The building of `random:FAMILY[+WORD][/NUMBER]` (rhs.worlds.random.names); without a number its number is `seed`.
 
     Raises ConfigError for a family that is not there."""
     named = parse(name)
@@ -74,13 +75,20 @@ def _world(family: str, word: str, number: int) -> World:
             name = f"random:{family}{'+' if word else ''}{word}/{number}"
             world = replace(world, name=name, path=Path(name))
             rng = generator(number, f"obstacles of {family} {draw}")
-            if word != "plain" and (rng.uniform() < 0.5 or word == "obstacles"):
+            bare = word in ("plain", "people")
+            if not bare and (rng.uniform() < 0.5 or "obstacles" in word):
                 world = with_drawn_obstacles(world, rng)
                 check_world(world, _Drawn(world.name))
-            return world
+            return _peopled(world, generator(number, f"people of {family} {draw}")) if "people" in word else world
         except (Unfit, ConfigError) as error:
             last = error
     raise RhsError(f"random:{family}/{number}: none of {MOST_DRAWS} draws is a building to drive in; the last one: {last}")
+
+
+def _peopled(world: World, rng: np.random.Generator) -> World:
+    world = with_drawn_people(world, rng, *free_space(after(world)))
+    check_world(world, _Drawn(world.name))
+    return world
 
 
 def _plain(family: str, number: int, draw: int) -> World:

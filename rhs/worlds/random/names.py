@@ -1,9 +1,10 @@
 """What may stand after `world=random:`, and which building it names.
 
-    random:FAMILY[+plain|+obstacles][/NUMBER]
+    random:FAMILY[+plain|+obstacles|+people|+obstacles+people][/NUMBER]
 
 NUMBER is the building's seed; without it the building's seed is the run's. `+plain` puts nothing in after the survey,
-`+obstacles` always something; without a word half of the buildings have obstacles.
+`+obstacles` always something; without a word half of the buildings have obstacles. `+people` is `+plain` with people who
+walk about, `+obstacles+people` has both.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ FAMILIES = {
     "hall": "a hall with round and square pillars, benches, screens; perhaps a lobby",
     "non_manhattan": "no right angles: curved and polygonal rings, stars, zigzags, askew rooms",
 }
-WORDS = ("plain", "obstacles")
+WORDS = ("plain", "obstacles", "people", "obstacles+people")
 MOST = 2**31 - 1
 
 
 @dataclass(frozen=True)
 class Named:
-    """A random building by name. word: `plain`, `obstacles`, or empty; number: its seed, None where the run's is taken."""
+    """A random building by name. word: one of WORDS, or empty; number: its seed, None where the run's is taken."""
 
     family: str
     word: str = ""
@@ -49,7 +50,8 @@ def parse(world: str) -> Named:
         raise ConfigError(f"world={world}: there is no family '{family}'{nearest(family, list(FAMILIES))}; "
                           f"families: {', '.join(FAMILIES)}")
     if word is not None and word not in WORDS:
-        raise ConfigError(f"world={world}: found '+{word}'{nearest(word, list(WORDS))}; expected +plain or +obstacles")
+        raise ConfigError(f"world={world}: found '+{word}'{nearest(word, list(WORDS))}; expected "
+                          f"{', '.join(f'+{one}' for one in WORDS)}")
     if number is not None and not (re.fullmatch(r"[0-9]{1,10}", number) and int(number) <= MOST):
         raise ConfigError(f"world={world}: found '/{number}'; expected the number of a building, 0 to {MOST}, such as "
                           f"random:{family}/12")
