@@ -16,7 +16,7 @@ import numpy as np
 from rhs.api.contracts import Source, SourceContext
 from rhs.api.errors import ConfigError, RhsError
 from rhs.api.floorplan import World, after
-from rhs.api.geometry import camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
+from rhs.api.geometry import Camera, camera_from_fov, exp_so3, inverse, planar, se2, se3, wrap
 from rhs.api.records import Capture, Twist
 from rhs.worlds.live import Live
 from rhs.worlds.world import reversed_world
@@ -45,8 +45,7 @@ class SimulatorSource(Source):
         self.settings = settings
         self.world = dressed(context.world, settings)
         self.facts = self.world.facts()
-        pinhole = camera_from_fov(settings.image_width, settings.image_width * 3 // 4, settings.hfov_deg,
-                                  height_m=self.world.camera_height_m)
+        pinhole = pinhole_of(self.world, settings)
         self.camera = replace(pinhole, distortion=tuple(settings.distortion))
         self.lens = Lens(self.camera, "source") if settings.distortion else None
         self._seed(context.rng)
@@ -264,7 +263,20 @@ def dressed(world: World, settings: Simulator) -> World:
     if settings.wall_roughness is not None:
         walls = tuple(replace(w, surface=replace(w.surface, roughness=settings.wall_roughness)) for w in walls)
     seed = world.seed if settings.texture_seed is None else settings.texture_seed
-    return replace(world, paintings=paintings, walls=walls, seed=seed)
+    pitch_deg = world.camera_pitch_deg if settings.camera_pitch_deg is None else settings.camera_pitch_deg
+    return replace(world, paintings=paintings, walls=walls, seed=seed, camera_pitch_deg=pitch_deg)
+
+
+def pinhole_of(world: World, settings: Simulator) -> Camera:
+    """The camera without its lens. Raises ConfigError where it would not see the horizon."""
+    width, height = settings.image_width, settings.image_width * 3 // 4
+    camera = camera_from_fov(width, height, settings.hfov_deg, height_m=world.camera_height_m,
+                             pitch_deg=world.camera_pitch_deg)
+    most_deg = float(np.degrees(np.arctan(0.5 * height / camera.fy))) - 1.0
+    if abs(world.camera_pitch_deg) > most_deg:
+        raise ConfigError(f"source.camera_pitch_deg={world.camera_pitch_deg:g} leaves the horizon out of the picture; expected "
+                          f"at most {most_deg:.1f} with source.hfov_deg={settings.hfov_deg:g}")
+    return camera
 
 
 def pace(settings: Simulator) -> RoutePace:

@@ -19,6 +19,9 @@ class Simulator:
     """pixels; the height is three quarters of it"""
     hfov_deg: float = 57.0
     """horizontal field of view, degrees; 57 is a Kinect's"""
+    camera_pitch_deg: float | None = None
+    """how far the camera looks down, degrees: low things are seen from nearer by; null: as the world says. The horizon must
+    stay in the picture, for walls are measured there"""
     distortion: list[float] = field(default_factory=list)
     """Of the lens: k1, k2, p1, p2 and perhaps k3 as OpenCV has them; empty: none. hfov_deg is then that of the
     pinhole behind it: a barrel (k1 < 0) sees more, and a wider view is drawn so that its corners are not empty."""
@@ -72,6 +75,8 @@ class Simulator:
     def __post_init__(self) -> None:
         check_range("source", "image_width", self.image_width, low=32, high=4096, unit="px")
         check_range("source", "hfov_deg", self.hfov_deg, low=10, high=120, unit="degrees")
+        if self.camera_pitch_deg is not None:
+            check_range("source", "camera_pitch_deg", self.camera_pitch_deg, low=-45, high=60, unit="degrees")
         if len(self.distortion) not in (0, 4, 5):
             raise ConfigError(f"source.distortion={list(self.distortion)} has {len(self.distortion)} numbers; expected "
                               "k1, k2, p1, p2 and perhaps k3, or none")

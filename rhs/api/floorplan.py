@@ -194,7 +194,7 @@ class World:
 
     obstacles are unknown to the survey and put in when the patrol begins, and `changes` happen then: see `after`. path: the
     file it was read from. mesh: somebody else's building, which may stand there without walls. light: as it is now.
-    moving: what moves by itself, which no plan shows.
+    moving: what moves by itself, which no plan shows. camera_pitch_deg: how far the camera looks down.
     """
 
     name: str
@@ -215,6 +215,7 @@ class World:
     changes: Changes = Changes()
     light: Light = Light()
     moving: Moving = Moving()
+    camera_pitch_deg: float = 0.0
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:

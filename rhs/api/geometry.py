@@ -265,8 +265,12 @@ class Camera:
         return points
 
 
-def camera_from_fov(width: int, height: int, hfov_deg: float, *, height_m: float, forward_m: float = 0.0) -> Camera:
-    """An upright camera with square pixels looking along the body's x axis from `height_m` above the floor."""
+def camera_from_fov(width: int, height: int, hfov_deg: float, *, height_m: float, forward_m: float = 0.0,
+                    pitch_deg: float = 0.0) -> Camera:
+    """An upright camera with square pixels looking along the body's x axis from `height_m` above the floor, or `pitch_deg`
+    below it."""
     f = 0.5 * width / np.tan(0.5 * np.radians(hfov_deg))
-    extrinsics = se3(BODY_FROM_OPTICAL, np.array([forward_m, 0.0, height_m]))
+    c, s = np.cos(np.radians(pitch_deg)), np.sin(np.radians(pitch_deg))
+    down = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    extrinsics = se3(down @ BODY_FROM_OPTICAL, np.array([forward_m, 0.0, height_m]))
     return Camera(width, height, f, f, (width - 1) / 2, (height - 1) / 2, body_from_camera=extrinsics)

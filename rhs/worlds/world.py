@@ -130,6 +130,7 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         seed=file.whole("seed", 0),
         mesh=None if building is None else building.mesh,
         moving=moving_of(file, _box, _surface),
+        camera_pitch_deg=file.number("camera_pitch_deg", 0.0, low=-45.0, high=60.0),
     )
     world = replace(world, changes=_changes(file.section("changes"), [box.name for box in world.boxes]))
     file.finish()
