@@ -124,14 +124,17 @@ def test_covariances_are_symmetric_positive_and_the_numbers_repeat():
         assert np.linalg.eigvalsh(motion.covariance).min() > 0
 
 
-def test_memory_is_bounded_and_following_goes_on():
-    """With pictures of three key frames only, a turn to and fro is still followed; it finds no old ones again."""
+def test_the_map_is_bounded_and_following_goes_on():
+    """With three key frames only a turn to and fro is still followed, and no pose of the survey is forgotten."""
     poses = [START @ se2(0, 0, yaw) for yaw in 0.5 * (1 - np.cos(np.linspace(0, 2 * np.pi, 31)))]
-    odometry = build(keep_turn_deg=3.0, advanced=KeyframeAdvanced(pictures=3))
+    odometry = build(keep_turn_deg=3.0, advanced=KeyframeAdvanced(held=4))
     motions, believed = run(odometry, poses)
     assert all(m.status is Tracking.OK for m in motions)
-    assert sum(bool(picture) for picture in odometry._map.pictures) == 3 < motions[-1].details["keyframes"]
+    assert motions[-1].details["held"] <= 5 and motions[-1].details["keyframes"] > 12
     assert np.linalg.norm(believed[-1][:3, 3] - poses[-1][:3, 3]) < 0.02
+    settled = odometry.revise().poses
+    carried = poses[0] @ inverse(settled[0]) @ settled
+    assert np.linalg.norm(carried[:, :3, 3] - np.array(poses)[:, :3, 3], axis=1).max() < 0.02
 
 
 def test_settings_out_of_range_are_refused():

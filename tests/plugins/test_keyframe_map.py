@@ -12,7 +12,7 @@ CAMERA = Camera(320, 240, 290.0, 290.0, 159.5, 119.5)
 
 
 def warps_of(pixels, points, slopes, camera_from_map):
-    keyframes = KeyframeMap(0.002)
+    keyframes = KeyframeMap()
     keyframes.add_keyframe(np.eye(4), [])
     return keyframes.warps(keyframes.add_points(0, pixels, points, slopes), camera_from_map, CAMERA)
 

@@ -12,6 +12,8 @@ All of it is causal: a pose is reported once, with what was known then. revise()
 
 from __future__ import annotations
 
+from array import array
+
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
@@ -23,7 +25,8 @@ from rhs.estimation.views.settings import RansacSettings
 
 from ..features.floor import Floor, on_floor
 from ..fused.fallback import guess_motion
-from .keyframe_map import Edge, KeyframeMap
+from .culling import Edge
+from .keyframe_map import KeyframeMap
 from .reprojection import PoseFit
 from .tracker import PreparedView, Tracker
 
@@ -43,14 +46,16 @@ class KeyframeOdometry(Odometry):
         self._least = np.diag([a.least_edge_m] * 3 + [a.least_edge_rad] * 3) ** 2
         on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
         self._floor = Floor(a.sway) if on_floor else None
-        self._map = KeyframeMap(settings.inverse_depth_sigma, a)
+        self._map = KeyframeMap(settings)
         self._tracker = Tracker(settings, camera, self._map)
         self._previous: Observation | None = None
         self._motion = np.eye(4)  # previous_from_body of the last step
         self._spread = FIRST  # covariance of the last pose
         self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
         self._full = 0  # points followed when the last key frame was made
-        self._history: list[tuple[int, np.ndarray, Scan | None]] = []  # per view: key frame, keyframe_from_camera, scan
+        self._hangs_on = array("l")  # per view: serial of its key frame,
+        self._hangs = array("d")  # the upper 12 numbers of keyframe_from_camera,
+        self._scans: list[Scan | None] = []  # and its scan
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation."""
@@ -79,9 +84,12 @@ class KeyframeOdometry(Odometry):
 
     def revise(self) -> Revision | None:
         """Every view where its key frame finally stands; scans stay as they were."""
-        b = self._camera.body_from_camera
-        poses = np.array([b @ self._map.poses[k] @ rel @ inverse(b) for k, rel, _ in self._history])
-        return Revision(poses, tuple(scan for _, _, scan in self._history)) if self._history else None
+        if not self._scans:
+            return None
+        b, relative = self._camera.body_from_camera, np.tile(np.eye(4), (len(self._scans), 1, 1))
+        relative[:, :3] = np.array(self._hangs).reshape(-1, 3, 4)
+        poses = b @ self._map.stand(np.array(self._hangs_on)) @ relative @ inverse(b)
+        return Revision(poses, tuple(self._scans))
 
     def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation) -> PoseFit | None:
         """The pose of the view, or None when nothing measures it."""
@@ -141,6 +149,8 @@ class KeyframeOdometry(Odometry):
             tracker.pose = self._map.poses[k] = self._map.poses[loops[0].a] @ loops[0].a_from_b
         tracker.top_up(look, k)
         self._full = len(tracker.ids)
+        stays, tracker.ids = self._map.cull(tracker.ids)
+        tracker.pixels = tracker.pixels[stays]
 
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
@@ -222,11 +232,13 @@ class KeyframeOdometry(Odometry):
         motion = orthonormal(b @ inverse(self._reported) @ pose @ inverse(b))
         self._reported, self._motion = pose, motion
         k = len(self._map.poses) - 1
-        self._history.append((k, inverse(self._map.poses[k]) @ pose, observation.scan))
+        self._hangs_on.append(int(self._map.serials[k]))
+        self._hangs.extend((inverse(self._map.poses[k]) @ pose)[:3].ravel())
+        self._scans.append(observation.scan)
         move = adjoint(b)
         spread = move @ covariance @ move.T
         spread = 0.5 * (spread + spread.T) + FIRST
-        details = {"keyframes": float(k + 1), "followed": float(len(self._tracker.ids))}
+        details = {"keyframes": float(self._map.made), "held": float(k + 1), "followed": float(len(self._tracker.ids))}
         if fit is not None:
             details |= {"inliers": float(fit.inliers.sum()), "residual_px": fit.pixel_rms}
         sure = np.sqrt(np.diag(np.linalg.inv(spread)))
