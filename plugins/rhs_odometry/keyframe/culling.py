@@ -46,15 +46,14 @@ def spare(poses: np.ndarray, kept: np.ndarray, spacing: tuple[float, float]) -> 
     return len(alone) - 1 - int(alone[::-1].argmin())
 
 
-def without(edges: list[Edge], k: int) -> tuple[int, np.ndarray, list[Edge]]:
-    """The host that key frame k hangs on from now on, host_from_k (4x4), and all edges with k gone: those of k are carried
-    over to the host, and numbers above k move down by one."""
+def without(edges: list[Edge], k: int, poses: np.ndarray) -> tuple[int, np.ndarray, list[Edge]]:
+    """The host that key frame k hangs on from now on, host_from_k (4x4) as the poses (N, 4, 4) have settled, and all edges
+    with k gone: those of k are carried over to the host, and numbers above k move down by one."""
     own = [e if e.b == k else e.turned() for e in edges if k in (e.a, e.b)]  # each a_from_k
-    tie = min(own, key=lambda e: (e.loop, float(np.trace(e.covariance))))
-    host, host_from_k = tie.a, tie.a_from_b
-    move = adjoint(host_from_k)
+    tie = min(own, key=lambda e: float(np.trace(e.covariance)))
+    host, host_from_k = tie.a, inverse(poses[tie.a]) @ poses[k]
     best: dict[tuple[int, int, bool], Edge] = {}
-    carried = [_carried(e, tie, move) for e in own if e.a != host]
+    carried = [_carried(e, tie, host_from_k) for e in own if e.a != host]
     for edge in [e for e in edges if k not in (e.a, e.b)] + carried:
         edge = edge if edge.a < edge.b else edge.turned()
         edge = replace(edge, a=edge.a - (edge.a > k), b=edge.b - (edge.b > k))
@@ -64,8 +63,9 @@ def without(edges: list[Edge], k: int) -> tuple[int, np.ndarray, list[Edge]]:
     return host, host_from_k, list(best.values())
 
 
-def _carried(edge: Edge, tie: Edge, move: np.ndarray) -> Edge:
-    """An edge a_from_k made into one to the host of k; move: adjoint of host_from_k."""
+def _carried(edge: Edge, tie: Edge, host_from_k: np.ndarray) -> Edge:
+    """An edge a_from_k made into one to the host of k, which the edge `tie` ties it to."""
+    move = adjoint(host_from_k)
     covariance = move @ (edge.covariance + tie.covariance) @ move.T
-    a_from_host = edge.a_from_b @ inverse(tie.a_from_b)
+    a_from_host = edge.a_from_b @ inverse(host_from_k)
     return Edge(edge.a, tie.a, a_from_host, 0.5 * (covariance + covariance.T), edge.loop or tie.loop)

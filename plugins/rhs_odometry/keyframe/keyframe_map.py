@@ -71,7 +71,7 @@ class KeyframeMap:
     def _give_up(self, k: int) -> np.ndarray:
         """Forget a key frame and its points; returns the new number of each point."""
         serial = int(self.serials[k])
-        host, host_from_k, self.edges = without(self.edges, k)
+        host, host_from_k, self.edges = without(self.edges, k, self.poses)
         self._hung[serial] = int(self.serials[host]), host_from_k
         self.pictures.drop(serial)
         self.poses, self.serials = np.delete(self.poses, k, axis=0), np.delete(self.serials, k)
