@@ -141,6 +141,17 @@ def test_a_camera_in_the_hand_says_that_it_is_lost_until_it_is_found():
     assert max(settled_errors_deg(odometry, poses)) < 0.6
 
 
+def test_what_the_wheels_cannot_have_erred_by_is_not_found():
+    """Two ends of a hall that look alike: with wheels that say how far it is, the one end is not taken for the other."""
+    odometry = build()
+    run(odometry, [START, START @ se2(0.05, 0, 0)])
+    odometry.update(uniform(0, index=2, wheel=np.array([2.0, 0.0, 0.0])))
+    view = observe(ROBOT, START @ se2(0.06, 0, 0), TEXTURES, 3)
+    motion = odometry.update(Observation(3, 0.3, ROBOT, view.image, view.depth, wheel=np.array([2.0, 0.0, 0.0])))
+    settled = odometry.revise().poses
+    assert motion.status is Tracking.LOST and settled[-1][0, 3] - settled[0][0, 3] == pytest.approx(4.05, abs=0.1)
+
+
 def test_who_is_never_found_begins_a_new_part_after_some_patience():
     odometry = build(HAND, advanced=KeyframeAdvanced(relocate_views=4))
     motions, _ = run(odometry, looks(0, 4, 8) + looks(*range(180, 240, 4)), HAND)

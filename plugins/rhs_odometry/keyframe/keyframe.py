@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import adjoint, inverse, log_so3, orthonormal
+from rhs.api.geometry import adjoint, inverse, log_se3, log_so3, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.views import features as vision
