@@ -32,8 +32,8 @@ PRESETS = {
     "seven_scenes": Camera(640, 480, 525.0, 525.0, 320.0, 240.0, readout_s=READOUT_S),
 }
 
-# 7-Scenes: "the RGB and depth cameras have not been calibrated" (its page), and depth has a focal length of 585 pixels. Where the
-# one stands beside the other is a Kinect's of another laboratory (LIRIS, the VOIR project), as ACE takes it (Brachmann et al.,
+# 7-Scenes: its depth has a focal length of 585 pixels and is not registered to colour (its page). Where the one camera
+# stands beside the other is a Kinect's of another laboratory (LIRIS, the VOIR project), as ACE takes it (Brachmann et al.,
 # CVPR 2023).
 _COLOR_FROM_DEPTH = np.array([[0.99996518, 0.00267651, -0.00790410, -0.02555894],
                               [-0.00274093, 0.99996303, -0.00815045, 0.00010110],

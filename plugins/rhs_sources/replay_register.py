@@ -20,8 +20,8 @@ SAME_SURFACE = 0.02  # readings within this share of the nearest one on a pixel 
 
 @dataclass(frozen=True, eq=False)
 class DepthCamera:
-    """A camera that measures depth beside one that sees colour. fx, fy, cx, cy in pixels of the depth image; color_from_depth
-    (4x4): its points in the colour camera."""
+    """A camera that measures depth beside one that sees colour. fx, fy, cx, cy in pixels of the depth image;
+    color_from_depth (4x4): its points in the colour camera."""
 
     fx: float
     fy: float

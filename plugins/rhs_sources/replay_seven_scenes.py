@@ -4,8 +4,8 @@ Shotton et al., "Scene coordinate regression forests", CVPR 2013. 0 and 65535 ar
 was never found and is unknown. The recordings have no stamps: 30 views a second.
 
 In the data set itself depth is that of a camera beside the colour camera, and so are the poses: with
-`source.camera=seven_scenes` both are carried to the colour camera (replay_register.py). Folders of this form with other cameras
-are taken to be registered.
+`source.camera=seven_scenes` both are carried to the colour camera (replay_register.py). Folders of this form with other
+cameras are taken to be registered.
 """
 
 from __future__ import annotations

@@ -62,8 +62,8 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
                depth_camera: DepthCamera | None = None) -> Recording:
     """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early.
 
-    Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, which are as it saw
-    them; None: they are registered to colour."""
+    Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
+    it saw them; None: they are registered to colour."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     first = _read(pairs[0], scale, settings)
     checked = _check_scale(pairs[0][2], scale)

@@ -181,7 +181,8 @@ def check_closure(closure: Closure, views: Sequence[View], *, who: str, reach_m:
 
 
 def check_revision(revision: Revision, count: int, *, who: str, reach_m: float = FAR_M) -> Revision:
-    """A Revision of `count` views: a pose for each, a scan (or None) for each or no scans at all, finite walls, a covariance or none."""
+    """A Revision of `count` views: a pose for each, a scan (or None) for each or no scans at all, finite
+    walls, a covariance or none."""
     revision = _record(revision, Revision, who)
     if revision.scans is not None and len(revision.scans) != count:
         _refuse(who, "revise().scans", f"{len(revision.scans)} scans", f"one, or None, for each of the {count} views")

@@ -57,11 +57,12 @@ def main() -> None:
 def lead(folder: Path, world: str, seed: int) -> None:
     """One survey as a camera without noise sees it, a file per view."""
     folder.mkdir(parents=True)
-    source = registry.load("source", "simulator")().build(SourceContext(generator(seed, "source"), load_world(world), Path()))
+    place = SourceContext(generator(seed, "source"), load_world(world), Path())
+    source = registry.load("source", "simulator")().build(place)
     while (seen := source.lead()) is not None:
-        np.savez(folder / f"{seen.index:05d}.npz", image=seen.image, depth=seen.depth, pose=source.truth(), stamp=seen.stamp_s,
-                 camera=np.array([source.camera.fx, source.camera.fy, source.camera.cx, source.camera.cy]),
-                 mount=source.camera.body_from_camera)
+        c = source.camera
+        np.savez(folder / f"{seen.index:05d}.npz", image=seen.image, depth=seen.depth, pose=source.truth(),
+                 stamp=seen.stamp_s, camera=np.array([c.fx, c.fy, c.cx, c.cy]), mount=c.body_from_camera)
     source.close()
 
 
@@ -72,7 +73,8 @@ def drive(folder: Path, chosen):
     height, width = first["depth"].shape
     camera = Camera(width, height, *first["camera"].tolist(), body_from_camera=first["mount"])
     facts = load_world(chosen.world).facts()
-    sensor = registry.load("sensor", "rgbd")().build(Context(generator(0, "sensor"), camera, facts, Path(), FeatureSettings()))
+    sensing = Context(generator(0, "sensor"), camera, facts, Path(), FeatureSettings())
+    sensor = registry.load("sensor", "rgbd")().build(sensing)
     settings = registry.load("odometry", "keyframe")()
     if chosen.held:
         settings.advanced.held = chosen.held

@@ -1,7 +1,8 @@
 """Frame-to-frame RGB-D odometry (thesis section 3.1): SIFT, ratio test, RANSAC, weighted Procrustes, refinement.
 
 Past the thesis: pairs are weighted by the inverse variance of their depth (eqs 3.1-3.7 with weights that are not 1),
-the result can be refined on reprojection errors, pixels and depths as noisy as they show themselves to be, carries a covariance, and says when it is degenerate or lost.
+the result can be refined on reprojection errors, pixels and depths weighed by the noise they show, carries a
+covariance, and says when it is degenerate or lost.
 """
 
 from __future__ import annotations

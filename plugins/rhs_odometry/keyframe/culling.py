@@ -1,10 +1,10 @@
 """Which key frame a full map gives up, and what becomes of its edges.
 
-The one given up has the nearest neighbour: what it sees is what that one sees. It then hangs on the key frame it was measured
-against best, rigidly, and its other edges are carried over to that one. Compare the culling of key frames in ORB-SLAM
-(Mur-Artal, Montiel and Tardos, TRO 2015, section VI-E) and the marginalisation of pose graphs (Carlevaris-Bianco and
-Eustice, IROS 2013), of which this is the cheapest: nothing fills in, and of two edges between the same key frames the surer
-one stays, since their errors are not independent.
+The one given up has the nearest neighbour: what it sees is what that one sees. It then hangs on the key frame it was
+measured against best, rigidly, and its other edges are carried over to that one. Compare the culling of key frames in
+ORB-SLAM (Mur-Artal, Montiel and Tardos, TRO 2015, section VI-E) and the marginalisation of pose graphs (Carlevaris-
+Bianco and Eustice, IROS 2013), of which this is the cheapest: nothing fills in, and of two edges between the same key
+frames the surer one stays, since their errors are not independent.
 """
 
 from __future__ import annotations

@@ -195,7 +195,8 @@ class KeyframeOdometry(Odometry):
     def _reachable(self, here: np.ndarray, edge: Edge, adrift: Adrift) -> bool:
         """Whether the wheels, or the command, can have erred by what the edge would move the view."""
         gap = log_se3(inverse(here) @ self._map.poses[edge.a] @ edge.a_from_b)
-        return bool(gap @ np.linalg.solve(adrift.spread + edge.covariance, gap) < gate(6, self._advanced.relocate_probability))
+        squared = gap @ np.linalg.solve(adrift.spread + edge.covariance, gap)
+        return bool(squared < gate(6, self._advanced.relocate_probability))
 
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""

@@ -56,9 +56,9 @@ class KeyframeMap:
         return len(self.poses) - 1
 
     def cull(self, followed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give up key frames, and the points they anchor, until no more than `held` are left; never the first or the last, and
-        one of a followed point only when there is no other. followed: their ids (N,). Returns which of these stay (N,) bool,
-        and the ids of those that do as they are numbered afterwards."""
+        """Give up key frames, and the points they anchor, until no more than `held` are left; never the first or the last,
+        and one of a followed point only when there is no other. followed: their ids (N,). Returns which of these stay
+        (N,) bool, and the ids of those that do as they are numbered afterwards."""
         stays = np.ones(len(followed), bool)
         while len(self.poses) > self._advanced.held:
             ends = np.isin(np.arange(len(self.poses)), [0, len(self.poses) - 1])

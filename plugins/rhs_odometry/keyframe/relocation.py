@@ -3,7 +3,7 @@
 Of each key frame its picture is there and depth at every few pixels; key-points are found in it when it is first asked for.
 A few key frames are tried per view, first those nearest to where the camera is thought to be, then the others in turn, so
 that a view costs the same however large the map. What is found is a hypothesis: the caller looks the map's points up from
-there. Compare the relocalisation of ORB-SLAM (Mur-Artal, Montiel and Tardos, TRO 2015, section V-D), which asks a vocabulary.
+there. Compare the relocalisation of ORB-SLAM (Mur-Artal, Montiel and Tardos, TRO 2015, section V-D), by a vocabulary.
 """
 
 from __future__ import annotations

@@ -143,9 +143,10 @@ def refine_reprojection(
 def refine_measured(
     start: Rigid, p: np.ndarray, q: np.ndarray, *, noise: PointNoise, gate_sigma: float = 3.0, rounds: int = 2
 ) -> Rigid:
-    """refine_reprojection with the noise that these pairs show: pixels and depths each have a deviation of their own, read off
-    their residuals (variance components, Koch 1999, by medians), so that blur makes pixels count less and a good depth camera
-    depths more. `noise` is what to expect before, worth PRIOR_PAIRS pairs. Its covariance stays that of the larger noise."""
+    """refine_reprojection with the noise that these pairs show: pixels and depths each have a deviation of their own, read
+    off their residuals (variance components, Koch 1999, by medians), so that blur makes pixels count less and a good depth
+    camera depths more. `noise` is what to expect before, worth PRIOR_PAIRS pairs. Its covariance stays that of the
+    larger noise."""
     found, known = refine_reprojection(start, p, q, noise=noise, gate_sigma=gate_sigma), noise
     for _ in range(rounds):
         shown = _noise_shown(found, p, q, noise)
