@@ -37,6 +37,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--views", type=int, default=20000)
     parser.add_argument("--every", type=int, default=1000)
+    parser.add_argument("--coarse", type=int, default=1, help="every how many pixels of the pictures: a cheaper drive")
+    parser.add_argument("--points", type=int, default=0, help="points followed; 0: as the odometry has it")
     parser.add_argument("--held", type=int, default=0, help="key frames held; 0: as the odometry has it")
     parser.add_argument("--kept", type=Path, help="folder of the lap; led into it when it is not there")
     parser.add_argument("--out", type=Path, default=Path("results/tables/keyframe_memory.csv"))
@@ -70,21 +72,23 @@ def drive(folder: Path, chosen):
     """Rows of an odometry that is shown the lap again and again."""
     files = sorted(folder.glob("*.npz"))
     first = np.load(files[0])
-    height, width = first["depth"].shape
-    camera = Camera(width, height, *first["camera"].tolist(), body_from_camera=first["mount"])
+    thin = slice(None, None, chosen.coarse)
+    height, width = first["depth"][thin, thin].shape
+    camera = Camera(width, height, *(first["camera"] / chosen.coarse).tolist(), body_from_camera=first["mount"])
     facts = load_world(chosen.world).facts()
     sensing = Context(generator(0, "sensor"), camera, facts, Path(), FeatureSettings())
     sensor = registry.load("sensor", "rgbd")().build(sensing)
     settings = registry.load("odometry", "keyframe")()
     if chosen.held:
         settings.advanced.held = chosen.held
+    settings.points = chosen.points or settings.points
     odometry = settings.build(
         Context(generator(0, "odometry"), camera, facts, Path(), FeatureSettings()))
     truth, seconds, lost, lap_s = [], [], 0, float(np.load(files[-1])["stamp"]) + 0.4
     for number in range(chosen.views):
         lap, at = divmod(number, len(files))
         with np.load(files[at]) as seen:
-            capture = Capture(number, lap * lap_s + float(seen["stamp"]), seen["image"], seen["depth"])
+            capture = Capture(number, lap * lap_s + float(seen["stamp"]), seen["image"][thin, thin], seen["depth"][thin, thin])
             truth.append(seen["pose"][:3].astype(np.float32))
         view = sensor.sense(capture)
         begin = time.process_time()

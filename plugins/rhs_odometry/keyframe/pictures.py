@@ -41,7 +41,7 @@ class Pictures:
         if number in self._ready:
             self._ready.move_to_end(number)
         else:
-            self.add(number, tracks.pyramid(cv2.imdecode(self._packed[number], cv2.IMREAD_GRAYSCALE)))
+            self.add(number, tracks.pyramid(np.asarray(cv2.imdecode(self._packed[number], cv2.IMREAD_GRAYSCALE))))
         return self._ready[number]
 
     def drop(self, number: int) -> None:
