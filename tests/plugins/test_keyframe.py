@@ -138,6 +138,10 @@ def test_a_camera_in_the_hand_says_that_it_is_lost_until_it_is_found():
     motions, _ = run(odometry, poses, HAND)
     lost = [m.status is Tracking.LOST for m in motions]
     assert not any(lost[:11]) and all(lost[11:20]) and not any(lost[-5:])
+    for motion, before, now in zip(motions[12:], poses[11:], poses[12:], strict=False):  # what puts it right says so
+        gap = log_se3(inverse(inverse(before) @ now) @ motion.previous_from_body)
+        large = np.linalg.norm(gap[3:]) > 0.2
+        assert not large or gap @ np.linalg.solve(motion.covariance, gap) < 25.0
     assert max(settled_errors_deg(odometry, poses)) < 0.6
 
 

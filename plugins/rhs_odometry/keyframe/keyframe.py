@@ -89,14 +89,21 @@ class KeyframeOdometry(Odometry):
         self._tracker.accept(look, fit)
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)
+        followed_to = self._tracker.pose
         if self._wants_keyframe():
             self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
         spread = _covariance(fit)
-        both, self._spread = spread + self._spread, spread
+        both, self._spread = spread + self._spread + self._corrected(followed_to), spread
         if self._unfound():
             return self._report(both, Tracking.LOST, "followed, but not found again in the map", fit)
         weak = self._weakness(spread)
         return self._report(both, Tracking.DEGENERATE if weak else Tracking.OK, weak, fit)
+
+    def _corrected(self, followed_to: np.ndarray) -> np.ndarray:
+        """(6, 6) what a motion is less sure by because the map, settling, moved the camera from where it was followed to: the
+        correction is of the past, not of this step, and a covariance without it would contradict the wheels."""
+        shift = log_se3(inverse(followed_to) @ self._tracker.pose)
+        return np.outer(shift, shift)
 
     def _unfound(self) -> bool:
         """Whether nobody knows where the camera is: it lost its way and had nothing to guess by. Patience ends one day."""
@@ -246,7 +253,7 @@ class KeyframeOdometry(Odometry):
         if self._tracker.seeable(look) >= self._settings.min_inliers:
             drift = Edge(k - 1, k, inverse(self._map.poses[-1]) @ pose, self._adrift.spread)
             self._new_keyframe(look, [drift])
-        return self._report(self._spread, Tracking.LOST, reason)
+        return self._report(self._spread + self._corrected(pose), Tracking.LOST, reason)
 
     def _put_on_floor(self, floor: Floor, before: np.ndarray, fit: PoseFit) -> None:
         """A robot neither climbs nor tilts, unless it sways: take the planar pose nearest to the fitted one."""
