@@ -88,7 +88,8 @@ def drive(folder: Path, chosen):
     for number in range(chosen.views):
         lap, at = divmod(number, len(files))
         with np.load(files[at]) as seen:
-            capture = Capture(number, lap * lap_s + float(seen["stamp"]), seen["image"][thin, thin], seen["depth"][thin, thin])
+            image, depth = seen["image"][thin, thin], seen["depth"][thin, thin]
+            capture = Capture(number, lap * lap_s + float(seen["stamp"]), image, depth)
             truth.append(seen["pose"][:3].astype(np.float32))
         view = sensor.sense(capture)
         begin = time.process_time()

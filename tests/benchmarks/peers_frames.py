@@ -31,7 +31,8 @@ def main() -> int:
             return 2
         stamp, name = f"{seen.stamp_s:.6f}", f"{len(lines):06d}.png"
         cv2.imwrite(str(folder / "rgb" / name), cv2.cvtColor(seen.image, cv2.COLOR_RGB2BGR))
-        cv2.imwrite(str(folder / "depth" / name), np.rint(5000.0 * np.nan_to_num(seen.depth)).clip(0, 65535).astype(np.uint16))
+        steps = np.rint(5000.0 * np.nan_to_num(seen.depth)).clip(0, 65535).astype(np.uint16)
+        cv2.imwrite(str(folder / "depth" / name), steps)
         lines.append(f"{stamp} rgb/{name} {stamp} depth/{name}\n")
         truth = source.truth()
         if truth is not None:

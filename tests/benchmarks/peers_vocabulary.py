@@ -1,7 +1,7 @@
 """A small vocabulary of ORB words in DBoW2's text form, for where ORB-SLAM3's own (139 MB) cannot be fetched.
 
-A tree of BRANCHES words at each of LEVELS levels, k-majority over the descriptors of a recording (Galvez-Lopez and Tardos, TRO
-2012; the majority of bits is the mean of binary words). Smaller than the one ORB-SLAM3 comes with, and of these frames alone.
+A tree of BRANCHES words at each of LEVELS levels, k-majority over the descriptors of a recording (Galvez-Lopez and Tardos,
+TRO 2012; the majority of bits is the mean of binary words). Smaller than ORB-SLAM3's, and of these frames alone.
 """
 
 from __future__ import annotations

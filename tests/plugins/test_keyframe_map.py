@@ -46,8 +46,8 @@ def test_the_warp_of_a_slanted_wall_is_that_of_its_homography():
 
 
 def drive_without_end(count, held):
-    """A map of a camera that goes round and round a ring of 4 m, a key frame every 0.2 m, tied to the one before and, from the
-    second round on, to one that it stands on again; and the true poses of all its key frames. Nothing is noisy."""
+    """A map of a camera that goes round and round a ring of 4 m, a key frame every 0.2 m, tied to the one before and, from
+    the second round on, to one that it stands on again; and the true poses of all its key frames. Nothing is noisy."""
     keyframes = KeyframeMap(Keyframe(advanced=KeyframeAdvanced(held=held)))
     picture, truth, every = [np.zeros((12, 16), np.uint8)], [], 125
     for n in range(count):

@@ -100,8 +100,8 @@ class KeyframeOdometry(Odometry):
         return self._report(both, Tracking.DEGENERATE if weak else Tracking.OK, weak, fit)
 
     def _corrected(self, followed_to: np.ndarray) -> np.ndarray:
-        """(6, 6) what a motion is less sure by because the map, settling, moved the camera from where it was followed to: the
-        correction is of the past, not of this step, and a covariance without it would contradict the wheels."""
+        """(6, 6) what a motion is less sure by because the map, settling, moved the camera from where it was followed to:
+        the correction is of the past, not of this step, and a covariance without it would contradict the wheels."""
         shift = log_se3(inverse(followed_to) @ self._tracker.pose)
         return np.outer(shift, shift)
 
