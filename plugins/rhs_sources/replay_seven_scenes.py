@@ -2,6 +2,10 @@
 
 Shotton et al., "Scene coordinate regression forests", CVPR 2013. 0 and 65535 are unknown depth; a pose that holds NaN
 was never found and is unknown. The recordings have no stamps: 30 views a second.
+
+In the data set itself depth is that of a camera beside the colour camera, and so are the poses: with
+`source.camera=seven_scenes` both are carried to the colour camera (replay_register.py). Folders of this form with other
+cameras are taken to be registered.
 """
 
 from __future__ import annotations
@@ -12,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import inverse
 
-from .replay_cameras import check_pose
+from .replay_cameras import DEPTH_CAMERAS, check_pose
 from .replay_stamps import Truth, number_of, rows
 from .replay_tum import Recording, open_pairs
 
@@ -42,9 +47,12 @@ def open_seven_scenes(path: Path, settings) -> Recording:
             poses.append(pose)
     if not pairs:
         raise ConfigError(f"{path}: no view like frame-000000.color.png; expected a 7-Scenes folder (seq-01)")
+    beside = DEPTH_CAMERAS.get(settings.camera) if isinstance(settings.camera, str) else None
+    if beside is not None and poses:
+        poses = list(np.array(poses) @ inverse(beside.color_from_depth))
     truth = Truth(np.array(stamps), np.array(poses).reshape(-1, 4, 4), 0.0) if poses else None
     lost = Counter(truth_unknown=unknown) if truth is not None else Counter()
-    return open_pairs(pairs, settings, truth=truth, default_scale=1000.0, rejected=+lost)
+    return open_pairs(pairs, settings, truth=truth, default_scale=1000.0, rejected=+lost, depth_camera=beside)
 
 
 def _pose(path: Path) -> np.ndarray | None:

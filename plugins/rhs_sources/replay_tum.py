@@ -20,6 +20,7 @@ from .folders.intrinsics import intrinsics_beside
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
 from .replay_mounts import placed_camera
+from .replay_register import DepthCamera
 from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
 
 
@@ -57,10 +58,12 @@ def open_tum(path: Path, settings) -> Recording:
     return open_pairs(pairs, settings, truth=truth, default_scale=5000.0, rejected=rejected)
 
 
-def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter) -> Recording:
+def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,
+               depth_camera: DepthCamera | None = None) -> Recording:
     """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early.
 
-    Later views that cannot be read are left out and said to be lost."""
+    Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
+    it saw them; None: they are registered to colour."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     first = _read(pairs[0], scale, settings)
     checked = _check_scale(pairs[0][2], scale)
@@ -84,6 +87,8 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
                 unreadable += 1
                 lost[:] = [f"{unreadable} of {len(wanted)} views cannot be read, the last: {error}"]
                 continue
+            if depth_camera is not None:
+                depth = depth_camera.registered(depth, camera)
             capture = Capture(index, pair[0], image=color, depth=depth, sensed=True)
             pose = truth.at(pair[0]) if truth is not None else None
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)

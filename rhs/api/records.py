@@ -239,13 +239,14 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Revision:
-    """What an odometry says of the whole survey once it is over: poses (N, 4, 4), a scan per view, and its walls.
+    """What an odometry says of the whole survey once it is over: poses (N, 4, 4), a scan per view (None: they stay as they
+    were taken), and its walls.
 
     covariance: (6, 6) of the last pose in the map (right perturbation), if the odometry knows that better than the sum of
     its motions does."""
 
     poses: np.ndarray
-    scans: tuple[Scan | None, ...]
+    scans: tuple[Scan | None, ...] | None
     walls: tuple[Wall, ...] = ()
     covariance: np.ndarray | None = None
 

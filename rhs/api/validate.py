@@ -182,9 +182,10 @@ def check_closure(closure: Closure, views: Sequence[View], *, who: str, reach_m:
 
 
 def check_revision(revision: Revision, count: int, *, who: str, reach_m: float = FAR_M) -> Revision:
-    """A Revision of `count` views: a pose and a scan (or None) for each, finite walls, a covariance or none."""
+    """A Revision of `count` views: a pose for each, a scan (or None) for each or no scans at all, finite
+    walls, a covariance or none."""
     revision = _record(revision, Revision, who)
-    if len(revision.scans) != count:
+    if revision.scans is not None and len(revision.scans) != count:
         _refuse(who, "revise().scans", f"{len(revision.scans)} scans", f"one, or None, for each of the {count} views")
     for wall in revision.walls:
         wall = _record(wall, Wall, who)
@@ -192,7 +193,8 @@ def check_revision(revision: Revision, count: int, *, who: str, reach_m: float =
             if np.abs(_array(end, who, "walls", (2,))).max() > reach_m:
                 _refuse(who, "walls", f"an end at {_short(end)}", f"metres within {reach_m:g} m")
     return replace(revision, poses=check_poses(revision.poses, count, who=who, field="revise().poses", reach_m=reach_m),
-                   scans=tuple(None if scan is None else check_scan(scan, who=who) for scan in revision.scans),
+                   scans=None if revision.scans is None else tuple(
+                       None if scan is None else check_scan(scan, who=who) for scan in revision.scans),
                    covariance=None if revision.covariance is None else check_covariance(revision.covariance, who=who))
 
 

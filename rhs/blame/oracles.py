@@ -109,8 +109,7 @@ class TrueOdometry:
         said = self._odometry.revise() if self._scans else None
         if said is None:
             return None
-        scans: tuple[Scan | None, ...] = said.scans
-        return Revision(np.array(self._poses[:len(scans)]), scans, said.walls, SURE)
+        return Revision(np.array(self._poses[:len(said.poses)]), said.scans, said.walls, SURE)
 
 
 class TrueClosing:

@@ -64,9 +64,10 @@ def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",
         return tuple(views), ()
     revision = check_revision(revision, len(views), who=who, reach_m=reach_m)
     begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
+    scans = tuple(view.scan for view in views) if revision.scans is None else revision.scans
     revised = [replace(view, map_from_body=freeze(begun @ pose), scan=freeze(scan),
                        features=_lifted(view, pose, revision.walls))
-               for view, pose, scan in zip(views, revision.poses, revision.scans, strict=True)]
+               for view, pose, scan in zip(views, revision.poses, scans, strict=True)]
     if revision.covariance is not None:
         revised[-1] = replace(revised[-1], covariance=freeze(revision.covariance))
     return tuple(revised), tuple(shifted(wall, begun, begun) for wall in revision.walls)

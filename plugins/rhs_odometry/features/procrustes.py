@@ -1,7 +1,8 @@
 """Frame-to-frame RGB-D odometry (thesis section 3.1): SIFT, ratio test, RANSAC, weighted Procrustes, refinement.
 
 Past the thesis: pairs are weighted by the inverse variance of their depth (eqs 3.1-3.7 with weights that are not 1),
-the result can be refined on reprojection errors, carries a covariance, and says when it is degenerate or lost.
+the result can be refined on reprojection errors, pixels and depths weighed by the noise they show, carries a
+covariance, and says when it is degenerate or lost.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import adjoint, compose_covariance, inverse
 from rhs.api.records import Features, Motion, Observation, Revision, Tracking
 from rhs.estimation.views import features as vision
-from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_reprojection
+from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_measured
 from rhs.estimation.views.settings import RansacSettings
 
 from ..fused.fallback import guess_motion
@@ -103,7 +104,7 @@ class ProcrustesOdometry(Odometry):
         of the current and of the previous one that the pairs are from."""
         if self._settings.refine == "none":
             return found
-        return refine_reprojection(found, p, q, noise=self._noise, gate_sigma=self._settings.gate_sigma)
+        return refine_measured(found, p, q, noise=self._noise, gate_sigma=self._settings.gate_sigma)
 
     def _judge(self, observation: Observation, found: Rigid | None, details: dict[str, float]) -> Motion:
         inliers = 0 if found is None else found.count

@@ -34,7 +34,8 @@ class Procrustes:
     provides: ClassVar[frozenset[str]] = frozenset()
 
     refine: str = "reprojection"
-    """none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth"""
+    """none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth, each weighed by the noise that the
+    view shows (pixel_sigma_px and the depth noise are what is expected before)"""
     planar: bool = True
     """the camera stands on a robot: keep the motion on the floor; no effect when it is hand-held"""
     hypotheses: int = 200

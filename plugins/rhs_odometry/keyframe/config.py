@@ -34,6 +34,14 @@ class KeyframeAdvanced:
     """RANSAC: three-point motions tried then"""
     rescue_gate_sigma: float = 3.0
     """a pair further off than this many sigmas is an outlier"""
+    relocate_tries: int = 10
+    """key frames of the map that a lost view is matched with"""
+    relocate_views: int = 90
+    """after so many views not found again a new part of the map is begun, of which nobody knows where it lies"""
+    relocate_probability: float = 0.999
+    """chance that wheels or a command err by no more than what finding the camera again may move it"""
+    relocate_every: int = 3
+    """while it is not found, every so many views are made key frames and looked for"""
     min_edge: int = 20
     """inliers that make a relative pose worth an edge of the graph"""
     edge_share: float = 0.4
@@ -47,8 +55,11 @@ class KeyframeAdvanced:
     sharpest: float = 0.5
     """averaging makes an inverse depth no surer than this share of one reading's deviation: errors of a depth camera are the
     same from view to view (Kinect: a smooth distortion)"""
-    pictures: int = 1000
-    """key frames, the latest, whose pictures are kept: a bound on memory, 0.4 MB each at 640x480"""
+    held: int = 150
+    """key frames the map holds at most, a bound on memory and time: beyond it the one whose place another shows as well is
+    given up for each new one"""
+    picture_mb: float = 10.0
+    """of their pictures that lie ready, megabytes (0.4 each at 640x480); the others are packed to a third without loss"""
     settle_rounds: int = 15
     """most steps of the pose graph when a key frame is found again"""
     spacing_share: float = 0.03
@@ -64,8 +75,11 @@ class KeyframeAdvanced:
         check_ranges("", self, gate=(0.5, 1000.0), student_dof=(0.5, 1e6), trusted_share=(0.0, 1.0),
                      rescue_features=(20, 100_000), rescue_ratio=(0.1, 1.0), rescue_px=(0.05, 100.0),
                      rescue_hypotheses=(1, 100_000), rescue_gate_sigma=(0.5, 100.0), min_edge=(6, 100_000),
+                     relocate_tries=(1, 1000), relocate_views=(0, 1_000_000), relocate_every=(1, 1000),
+                     relocate_probability=(0.5, 1.0 - 1e-12),
                      edge_share=(0.0, 1.0), correlated=(1.0, 1e4), least_edge_m=(1e-9, 1.0), least_edge_rad=(1e-9, 1.0),
-                     sharpest=(0.0, 1.0), pictures=(2, 1_000_000), settle_rounds=(1, 10_000), spacing_share=(0.001, 0.5),
+                     sharpest=(0.0, 1.0), held=(4, 1_000_000), picture_mb=(0.0, 1e6),
+                     settle_rounds=(1, 10_000), spacing_share=(0.001, 0.5),
                      visible_per_m=(0.0, 10.0))
 
 

@@ -12,22 +12,38 @@ All of it is causal: a pose is reported once, with what was known then. revise()
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import adjoint, inverse, log_so3, orthonormal
-from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
+from rhs.api.geometry import adjoint, inverse, log_se3, log_so3, orthonormal
+from rhs.api.records import Motion, Observation, Revision, Tracking
+from rhs.estimation.filters.kalman import gate
 from rhs.estimation.views import features as vision
-from rhs.estimation.views.rigid import PointNoise, ransac_rigid
-from rhs.estimation.views.settings import RansacSettings
 
 from ..features.floor import Floor, on_floor
 from ..fused.fallback import guess_motion
-from .keyframe_map import Edge, KeyframeMap
+from .culling import Edge
+from .keyframe_map import KeyframeMap
+from .relocation import Relocation, matched
 from .reprojection import PoseFit
 from .tracker import PreparedView, Tracker
 
 FIRST = 1e-12 * np.eye(6)
+
+
+@dataclass
+class Adrift:
+    """A camera that lost its way. since: serial of the first key frame that nobody knows where to put; spread (6, 6): of
+    the guessed motion up to it; blind: nothing but the last motion was there to guess from; views: since then."""
+
+    since: int
+    spread: np.ndarray
+    blind: bool
+    views: int = 0
 
 
 class KeyframeOdometry(Odometry):
@@ -43,14 +59,17 @@ class KeyframeOdometry(Odometry):
         self._least = np.diag([a.least_edge_m] * 3 + [a.least_edge_rad] * 3) ** 2
         on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
         self._floor = Floor(a.sway) if on_floor else None
-        self._map = KeyframeMap(settings.inverse_depth_sigma, a)
+        self._map = KeyframeMap(settings)
         self._tracker = Tracker(settings, camera, self._map)
         self._previous: Observation | None = None
         self._motion = np.eye(4)  # previous_from_body of the last step
         self._spread = FIRST  # covariance of the last pose
         self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
+        self._relocation = Relocation(a, camera, self._map)
+        self._adrift: Adrift | None = None  # since the camera lost its way, until it is found again in the map
         self._full = 0  # points followed when the last key frame was made
-        self._history: list[tuple[int, np.ndarray, Scan | None]] = []  # per view: key frame, keyframe_from_camera, scan
+        self._hangs_on = array("l")  # per view: serial of its key frame,
+        self._hangs = array("d")  # and the upper 12 numbers of keyframe_from_camera
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation."""
@@ -59,29 +78,50 @@ class KeyframeOdometry(Odometry):
         if previous is None:
             self._tracker.restart(look, np.eye(4))
             self._new_keyframe(look, [])
-            return self._report(observation, FIRST, Tracking.OK, "first view")
+            return self._report(FIRST, Tracking.OK, "first view")
         name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
         guess = self._tracker.pose @ self._in_camera(body_motion)
         fit = self._fit(look, guess, previous)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
-            return self._lost(look, orthonormal(guess), wide, reason)
+            return self._lost(look, orthonormal(guess), wide, reason, name == "same again")
         before = self._tracker.pose
         self._tracker.accept(look, fit)
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)
+        followed_to = self._tracker.pose
         if self._wants_keyframe():
             self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
         spread = _covariance(fit)
-        both, self._spread = spread + self._spread, spread
+        both, self._spread = spread + self._spread + self._corrected(followed_to), spread
+        if self._unfound():
+            return self._report(both, Tracking.LOST, "followed, but not found again in the map", fit)
         weak = self._weakness(spread)
-        return self._report(observation, both, Tracking.DEGENERATE if weak else Tracking.OK, weak, fit)
+        return self._report(both, Tracking.DEGENERATE if weak else Tracking.OK, weak, fit)
+
+    def _corrected(self, followed_to: np.ndarray) -> np.ndarray:
+        """(6, 6) what a motion is less sure by because the map, settling, moved the camera from where it was followed to:
+        the correction is of the past, not of this step, and a covariance without it would contradict the wheels."""
+        shift = log_se3(inverse(followed_to) @ self._tracker.pose)
+        return np.outer(shift, shift)
+
+    def _unfound(self) -> bool:
+        """Whether nobody knows where the camera is: it lost its way and had nothing to guess by. Patience ends one day."""
+        if self._adrift is None:
+            return False
+        self._adrift.views += 1
+        if self._adrift.views > self._advanced.relocate_views:
+            self._adrift = None
+        return self._adrift is not None and self._adrift.blind
 
     def revise(self) -> Revision | None:
         """Every view where its key frame finally stands; scans stay as they were."""
-        b = self._camera.body_from_camera
-        poses = np.array([b @ self._map.poses[k] @ rel @ inverse(b) for k, rel, _ in self._history])
-        return Revision(poses, tuple(scan for _, _, scan in self._history)) if self._history else None
+        if not self._hangs_on:
+            return None
+        b, relative = self._camera.body_from_camera, np.tile(np.eye(4), (len(self._hangs_on), 1, 1))
+        relative[:, :3] = np.array(self._hangs).reshape(-1, 3, 4)
+        poses = b @ self._map.stand(np.array(self._hangs_on)) @ relative @ inverse(b)
+        return Revision(poses, None)
 
     def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation) -> PoseFit | None:
         """The pose of the view, or None when nothing measures it."""
@@ -107,14 +147,8 @@ class KeyframeOdometry(Odometry):
     def _rescue(self, previous: Observation) -> np.ndarray | None:
         """previous_from_camera by matching ORB features with depth, however far the camera moved."""
         assert self._previous is not None
-        a = self._advanced
-        now, then = (vision.orb_features(view, a.rescue_features) for view in (self._previous, previous))
-        rows = vision.match(now, then, a.rescue_ratio)
-        p, q = now.points[rows[:, 0]].astype(float), then.points[rows[:, 1]].astype(float)
-        known = np.isfinite(p).all(axis=1) & np.isfinite(q).all(axis=1)
-        noise = PointNoise(float(self._camera.fx), a.rescue_px)
-        tries = RansacSettings(a.rescue_hypotheses, a.rescue_gate_sigma)
-        found = ransac_rigid(p[known], q[known], noise=noise, rng=self._rng, settings=tries)
+        now, then = (vision.orb_features(view, self._advanced.rescue_features) for view in (self._previous, previous))
+        found = matched(now, then, self._advanced, float(self._camera.fx), self._rng)
         return found.a_from_b if found is not None and found.count >= self._settings.min_inliers else None
 
     def _wants_keyframe(self) -> bool:
@@ -124,23 +158,52 @@ class KeyframeOdometry(Odometry):
             len(tracker.ids) < s.keep_share * self._full
             or np.linalg.norm(log_so3(moved[:3, :3])) > np.radians(s.keep_turn_deg)
             or np.linalg.norm(moved[:3, 3]) > s.keep_move_m
+            or (self._adrift is not None and self._adrift.views % self._advanced.relocate_every == 0)
         )
 
     def _new_keyframe(self, look: PreparedView, edges: list[Edge]) -> None:
         """Make this view a key frame tied by edges and by old key frames seen again; settle; top up the points."""
         tracker = self._tracker
         k = self._map.add_keyframe(tracker.pose, look.picture)
+        self._relocation.note(k, look.depth)
         self._map.tie(edges)
-        loops = self._revisit(look, k)
-        if loops and edges:
+        if self._adrift is None:
+            loops = self._revisit(look, k)
+        else:
+            loops = self._find_again(look, k, self._adrift)
+        if loops:
             self._map.tie(loops)
             self._map.settle()
             tracker.pose = self._map.poses[k]
-        elif loops:  # adrift: the old key frame says where we are
-            self._map.tie(loops)
-            tracker.pose = self._map.poses[k] = self._map.poses[loops[0].a] @ loops[0].a_from_b
         tracker.top_up(look, k)
         self._full = len(tracker.ids)
+        stays, tracker.ids = self._map.cull(tracker.ids)
+        tracker.pixels = tracker.pixels[stays]
+
+    def _find_again(self, look: PreparedView, k: int, adrift: Adrift) -> list[Edge]:
+        """Edges from key frames of before the way was lost; all that was seen since then is put where they say."""
+        tracker, known = self._tracker, int(np.searchsorted(self._map.serials, adrift.since))
+        followed, here = (tracker.ids, tracker.pixels), tracker.pose
+        poses = [here]
+        if self._previous is not None and known > 0:
+            poses += [found.pose for found in self._relocation.candidates(self._previous, here, known, self._rng)]
+        for pose in poses:
+            tracker.pose = pose
+            edges = self._revisit(look, k, range(known, k))
+            if edges and (adrift.blind or self._reachable(here, edges[0], adrift)):
+                there = self._map.poses[edges[0].a] @ edges[0].a_from_b
+                self._map.poses[known:] = orthonormal(there @ inverse(here)) @ self._map.poses[known:]
+                self._adrift = None
+                return edges
+            tracker.ids, tracker.pixels = followed
+        tracker.pose = here
+        return []
+
+    def _reachable(self, here: np.ndarray, edge: Edge, adrift: Adrift) -> bool:
+        """Whether the wheels, or the command, can have erred by what the edge would move the view."""
+        gap = log_se3(inverse(here) @ self._map.poses[edge.a] @ edge.a_from_b)
+        squared = gap @ np.linalg.solve(adrift.spread + edge.covariance, gap)
+        return bool(squared < gate(6, self._advanced.relocate_probability))
 
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
@@ -159,12 +222,12 @@ class KeyframeOdometry(Odometry):
             a_from_k, covariance = inverse(b) @ flat @ b, back @ spread @ back.T
         return Edge(a, k, a_from_k, 0.5 * (covariance + covariance.T), loop)
 
-    def _revisit(self, look: PreparedView, k: int) -> list[Edge]:
-        """PreparedView for old key frames that should be in view again; their points are followed from now on."""
+    def _revisit(self, look: PreparedView, k: int, without: Iterable[int] = ()) -> list[Edge]:
+        """Look for old key frames that should be in view again; their points are followed from now on."""
         tracker, edges, least = self._tracker, [], self._advanced.min_edge
         anchors, counts = np.unique(self._map.anchor[tracker.ids], return_counts=True)
         followed = {int(a) for a in anchors[counts >= least]}
-        candidates = self._map.overlap(tracker.pose, look, self._camera, exclude=followed | {k})
+        candidates = self._map.overlap(tracker.pose, look, self._camera, exclude=followed | {k} | set(without))
         for a, ids in candidates[: self._settings.revisit]:
             if len(ids) < 2 * least:
                 break
@@ -176,18 +239,21 @@ class KeyframeOdometry(Odometry):
                 tracker.add(ids[fit.inliers], pixels[fit.inliers])
         return edges
 
-    def _lost(self, look: PreparedView, pose: np.ndarray, covariance: np.ndarray, reason: str) -> Motion:
+    def _lost(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, reason: str, blind: bool) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
-        assert self._previous is not None
         self._tracker.restart(look, pose)
         move = adjoint(inverse(self._camera.body_from_camera))
-        self._spread = move @ covariance @ move.T
-        k = len(self._map.poses)
-        drift = Edge(k - 1, k, inverse(self._map.poses[-1]) @ pose, self._spread)
+        self._spread = move @ spread @ move.T
+        k, since = len(self._map.poses), self._map.made
+        if self._adrift is None:
+            self._adrift = Adrift(since, np.zeros((6, 6)), blind)
+        self._adrift.spread = self._adrift.spread + self._spread
+        self._adrift.blind |= blind
+        self._adrift.views += 1
         if self._tracker.seeable(look) >= self._settings.min_inliers:
-            self._new_keyframe(look, [])
-            self._map.tie([drift])
-        return self._report(self._previous, self._spread, Tracking.LOST, reason)
+            drift = Edge(k - 1, k, inverse(self._map.poses[-1]) @ pose, self._adrift.spread)
+            self._new_keyframe(look, [drift])
+        return self._report(self._spread + self._corrected(pose), Tracking.LOST, reason)
 
     def _put_on_floor(self, floor: Floor, before: np.ndarray, fit: PoseFit) -> None:
         """A robot neither climbs nor tilts, unless it sways: take the planar pose nearest to the fitted one."""
@@ -216,17 +282,18 @@ class KeyframeOdometry(Odometry):
         b = self._camera.body_from_camera
         return inverse(b) @ body_motion @ b
 
-    def _report(self, observation: Observation, covariance, status: Tracking, reason: str, fit=None) -> Motion:
+    def _report(self, covariance, status: Tracking, reason: str, fit=None) -> Motion:
         """The motion of the body since the pose reported last, and remember where this view hangs in the graph."""
         b, pose = self._camera.body_from_camera, self._tracker.pose
         motion = orthonormal(b @ inverse(self._reported) @ pose @ inverse(b))
         self._reported, self._motion = pose, motion
         k = len(self._map.poses) - 1
-        self._history.append((k, inverse(self._map.poses[k]) @ pose, observation.scan))
+        self._hangs_on.append(int(self._map.serials[k]))
+        self._hangs.extend((inverse(self._map.poses[k]) @ pose)[:3].ravel())
         move = adjoint(b)
         spread = move @ covariance @ move.T
         spread = 0.5 * (spread + spread.T) + FIRST
-        details = {"keyframes": float(k + 1), "followed": float(len(self._tracker.ids))}
+        details = {"keyframes": float(self._map.made), "held": float(k + 1), "followed": float(len(self._tracker.ids))}
         if fit is not None:
             details |= {"inliers": float(fit.inliers.sum()), "residual_px": fit.pixel_rms}
         sure = np.sqrt(np.diag(np.linalg.inv(spread)))

@@ -6,41 +6,32 @@ its key frame. Sightings from elsewhere sharpen the inverse depth (Civera et al.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from rhs.api.geometry import inverse
 from rhs.estimation.filters import pose_graph as posegraph
 from rhs.estimation.filters.settings import Effort
 
-from .config import KeyframeAdvanced
+from .config import Keyframe
+from .culling import Edge, spare, without
+from .pictures import Pictures
 from .reprojection import Sightings, at_middle
 from .surface import warps
 
-USUAL = KeyframeAdvanced()
-
-
-@dataclass(frozen=True, eq=False)
-class Edge:
-    """Key frame b seen from key frame a: a_from_b (4x4) with the covariance (6x6) of its right perturbation.
-    loop: a was found again, not followed, so the edge may be wrong."""
-
-    a: int
-    b: int
-    a_from_b: np.ndarray
-    covariance: np.ndarray
-    loop: bool = False
-
 
 class KeyframeMap:
-    """Grows by key frames; ids of points are row numbers that never change."""
+    """Grows by key frames up to `held`, then gives one up for each new one (culling.py). Key frames and points go by their
+    row; `serials` are the numbers of key frames that never change."""
 
-    def __init__(self, inverse_depth_sigma: float, advanced: KeyframeAdvanced = USUAL) -> None:
-        self._sigma, self._advanced = inverse_depth_sigma, advanced
+    def __init__(self, settings: Keyframe | None = None) -> None:
+        settings = settings or Keyframe()
+        self._sigma, self._advanced = settings.inverse_depth_sigma, settings.advanced
+        self._spacing = settings.keep_move_m, float(np.radians(settings.keep_turn_deg))
         self.poses = np.zeros((0, 4, 4))  # map_from_camera of each key frame
-        self.pictures: list[list[np.ndarray]] = []  # their gray image pyramids; of the oldest nothing
+        self.serials = np.zeros(0, int)
+        self.pictures = Pictures(self._advanced.picture_mb)  # by serial
         self.edges: list[Edge] = []
+        self._hung: dict[int, tuple[int, np.ndarray]] = {}  # of those given up: serial of the host, host_from_keyframe
         self.anchor = np.zeros(0, int)  # key frame of each point
         self.pixels = np.zeros((0, 2), np.float32)  # where its key frame saw it
         self.rays = np.zeros((0, 3))  # x/z, y/z, 1 in the anchor camera
@@ -48,13 +39,61 @@ class KeyframeMap:
         self.sigma = np.zeros(0)
         self.slopes = np.zeros((0, 2))  # of inverse depth around the point, 1/m per pixel of its key frame
 
+    @property
+    def made(self) -> int:
+        """How many key frames there have been, those given up included."""
+        return len(self.serials) + len(self._hung)
+
+    def picture(self, keyframe: int) -> list[np.ndarray]:
+        """The image pyramid of a key frame."""
+        return self.pictures.get(int(self.serials[keyframe]))
+
     def add_keyframe(self, map_from_camera: np.ndarray, picture: list[np.ndarray]) -> int:
+        serial = self.made
         self.poses = np.concatenate([self.poses, map_from_camera[None]])
-        self.pictures.append(picture)
-        kept = self._advanced.pictures
-        if len(self.pictures) > kept:
-            self.pictures[-kept - 1] = []  # its points cannot be found any more
+        self.serials = np.append(self.serials, serial)
+        self.pictures.add(serial, picture)
         return len(self.poses) - 1
+
+    def cull(self, followed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Give up key frames, and the points they anchor, until no more than `held` are left; never the first or the last,
+        and one of a followed point only when there is no other. followed: their ids (N,). Returns which of these stay
+        (N,) bool, and the ids of those that do as they are numbered afterwards."""
+        stays = np.ones(len(followed), bool)
+        while len(self.poses) > self._advanced.held:
+            ends = np.isin(np.arange(len(self.poses)), [0, len(self.poses) - 1])
+            needed = ends | np.isin(np.arange(len(self.poses)), self.anchor[followed[stays]])
+            k = spare(self.poses, ends if needed.all() else needed, self._spacing)
+            stays &= self.anchor[followed] != k
+            followed = self._give_up(k)[followed]
+        return stays, followed[stays]
+
+    def _give_up(self, k: int) -> np.ndarray:
+        """Forget a key frame and its points; returns the new number of each point."""
+        serial = int(self.serials[k])
+        host, host_from_k, self.edges = without(self.edges, k, self.poses)
+        self._hung[serial] = int(self.serials[host]), host_from_k
+        self.pictures.drop(serial)
+        self.poses, self.serials = np.delete(self.poses, k, axis=0), np.delete(self.serials, k)
+        stay = self.anchor != k
+        self.anchor = self.anchor[stay] - (self.anchor[stay] > k)
+        for name in ("pixels", "rays", "rho", "sigma", "slopes"):
+            setattr(self, name, getattr(self, name)[stay])
+        number: np.ndarray = np.maximum(np.cumsum(stay) - 1, 0)
+        return number
+
+    def stand(self, serials: np.ndarray) -> np.ndarray:
+        """(N, 4, 4) where the key frames of serials (N,) stand now, those given up included."""
+        known = dict(zip(self.serials.tolist(), self.poses, strict=True))
+        for serial in np.unique(serials).tolist():
+            chain = []
+            while serial not in known:
+                chain.append(serial)
+                serial = self._hung[serial][0]
+            for hung in reversed(chain):
+                host, host_from_k = self._hung[hung]
+                known[hung] = known[host] @ host_from_k
+        return np.array([known[serial] for serial in serials.tolist()]).reshape(-1, 4, 4)
 
     def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Anchor new points, (N, 3) in its camera on surfaces of inverse depth slopes (N, 2), to a key frame; their ids."""
@@ -121,8 +160,7 @@ class KeyframeMap:
 
         A point is in view when it projects into the image and the depth there is about its own (nothing before it).
         """
-        blind = range(max(len(self.pictures) - self._advanced.pictures, 0))
-        allowed = ~np.isin(self.anchor, [*exclude, *blind])
+        allowed = ~np.isin(self.anchor, list(exclude))
         ids = np.flatnonzero(allowed)
         if len(ids) == 0:
             return []

@@ -161,10 +161,8 @@ class Tracker:
         pixels, found = np.zeros((len(ids), 2)), np.zeros(len(ids), bool)
         for a in np.unique(self._map.anchor[ids]):
             mine = self._map.anchor[ids] == a
-            if not self._map.pictures[a]:
-                continue
             pixels[mine], found[mine] = find_patches(
-                self._map.pictures[a], look.picture,
+                self._map.picture(a), look.picture,
                 pixels=self._map.pixels[ids[mine]], warps=warps[mine], guess=guess[mine],
                 s=self._advanced.patches,
             )

@@ -7,7 +7,7 @@ Used by the odometry, by the check of a recognised place and by loop closing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from rhs.api.geometry import align, exp_se3, orthonormal, transform
 
 from .settings import RansacSettings
 
+PRIOR_PAIRS = 10.0  # pairs that the noise expected beforehand is worth against the noise that the pairs show
+MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
 HUBER = 2.0  # sigmas beyond which a pair pulls no harder
 
 
@@ -138,6 +140,44 @@ def refine_reprojection(
             break
     misfit = float(squared[inliers].mean() / 3.0)
     return Rigid(orthonormal(pose), _symmetric(np.linalg.inv(information)) * max(1.0, misfit), inliers, misfit)
+
+
+def refine_measured(
+    start: Rigid, p: np.ndarray, q: np.ndarray, *, noise: PointNoise, gate_sigma: float = 3.0, rounds: int = 2
+) -> Rigid:
+    """refine_reprojection with the noise that these pairs show: pixels and depths each have a deviation of their own, read
+    off their residuals (variance components, Koch 1999, by medians), so that blur makes pixels count less and a good depth
+    camera depths more. `noise` is what to expect before, worth PRIOR_PAIRS pairs. Its covariance stays that of the
+    larger noise."""
+    found, known = refine_reprojection(start, p, q, noise=noise, gate_sigma=gate_sigma), noise
+    for _ in range(rounds):
+        shown = _noise_shown(found, p, q, noise)
+        found = refine_reprojection(start, p, q, noise=shown, gate_sigma=gate_sigma)
+        known = replace(noise, pixel_px=max(noise.pixel_px, shown.pixel_px),
+                        constant_m=max(noise.constant_m, shown.constant_m),
+                        quadratic_per_m=max(noise.quadratic_per_m, shown.quadratic_per_m))
+    cautious = refine_reprojection(found, p, q, noise=known, gate_sigma=gate_sigma, iterations=1)
+    return replace(found, covariance=cautious.covariance)
+
+
+def _noise_shown(found: Rigid, p: np.ndarray, q: np.ndarray, noise: PointNoise) -> PointNoise:
+    """The noise with its pixel and its depth part scaled to the residuals of the inliers."""
+    if not found.inliers.any():
+        return noise
+    p, q = p[found.inliers], q[found.inliers]
+    moved = transform(found.a_from_b, p)
+    across_px = noise.focal_px * (moved[:, :2] / moved[:, 2:] - q[:, :2] / q[:, 2:]) / np.sqrt(2.0)
+    expected = np.hypot(noise.depth(p[:, 2]) / p[:, 2] ** 2, noise.depth(q[:, 2]) / q[:, 2] ** 2)
+    along = (1.0 / moved[:, 2] - 1.0 / q[:, 2]) / expected
+    pixel, depth = (_shrunk(values, prior) for values, prior in ((across_px, noise.pixel_px), (along, 1.0)))
+    return replace(noise, pixel_px=pixel, constant_m=depth * noise.constant_m, quadratic_per_m=depth * noise.quadratic_per_m)
+
+
+def _shrunk(residuals: np.ndarray, prior: float) -> float:
+    """Deviation of residuals (N, ...) by their median size, drawn towards what was expected."""
+    shown = MEDIAN_TO_SIGMA * float(np.median(np.abs(residuals)))
+    count = len(residuals)
+    return float(np.sqrt((count * shown**2 + PRIOR_PAIRS * prior**2) / (count + PRIOR_PAIRS)))
 
 
 def _procrustes_of_triples(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

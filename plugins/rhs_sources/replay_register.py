@@ -1,0 +1,66 @@
+"""Depth as the colour camera sees it, of recordings whose depth image was taken by a camera of its own and left so.
+
+Every depth pixel is carried into the colour camera and falls on one of its pixels; where several do, the nearest surface is
+seen, and the readings on it are averaged (the nearest reading alone would lie before the surface by its noise). Read as if
+colour and depth were one camera, an image pair of 7-Scenes is a tenth too narrow in colour: motion across the view comes out
+too short by up to that share, and key-points get depths from up to 30 pixels away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.geometry import Camera
+from rhs.api.jit import compiled
+
+SAME_SURFACE = 0.02  # readings within this share of the nearest one on a pixel are of one surface
+
+
+@dataclass(frozen=True, eq=False)
+class DepthCamera:
+    """A camera that measures depth beside one that sees colour. fx, fy, cx, cy in pixels of the depth image;
+    color_from_depth (4x4): its points in the colour camera."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    color_from_depth: np.ndarray
+
+    def registered(self, depth: np.ndarray, color: Camera) -> np.ndarray:
+        """(H, W) float32 metres along the optical axis of the colour camera, NaN unknown, of a depth image (h, w)."""
+        shape = color.height, color.width
+        nearest, total, count = np.full(shape, np.inf), np.zeros(shape), np.zeros(shape)
+        own = np.array([self.fx, self.fy, self.cx, self.cy])
+        theirs = np.array([color.fx, color.fy, color.cx, color.cy])
+        _carry(depth, own, theirs, self.color_from_depth, (nearest, total, count))
+        with np.errstate(invalid="ignore"):
+            return np.where(count > 0, total / count, np.nan).astype(np.float32)
+
+
+@compiled
+def _carry(depth, own, theirs, pose, out):
+    """Fill nearest, total and count (H, W) of the depths that fall on each pixel of the colour camera."""
+    nearest, total, count = out
+    for averaging in range(2):
+        for v in range(depth.shape[0]):
+            for u in range(depth.shape[1]):
+                z = depth[v, u]
+                if not z > 0.0:  # false for NaN
+                    continue
+                x, y = (u - own[2]) / own[0] * z, (v - own[3]) / own[1] * z
+                far = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+                if far <= 0.0:
+                    continue
+                column = theirs[0] * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / far + theirs[2]
+                row = theirs[1] * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / far + theirs[3]
+                i, j = int(np.floor(row + 0.5)), int(np.floor(column + 0.5))
+                if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
+                    continue
+                if averaging == 0:
+                    nearest[i, j] = min(nearest[i, j], far)
+                elif far <= nearest[i, j] * (1.0 + SAME_SURFACE):
+                    total[i, j] += far
+                    count[i, j] += 1.0
