@@ -268,15 +268,15 @@ def dressed(world: World, settings: Simulator) -> World:
 
 
 def pinhole_of(world: World, settings: Simulator) -> Camera:
-    """The camera without its lens. Raises ConfigError where it would not see the horizon."""
+    """The camera without its lens; it looks down as far as the world says, or less, so that it sees the horizon. Raises
+    ConfigError where the settings say otherwise."""
     width, height = settings.image_width, settings.image_width * 3 // 4
-    camera = camera_from_fov(width, height, settings.hfov_deg, height_m=world.camera_height_m,
-                             pitch_deg=world.camera_pitch_deg)
-    most_deg = float(np.degrees(np.arctan(0.5 * height / camera.fy))) - 1.0
-    if abs(world.camera_pitch_deg) > most_deg:
-        raise ConfigError(f"source.camera_pitch_deg={world.camera_pitch_deg:g} leaves the horizon out of the picture; expected "
-                          f"at most {most_deg:.1f} with source.hfov_deg={settings.hfov_deg:g}")
-    return camera
+    most_deg = float(np.degrees(np.arctan(0.75 * np.tan(0.5 * np.radians(settings.hfov_deg))))) - 1.0
+    if settings.camera_pitch_deg is not None and abs(settings.camera_pitch_deg) > most_deg:
+        raise ConfigError(f"source.camera_pitch_deg={settings.camera_pitch_deg:g} leaves the horizon out of the picture; "
+                          f"expected at most {most_deg:.1f} with source.hfov_deg={settings.hfov_deg:g}")
+    pitch_deg = float(np.clip(world.camera_pitch_deg, -most_deg, most_deg))
+    return camera_from_fov(width, height, settings.hfov_deg, height_m=world.camera_height_m, pitch_deg=pitch_deg)
 
 
 def pace(settings: Simulator) -> RoutePace:

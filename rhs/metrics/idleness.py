@@ -129,7 +129,8 @@ IDLENESS = columns_of(
     ("idleness_cycle_s", "s", "the same of a patrol that goes on for ever: the shortest round trip", "Chevaleyre 2004"),
     ("views_waited", "", "views in which the robot stood still before something on its path", "steps.csv"),
     ("extra_way_m", "m", "way driven beyond the shortest through the places reached, in the order of the world, on the true "
-     "plan without obstacles and people", "rhs.metrics.path_judge"),
+     "plan without obstacles and people; below 0 where arriving mission.arrive_m short of each saves more",
+     "rhs.metrics.path_judge"),
     ("places_skipped", "", "places put off because the way was blocked", "missions.json"),
     ("places_visited_later", "", "of those, places at which the robot said it had arrived in the end", "missions.json"),
     counts=("views_waited", "places_skipped", "places_visited_later"),

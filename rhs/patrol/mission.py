@@ -118,10 +118,6 @@ class Logbook:
     places: tuple[tuple[str, float, float], ...]
     missions: list[Mission] = field(default_factory=list)
     visited: int = 0
-    order: list[tuple[str, float, float]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.order = list(self.places)
 
     @property
     def current(self) -> Mission | None:
@@ -133,7 +129,7 @@ class Logbook:
 
     def open(self, at_m: np.ndarray) -> Mission:
         """Begin the mission to the next place."""
-        name, x, y = self.order[self.visited]
+        name, x, y = self.places[self.visited]
         mission = Mission(len(self.missions) + 1, name, [float(x), float(y)], [float(v) for v in at_m])
         self.missions.append(mission)
         return mission
@@ -146,12 +142,12 @@ class Logbook:
         if status in (MissionStatus.ARRIVED, MissionStatus.GAVE_UP):
             self.visited += 1
         if status is MissionStatus.SKIPPED:
-            self.order.append(self.order.pop(self.visited))
+            self.places = (*self.places[: self.visited], *self.places[self.visited + 1:], self.places[self.visited])
 
     @property
     def place(self) -> tuple[str, float, float]:
         """Of the current mission."""
-        return self.order[self.visited]
+        return self.places[self.visited]
 
     def skipped(self) -> int:
         """How often the current place was put off."""

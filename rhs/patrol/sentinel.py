@@ -39,6 +39,7 @@ MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, n
 WAIT_S = 0.5  # one view of waiting
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_M = 0.5  # places put off may be tried again from so far away
+MOST_BACK = 2  # times on the way to one place that the robot goes back because no way leads on from where it stands
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
@@ -90,6 +91,7 @@ class Sentinel:
         self.lost_steps = 0
         self.contacts = 0
         self.barred = 0
+        self.backed = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -240,8 +242,12 @@ class Sentinel:
         return near
 
     def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
-        """Where something seen bars every way, ask the replan part. Else, or if it wants to go on: forget what was seen and
-        look again once; then give the place up, with the planner's reason."""
+        """A robot that stands too near to things to set off goes back a little. Where something seen bars every way, ask the
+        replan part. Else, or if it wants to go on: forget what was seen and look again once; then give the place up, with
+        the planner's reason."""
+        if self.barred and self.backed < MOST_BACK and (back := self.guard.back_off()) is not None:
+            self.backed += 1
+            return back
         seen = self.grid.centres(np.argwhere(self.watch.cells))
         if self.barred:
             seen = np.concatenate([seen, self._near_things(pose)])
@@ -277,7 +283,7 @@ class Sentinel:
 
     def _told(self, at_m: np.ndarray, *, known: bool, no_way: bool = False) -> Blockage:
         """What the replan part is told of something in the way there."""
-        left = self.book.order[self.book.visited + 1:]
+        left = self.book.places[self.book.visited + 1:]
         others = sum(place not in self.put_off[1] for place in left)
         return Blockage(at_m, known, self.waited, self.book.skipped(), others, no_way)
 

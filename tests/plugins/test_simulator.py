@@ -329,3 +329,18 @@ def test_a_patrol_without_pybullet_is_refused_before_the_survey(tmp_path):
 def test_planning_and_replay_need_no_pybullet(tmp_path, words, request):
     words = [word.replace("tests/golden", str(request.path.parents[1] / "golden")) for word in words]
     assert without_pybullet(*words, "pictures=off", f"output={tmp_path}/run").returncode == 0
+
+
+def test_a_camera_that_looks_down_sees_the_floor_from_nearer_by_and_is_refused_without_a_horizon(tmp_path):
+    world = replace(WORLD, camera_height_m=1.0)
+    half_rad = np.arctan(0.75 * np.tan(np.radians(57.0) / 2.0))  # of the picture's height
+    for pitch_deg in (0.0, 15.0):
+        source = build(tmp_path, replace(world, camera_pitch_deg=pitch_deg))
+        capture = source.lead()
+        below = source.camera.body_from_camera[:3, :3] @ source.camera.rays(np.array([[source.camera.cx, 119.0]]))[0]
+        nearest_m = 1.0 / np.tan(half_rad + np.radians(pitch_deg))
+        assert below[0] / -below[2] == pytest.approx(nearest_m, rel=0.02)  # 2.5 m level, 1.4 m at 15 degrees
+        assert capture.depth[119, 80] * np.hypot(below[0], below[2]) == pytest.approx(np.hypot(1.0, nearest_m), rel=0.02)
+        source.close()
+    with pytest.raises(ConfigError, match="leaves the horizon out of the picture"):
+        build(tmp_path, world, camera_pitch_deg=30.0)

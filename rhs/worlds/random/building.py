@@ -38,6 +38,7 @@ DRAWINGS: Mapping[str, Callable[[Sketch], None]] = {
 MOST_DRAWS = 60  # of one building; about one in five is drawn twice
 MARGIN_M = 0.1  # the survey keeps the robot's radius and this from everything
 CELL_M = 0.1
+PITCH_DEG = 15.0  # a level camera at 0.9 m sees the floor from 2.3 m on, one that looks down so far from 1.2 m
 NEAR_M = 1.3  # a place may be moved so far to where the robot can stand
 AREA_M2 = (18.0, 110.0)  # free floor, furniture taken off: a patrol of a minute or two
 
@@ -125,7 +126,7 @@ def _laid_out(sketch: Sketch, angle: float, shift: np.ndarray) -> World:
     spot = sketch.rooms[0].spot_m
     return World("", Path(), (*spot, 0.0), sketch.robot_radius_m, sketch.robot_height_m, walls,
                  tuple(moved(box) for box in sketch.boxes), (), (), np.array([spot]), look.paintings, look.floor,
-                 look.ceiling, int(sketch.rng.integers(2**31)))
+                 look.ceiling, int(sketch.rng.integers(2**31)), camera_pitch_deg=PITCH_DEG)
 
 
 def _rounded(size: tuple[float, float, float]) -> tuple[float, float, float]:
