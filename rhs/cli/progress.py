@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TextIO
 
-from rhs.sweeps.jobs import Outcome
+from rhs.sweeps.jobs import Job, Outcome
 from rhs.sweeps.worker import COMPILING
 
 from .one_run import COMPILES
@@ -62,3 +64,19 @@ def _time(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+@contextmanager
+def running(total: int) -> Iterator[Callable[[Job, str], None]]:
+    """A bar over so many jobs; yields what `run_jobs` tells of each."""
+    progress, outcome = Progress(total), Outcome()
+
+    def tell(job: Job, status: str) -> None:
+        if status != COMPILING:
+            outcome.count(job.name, status, "")
+        progress.tell(status, outcome)
+
+    try:
+        yield tell
+    finally:
+        progress.close()
