@@ -13,8 +13,8 @@
         --held-out FILE       the buildings that were promised by a hash, once they are shown
         output=FOLDER         where the runs go (results/sweeps/NAME); killed, the same command goes on
 
-planning-v1: 60 questions with three seeds each. Files: NAME.csv (a row for each answer or run, no time in it), NAME.md (scores,
-hashes of rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused; 3 when a run left no row.
+planning-v1: 60 questions with three seeds each. Files: NAME.csv (a row for each answer or run, no time in it), NAME.md
+(scores, hashes of rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused; 3 when a run left no row.
 """
 
 from __future__ import annotations

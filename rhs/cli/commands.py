@@ -19,6 +19,7 @@ COMMANDS = {
     "convert": ("rhs.cli.convert", "recordings: recover a cut one, to and from TUM folders"),
     "blame": ("rhs.cli.blame", "which link of the chain cost what: blame RUN"),
     "break": ("rhs.cli.break_point", "at which level of a setting half of the runs fail: break sensor.KEY=1..16 ..."),
+    "atlas": ("rhs.cli.atlas", "several dials over several combinations, one picture: atlas combos.yaml"),
     "gate": ("rhs.cli.gate", "did this change help? paired with the runs of a folder: gate FOLDER planner=mine"),
     "verify": ("rhs.cli.verify", "run it again and compare the rows"),
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),

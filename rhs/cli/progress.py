@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
-from rhs.sweeps.jobs import Job, Outcome
+from rhs.sweeps.jobs import Outcome
 from rhs.sweeps.worker import COMPILING
 
 from .one_run import COMPILES
@@ -67,13 +67,13 @@ def _time(seconds: float) -> str:
 
 
 @contextmanager
-def running(total: int) -> Iterator[Callable[[Job, str], None]]:
-    """A bar over so many jobs; yields what `run_jobs` tells of each."""
+def running(total: int) -> Iterator[Callable[[object, str], None]]:
+    """A bar over so many jobs; yields what is told of each: (job or its name, how it ended)."""
     progress, outcome = Progress(total), Outcome()
 
-    def tell(job: Job, status: str) -> None:
+    def tell(job: object, status: str) -> None:
         if status != COMPILING:
-            outcome.count(job.name, status, "")
+            outcome.count(str(getattr(job, "name", job)), status, "")
         progress.tell(status, outcome)
 
     try:

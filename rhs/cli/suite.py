@@ -136,7 +136,7 @@ def _beside(suite: Suite, rows: list[dict[str, str]], made: dict[str, dict[str, 
     buildings = {world for world, _ in suite.buildings}
     kept = [row for row in old if row["combination"] not in made and row["building"] in buildings
             and (row["building"], int(row["seed"])) in suite.buildings]
-    return [*kept, *rows], {**{name: old_made.get(name, {}) for name in dict.fromkeys(r["combination"] for r in kept)}, **made}
+    return [*kept, *rows], {row["combination"]: old_made.get(row["combination"], {}) for row in kept} | made
 
 
 def _published(suite: Suite, table: Table, folders: Sequence[Path], note: str, mine: str) -> str:

@@ -12,6 +12,7 @@ from rhs.runfolder.row import read_row
 from .jobs import Job, Limits, asked_for, run_jobs
 
 ENDED = ("ok", "failed", "refused")  # by itself: another run would end alike. Time and memory are the machine's
+MISSING = "missing"  # the status of a run that left no row
 Row = dict[str, Any]
 
 
@@ -35,8 +36,8 @@ def ended_row(folder: Path) -> Row | None:
 
 
 def any_row(folder: Path) -> Row:
-    """The row of a run, however it ended; `missing` where there is none."""
+    """The row of a run, however it ended; one that says so where there is none."""
     try:
-        return {"status": "missing"} | read_row(folder / "row.json")
+        return {"status": MISSING} | read_row(folder / "row.json")
     except RhsError as error:
-        return {"status": "missing", "reason": str(error)}
+        return {"status": MISSING, "reason": str(error)}

@@ -39,13 +39,13 @@ MEANINGS = {
     "collisions": "separate touches of anything in the patrol, and in how many runs",
     "ate_m": "absolute trajectory error of the survey after closing: median, largest",
     "wrong_sure_share": "views of the patrol in which the belief was wrong (0.25 m, 5 degrees) and sure of itself: mean",
-    "extra_m": "metres driven beyond the shortest way that learns of obstacles where they are seen: mean over the runs that "
-               "reached every place",
+    "extra_m": "metres driven beyond the shortest way that learns of obstacles where they are seen: mean over the runs "
+               "that reached every place",
     "arrival_m": "true distance to a place when the robot said it had arrived: median of the runs' largest, largest",
 }
 # What an entry may choose; all else is the question.
-OPEN = ("sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "replan", "slam", "features", "stack", "places",
-        "gate")
+OPEN = ("sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "replan", "slam", "features", "stack",
+        "places", "gate")
 OURS = {
     "procrustes": "odometry=procrustes localiser=sift_db planner=prm",
     "procrustes+theta_star": "odometry=procrustes localiser=sift_db planner=theta_star",

@@ -60,7 +60,8 @@ def page(suite: Suite, rows: Rows, made: Mapping[str, Mapping[str, Any]], *, not
     found = by_combination(rows)
     order = sorted(found, key=lambda name: (rank(found[name]), name))
     count = len(suite.buildings)
-    lines = [f"# {suite.name}", "", f"{suite.title[0].upper()}{suite.title[1:]} ({suite.frozen}); views 160 pixels wide. {note}",
+    title = suite.title[0].upper() + suite.title[1:]
+    lines = [f"# {suite.name}", "", f"{title} ({suite.frozen}); views 160 pixels wide. {note}".rstrip(),
              "`rows`: hash of the combination's rows in the csv; the same everywhere, or something differs.", "",
              f"| combination | runs | {' | '.join(MEANINGS)} | rows |", f"|---|---|{'---|' * len(MEANINGS)}---|"]
     for name in order:
@@ -70,8 +71,8 @@ def page(suite: Suite, rows: Rows, made: Mapping[str, Mapping[str, Any]], *, not
     lines += ["", *(f"- `{name}`: {meaning}" for name, meaning in MEANINGS.items())]
     lines += ["", "## Not everything was right in", ""]
     lines += [line for name in order for line in _causes(name, found[name])] or ["none of them"]
-    lines += ["", "## How they were made, and times", "", "Times are of the machine they were made on: compare within this table. "
-              "Seconds of a run, median; a survey that several combinations shared counts in each.", "",
+    lines += ["", "## How they were made, and times", "", "Times are of the machine they were made on: compare within this "
+              "table. Seconds of a run, median; a survey that several combinations shared counts in each.", "",
               "| combination | words | commit | s a run | views | memory MB |", "|---|---|---|---|---|---|"]
     for name in order:
         told = made.get(name, {})
