@@ -8,31 +8,51 @@ from typing import Any
 
 from rhs.base.errors import RhsError
 from rhs.runfolder.row import read_row
+from rhs.runfolder.shards import Line, read_lines, shards, words_key
 
 from .jobs import Job, Limits, asked_for, run_jobs
+from .keep import Keeper
+from .worker import COMPILING
 
 ENDED = ("ok", "failed", "refused")  # by itself: another run would end alike. Time and memory are the machine's
 MISSING = "missing"  # the status of a run that left no row
 Row = dict[str, Any]
 
 
-def kept_rows(jobs: Sequence[Job], folder: Path, limits: Limits, *, tell: Callable[[Job, str], None]) -> list[Row]:
+def kept_rows(jobs: Sequence[Job], folder: Path, limits: Limits, *, tell: Callable[[Job, str], None], keep: str = "all",
+              ) -> list[Row]:
     """The row of each job, in their order; run are those that have none in the folder yet. A job that left no row has the
-    status `missing`. tell(job, status): after each, those that were there already first."""
-    found = {job.name: row for job in jobs if (row := ended_row(folder / job.name)) is not None}
+    status `missing`. tell(job, status): after each, those that were there already first. keep: whose folders stay; of the
+    others the rows do, in shards."""
+    lines = read_lines(shards(folder), []) if keep != "all" else {}
+    told = {job.name: ended(folder / job.name, lines.get(words_key(job.words))) for job in jobs}
+    found = {name: row for name, row in told.items() if row is not None}
     for job in jobs:
         if job.name in found:
             tell(job, str(found[job.name]["status"]))
-    todo = [job for job in jobs if job.name not in found]
-    if todo:
-        run_jobs(todo, folder, limits, tell=tell, preload=asked_for(todo))
+    todo = list({job.name: job for job in jobs if job.name not in found}.values())
+    keeper = Keeper(folder, keep)
+
+    def over(job: Job, status: str) -> None:
+        if status != COMPILING:
+            found[job.name] = any_row(folder / job.name)
+            if keep != "all":
+                keeper.take_folder(job)
+                keeper.tick()
+        tell(job, status)
+
+    try:
+        if todo:
+            run_jobs(todo, folder, limits, tell=over, preload=asked_for(todo))
+    finally:
+        keeper.close()
     return [found.get(job.name) or any_row(folder / job.name) for job in jobs]
 
 
-def ended_row(folder: Path) -> Row | None:
-    """The row of a run that ended by itself; None of any other, and where there is none."""
-    row = any_row(folder)
-    return row if row["status"] in ENDED else None
+def ended(folder: Path, line: Line | None) -> Row | None:
+    """The row of a run that ended by itself, from its folder or its line in a shard; None where there is none."""
+    rows = [any_row(folder), *([] if line is None else [dict(line.row)])]
+    return next((row for row in rows if row["status"] in ENDED), None)
 
 
 def any_row(folder: Path) -> Row:
