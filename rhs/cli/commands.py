@@ -20,7 +20,7 @@ COMMANDS = {
     "blame": ("rhs.cli.blame", "which link of the chain cost what: blame RUN"),
     "break": ("rhs.cli.break_point", "at which level of a setting half of the runs fail: break sensor.KEY=1..16 ..."),
     "atlas": ("rhs.cli.atlas", "several dials over several combinations, one picture: atlas combos.yaml"),
-    "sensitivity": ("rhs.cli.sensitivity", "which settings of a part matter, each halved and doubled: sensitivity odometry=mine"),
+    "sensitivity": ("rhs.cli.sensitivity", "which settings of a part matter, halved and doubled: sensitivity odometry=x"),
     "gate": ("rhs.cli.gate", "did this change help? paired with the runs of a folder: gate FOLDER planner=mine"),
     "verify": ("rhs.cli.verify", "run it again and compare the rows"),
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),

@@ -32,7 +32,8 @@ def sensitivity_picture(effects: Sequence[Mapping[str, Any]], title: str, path: 
         if math.isfinite(low):
             axes.plot([low, high], [y, y], color=colour, linewidth=2, alpha=0.5)
         axes.plot([change], [y], "o", color=colour, markersize=5)
-        told = f"{one['value']:g}" + (f"   {one['lost']} lost" if one["lost"] else "") + (f"   {one['won']} won" if one["won"] else "")
+        counts = [f"{one[name]} {name}" for name in ("lost", "won") if one[name]]
+        told = "   ".join([f"{one['value']:g}", *counts])
         axes.annotate(told, (1.01, y), xycoords=("axes fraction", "data"), fontsize=6.5, va="center", color=colour)
     axes.axvline(1.0, color="#888888", linewidth=1)
     axes.set_xscale("log")

@@ -17,6 +17,7 @@ from rhs.base.errors import ConfigError, RhsError
 from rhs.config.compose import Composer, RunConfig, to_plain
 from rhs.config.overrides import Word, parse, sweep_words, swept_keys
 from rhs.metrics.threshold import Dial, Posterior, Threshold, dial_between, in_words
+
 from .jobs import Job, Limits, asked_for, run_jobs
 from .kept import MISSING, any_row
 from .sweep import job_of

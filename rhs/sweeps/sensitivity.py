@@ -1,10 +1,10 @@
 """Which settings of a part matter? Each number halved and doubled, in several buildings, paired with the default.
 
-Every numeric setting of the part (those under `advanced` too) is tried at half and at twice its value, clipped into the range
-that it is checked for; zeros, which have no double, and settings that are unset are left out. Each run has the building and
-the seed of a run with nothing changed. The effect is the geometric mean of new over old, with Student's interval of its
-logarithm over buildings (rhs.reports.intervals). Thirty settings are sixty questions: of those that do nothing, one in twenty
-has an interval beside zero all the same.
+Every numeric setting of the part (those under `advanced` too) is tried at half and at twice its value, clipped into the
+range that it is checked for; zeros, which have no double, and settings that are unset are left out. Each run has the
+building and the seed of a run with nothing changed. The effect is the geometric mean of new over old, with Student's
+interval of its logarithm over buildings. Thirty settings are sixty questions: of those that do nothing, one in twenty has
+an interval beside zero all the same.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from rhs.config import registry
 from rhs.config.compose import Composer, RunConfig, to_plain
 from rhs.config.overrides import Word, parse, plain_words, sweep_words, swept_keys
 from rhs.reports.intervals import LEAST, units
+from rhs.worlds.random.names import building_of
 
 from .jobs import Job
 from .kept import Row
@@ -42,7 +43,8 @@ MEASURES = {"odometry": ("survey", "ate_before_closing_m"), "loop_closer": ("sur
             "localiser": ("patrol", "patrol_rmse_m"), "replan": ("patrol", "path_length_m"),
             "planner": ("planning", "plan_length_m")}
 LACKS = ("map_agreement",)
-MATTERS = 0.02  # an effect whose interval leaves out less than this share is called one
+MATTERS = 0.02  # an effect whose interval leaves out all up to this share is called one
+FAILS = 2  # so many more runs that do not succeed are called so
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,8 @@ def ask(words: Sequence[str], *, only: Sequence[str] = (), recording: str = "") 
 
 def _runs(task: str, words: list[str], recording: str) -> Iterator[tuple[str, list[Word]]]:
     """(world, words) of each pair."""
-    given = {word.partition("=")[0].removeprefix("zip(") for word in words}
-    where = BUILDINGS if task != "planning" else QUESTIONS
+    given = {key for word in parse(words) for key in _keys(word)}
+    where: tuple[str, ...] = BUILDINGS if task != "planning" else QUESTIONS
     if "world" in given:
         where = () if "seed" in given else ("seed=0,1,2,3,4",)
     small = SMALL if task != "planning" and "source.image_width" not in given else ()
@@ -114,6 +116,11 @@ def _runs(task: str, words: list[str], recording: str) -> Iterator[tuple[str, li
         path, *rest = shlex.split(recording)
         own = [word for word in words if word.partition("=")[0] not in ("world", "seed") and not word.startswith("zip(")]
         yield path, plain_words(parse([f"task={task}", *LIGHT, *own, "source=replay", f"source.path={path}", *rest]))
+
+
+def _keys(word: Any) -> list[str]:
+    """What a word of a sweep gives values to."""
+    return [str(column.key_or_group) for column in getattr(word, "columns", [word])]
 
 
 def _job(composer: Composer, words: Sequence[Word], *more: Word) -> Job:
@@ -192,13 +199,14 @@ def _with(values: Mapping[str, Any], path: Sequence[str], value: float) -> dict[
 
 @dataclass(frozen=True)
 class Effect:
-    """change: of the measure, as a share, geometric mean over buildings; low, high: its 95 % interval. pairs: buildings and
-    seeds in which both are known. lost, won: successes. same: every row is that of the default."""
+    """change: of the measure, as a share, geometric mean over buildings; low, high: its 95 % interval. runs: all; pairs:
+    those in which both are known. lost, won: successes. same: every row is that of the default."""
 
     of: Change
     change: float
     low: float
     high: float
+    runs: int
     pairs: int
     lost: int
     won: int
@@ -209,9 +217,11 @@ class Effect:
         """One word or two."""
         if self.same:
             return "changes nothing"
-        if self.lost > self.won or self.low > MATTERS:
+        if self.lost - self.won >= FAILS:
+            return "fails"
+        if self.low > MATTERS:
             return "worse"
-        if self.won > self.lost or self.high < -MATTERS:
+        if self.high < -MATTERS or self.won - self.lost >= FAILS:
             return "better"
         return "no effect" if -MATTERS <= self.low and self.high <= MATTERS else "not sure"
 
@@ -219,22 +229,23 @@ class Effect:
 def effects(asked: Question, rows: Sequence[Row]) -> list[Effect]:
     """The effect of each change, largest first. rows: of `asked.jobs`."""
     count = len(asked.pairs)
-    before, worlds = rows[:count], [world for world, _ in asked.pairs]
-    found = [_effect(change, asked.measure, worlds, before, rows[(k + 1) * count:(k + 2) * count])
+    before, where = rows[:count], [building_of(world, job.config.seed) for world, job in asked.pairs]
+    found = [_effect(change, asked.measure, where, before, rows[(k + 1) * count:(k + 2) * count])
              for k, change in enumerate(asked.changes)]
     return sorted(found, key=lambda one: (-(one.lost + one.won), -abs(math.log1p(one.change)) if one.pairs else 0.0,
                                           one.of.key, one.of.factor))
 
 
-def _effect(change: Change, measure: str, worlds: Sequence[str], before: Sequence[Row], after: Sequence[Row]) -> Effect:
+def _effect(change: Change, measure: str, where: Sequence[str], before: Sequence[Row], after: Sequence[Row]) -> Effect:
     old, new = (np.array([_value(row, measure) for row in rows]) for rows in (before, after))
     known = (old > 0.0) & (new > 0.0)
-    logs = units(np.log(new[known] / old[known]), np.array(worlds)[known])
+    several = len(set(where)) > 1  # in one building runs with other seeds are what there is to compare
+    logs = units(np.log(new[known] / old[known]), np.array(where)[known] if several else None)
     mean, half = float(logs.mean()) if len(logs) else math.nan, _half_width(logs)
     won = [(a.get("success") == 1.0) - (b.get("success") == 1.0) for a, b in zip(after, before, strict=True)]
     same = all(alike(a, b) for a, b in zip(after, before, strict=True))
-    return Effect(change, *(math.expm1(value) for value in (mean, mean - half, mean + half)), int(known.sum()), won.count(-1), won.count(1),
-                  same)
+    middle, low, high = (math.expm1(value) for value in (mean, mean - half, mean + half))
+    return Effect(change, middle, low, high, len(before), int(known.sum()), won.count(-1), won.count(1), same)
 
 
 def _half_width(values: np.ndarray) -> float:
@@ -266,7 +277,7 @@ def alike(a: Row, b: Row) -> bool:
 def in_words(found: Sequence[Effect], asked: Question) -> list[str]:
     """What matters, what changes nothing at all, and what was left out."""
     settings_ = list(dict.fromkeys(one.of.key for one in found))
-    matter = [one for one in found if one.says in ("worse", "better")]
+    matter = [one for one in found if one.says in ("fails", "worse", "better")]
     keys = list(dict.fromkeys(one.of.key for one in matter))
     inert = [key for key in settings_ if all(one.same for one in found if one.of.key == key)]
     lines = [f"{len(keys)} of {len(settings_)} settings of {asked.part} matter here"
@@ -278,5 +289,6 @@ def in_words(found: Sequence[Effect], asked: Question) -> list[str]:
 
 
 def _told(one: Effect) -> str:
-    count = f", {one.lost} of {one.pairs + one.lost} runs more fail" if one.lost > one.won else ""
-    return f"{one.of} {one.says}" + (f" ({100 * one.change:+.3g} %{count})" if one.pairs else count)
+    count = f", {one.lost - one.won:+d} of {one.runs} runs fail" if one.lost != one.won else ""
+    change = f"{100 * one.change:+.3g} %" if one.pairs else "no pair known"
+    return f"{one.of} {one.says} ({change}{count})"
