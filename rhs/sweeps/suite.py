@@ -54,7 +54,6 @@ OURS = {
     "keyframe": "odometry=keyframe localiser=sift_db planner=prm",
     "orb": "odometry=orb localiser=sift_db planner=prm",
     "kiss_icp+scans": "odometry=kiss_icp localiser=particle_filter_scan planner=prm",
-    "scan_to_map+scans": "odometry=scan_to_map loop_closer=scan_graph localiser=particle_filter_scan planner=theta_star",
 }
 
 

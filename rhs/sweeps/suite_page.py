@@ -68,6 +68,8 @@ def page(suite: Suite, rows: Rows, made: Mapping[str, Mapping[str, Any]], *, not
         cells = scores(found[name])
         shown = f"**{name}**" if name == mine else name
         lines.append(f"| {shown} | {len(found[name])} of {count} | {' | '.join(cells.values())} | {hash_of(found[name])} |")
+    if missing := [name for name in suite.ours if name not in found]:
+        lines += ["", f"Of ours not made yet: {', '.join(missing)}."]
     lines += ["", *(f"- `{name}`: {meaning}" for name, meaning in MEANINGS.items())]
     lines += ["", "## Not everything was right in", ""]
     lines += [line for name in order for line in _causes(name, found[name])] or ["none of them"]

@@ -31,7 +31,7 @@ class _Inner:
 class Crooked:
     """procrustes whose every motion turns too far to the left, and says nothing of it."""
 
-    turn_rad: float = 0.01
+    turn_rad: float = 0.004
 
     needs: ClassVar[frozenset[str]] = registry.load("odometry", "procrustes").needs
     provides: ClassVar[frozenset[str]] = registry.load("odometry", "procrustes").provides
@@ -47,23 +47,28 @@ class CrookedOdometry(_Inner):
 
 
 @dataclass
-class Shifted:
-    """occupancy whose map lies beside where it was seen."""
+class Walled:
+    """occupancy that draws two walls that are not there, across the middle of all it saw."""
 
-    by_m: float = 0.6
+    thick_m: float = 0.4
 
     needs: ClassVar[frozenset[str]] = registry.load("mapper", "occupancy").needs
     provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Any:
-        return ShiftedMapper(registry.load("mapper", "occupancy")().build(context), self)
+        return WalledMapper(registry.load("mapper", "occupancy")().build(context), self)
 
 
-class ShiftedMapper(_Inner):
+class WalledMapper(_Inner):
     def grid(self) -> OccupancyGrid:
         grid = self._inner.grid()
-        x, y = grid.origin_m
-        return OccupancyGrid(grid.probability, grid.resolution_m, (x + self._settings.by_m, y))
+        probability = np.array(grid.probability)
+        for axis in (0, 1):
+            seen = np.flatnonzero((probability < 0.5).any(axis=1 - axis))
+            middle, half = int(np.median(seen)) if len(seen) else 0, round(self._settings.thick_m / grid.resolution_m / 2)
+            across = probability if axis == 0 else probability.T
+            across[middle - half:middle + half] = 0.98
+        return OccupancyGrid(probability, grid.resolution_m, grid.origin_m)
 
 
 @dataclass
@@ -112,7 +117,7 @@ class FaintPlanner(_Inner):
         return self._inner.plan(problem)
 
 
-PARTS = {"odometry": ("crooked", Crooked), "mapper": ("shifted", Shifted), "localiser": ("drunk", Drunk),
+PARTS = {"odometry": ("crooked", Crooked), "mapper": ("walled", Walled), "localiser": ("drunk", Drunk),
          "planner": ("faint", Faint)}
 for _kind, (_name, _cls) in PARTS.items():
     registry.register(_kind, _name, _cls)

@@ -3,7 +3,7 @@
     python tests/benchmarks/planted_faults.py --seeds 0-1 --worlds square_small --out runs/planted
     python tests/benchmarks/planted_faults.py --links map plan --worlds square_small random:office/3
 
-Faults: sense (noise of image and depth), odometry (turns too far), map (beside where it was seen), localise (turns with
+Faults: sense (noise of image and depth), odometry (turns too far), map (walls that are not there), localise (turns with
 every view), plan (finds no way to what is far). A run is 32 patrols: every combination of these links given the truth.
 `named`: the link that blame names; a run that the fault cost nothing, so that nobody is named, is not counted.
 Killed, the same command goes on. Writes planted_faults.csv beside the runs.
@@ -28,7 +28,7 @@ from rhs.sweeps.sweep import job_of
 
 LINKS = ("sense", "odometry", "map", "localise", "plan")
 FAULTS = {"sense": "sensor.image_sigma=60 sensor.depth_quadratic_per_m=0.05", "odometry": "odometry=crooked gate.act=off",
-          "map": "mapper=shifted", "localise": "localiser=drunk", "plan": "planner=faint"}
+          "map": "mapper=walled", "localise": "localiser=drunk", "plan": "planner=faint"}
 COMMON = ("task=blame", f"links=[{','.join(LINKS)}]", "source.image_width=160", "recording=off", "pictures=off",
           "planner=astar")
 
