@@ -79,8 +79,8 @@ def show_help(words: Sequence[str]) -> int:
     topic = words[0] if words else "commands"
     if topic == "commands":
         for name, (_, meaning) in COMMANDS.items():
-            sys.stdout.write(f"  python -m rhs {name:<10} {meaning}\n")
-        sys.stdout.write("  python -m rhs --help     options, plugins and settings of a run\n")
+            sys.stdout.write(f"  python -m rhs {name:<12} {meaning}\n")
+        sys.stdout.write("  python -m rhs --help       options, plugins and settings of a run\n")
         return 0
     if topic == "kinds":
         return _kinds()
