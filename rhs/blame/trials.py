@@ -78,7 +78,8 @@ def _survey(chain: Chain, state: frozenset[str], wanted: Sequence[frozenset[str]
             leading = collect(parts, chain.context, chain.settings, log)
             collected = _result(leading)
         patrols = [OF.Process(target=_patrol, args=(chain, parts, collected, log, links, at_once)) for links in wanted]
-        for one in patrols:
+        for one in patrols:  # forked when its turn comes: each that waited would count as memory of the run
+            at_once.acquire()
             one.start()
         for one in patrols:
             one.join()
@@ -89,22 +90,23 @@ def _survey(chain: Chain, state: frozenset[str], wanted: Sequence[frozenset[str]
 
 
 def _patrol(chain: Chain, parts: Parts, collected: ViewCollector, led: RunLog, links: frozenset[str], at_once: Any) -> None:
-    """In a process: settle the survey, patrol, evaluate."""
+    """In a process that holds one of `at_once`: settle the survey, patrol, evaluate."""
     die_with_parent()
-    with at_once:
-        try:
-            parts = _patrolling(chain, parts, links)
-            folder = chain.context.folder if not links else chain.folder / label(links)
-            log = _log(chain, parts, folder)
-            log.table.copy_from(led.table)  # type: ignore[arg-type]
-            surveyed = settle(collected, parts, log)
-            for _ in patrol(parts, chain.settings, surveyed, log, seed=chain.context.seed):
-                pass
-            log.table.close()
-            columns: dict[str, Any] = {"status": "ok", **evaluate(folder, "patrol")}
-        except BaseException as error:
-            columns = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
-        _write(chain, links, columns)
+    try:
+        parts = _patrolling(chain, parts, links)
+        folder = chain.context.folder if not links else chain.folder / label(links)
+        log = _log(chain, parts, folder)
+        log.table.copy_from(led.table)  # type: ignore[arg-type]
+        surveyed = settle(collected, parts, log)
+        for _ in patrol(parts, chain.settings, surveyed, log, seed=chain.context.seed):
+            pass
+        log.table.close()
+        columns: dict[str, Any] = {"status": "ok", **evaluate(folder, "patrol")}
+    except BaseException as error:
+        columns = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
+    finally:
+        at_once.release()
+    _write(chain, links, columns)
 
 
 def _estimating(chain: Chain, state: frozenset[str]) -> Parts:

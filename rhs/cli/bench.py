@@ -1,13 +1,20 @@
-"""`python -m rhs bench planning-v1`: a frozen set of questions and a table that anyone makes again, byte for byte.
+"""`python -m rhs bench SET`: a frozen set of questions and a table that anyone makes again, byte for byte.
 
     python -m rhs bench planning-v1                                   every planner of ours
     python -m rhs bench planning-v1 --mine planner=x                  yours beside them (also with --plugin)
     python -m rhs bench planning-v1 --mine planner=prm planner.milestones=500
         --only                yours alone
         output=FOLDER         where the table goes (results/bench)
+    python -m rhs bench corridor-v1                                   whole chains of ours in twelve buildings; home-v1 too
+    python -m rhs bench corridor-v1 --mine odometry=x localiser=y     yours, beside the table that is checked in
+        --ours NAME,NAME      of ours only these; --quick: one building of each family, no entry
+        --jobs N              processes at a time (one per core); --timeout S: of one run (3600)
+        --entry FOLDER        also what an entry needs: the rows, and the configurations that `rhs verify` runs again
+        --held-out FILE       the buildings that were promised by a hash, once they are shown
+        output=FOLDER         where the runs go (results/sweeps/NAME); killed, the same command goes on
 
-60 questions with three seeds each. Files: planning-v1.csv (a row for each answer, no time in it), planning-v1.md (scores,
-the hash of each planner's rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused.
+planning-v1: 60 questions with three seeds each. Files: NAME.csv (a row for each answer or run, no time in it), NAME.md
+(scores, hashes of rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused; 3 when a run left no row.
 """
 
 from __future__ import annotations
@@ -26,7 +33,7 @@ from rhs.config import registry
 from .card import asked, say
 
 HOME = Path("results") / "bench"
-SETS = ("planning-v1",)
+SETS = ("planning-v1", "corridor-v1", "home-v1")
 
 
 def main(words: Sequence[str]) -> int:
@@ -38,6 +45,12 @@ def main(words: Sequence[str]) -> int:
     chosen = _arguments().parse_intermixed_args(list(words))
     if chosen.set not in SETS:
         raise ConfigError(f"bench {chosen.set}: there is {', '.join(SETS)}")
+    if chosen.set != SETS[0]:
+        from . import suite
+
+        return suite.main(chosen, words)
+    if chosen.quick or chosen.ours or chosen.entry or chosen.held_out:
+        raise ConfigError(f"bench {SETS[0]}: --quick, --ours, --entry and --held-out are for {' and '.join(SETS[1:])}")
     planners, folder = _planners(chosen, bench.PLANNERS)
     questions = bench.frozen_questions()
     if (digest := bench.digest(questions)) != bench.FROZEN:
@@ -89,4 +102,10 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("overrides", nargs="*")
     parser.add_argument("--mine", default="")
     parser.add_argument("--only", action="store_true")
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--ours", default="")
+    parser.add_argument("--entry", default="")
+    parser.add_argument("--held-out", default="")
+    parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--timeout", type=float, default=3600.0)
     return parser

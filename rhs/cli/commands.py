@@ -19,6 +19,8 @@ COMMANDS = {
     "convert": ("rhs.cli.convert", "recordings: recover a cut one, to and from TUM folders"),
     "blame": ("rhs.cli.blame", "which link of the chain cost what: blame RUN"),
     "break": ("rhs.cli.break_point", "at which level of a setting half of the runs fail: break sensor.KEY=1..16 ..."),
+    "atlas": ("rhs.cli.atlas", "several dials over several combinations, one picture: atlas combos.yaml"),
+    "sensitivity": ("rhs.cli.sensitivity", "which settings of a part matter, halved and doubled: sensitivity odometry=x"),
     "gate": ("rhs.cli.gate", "did this change help? paired with the runs of a folder: gate FOLDER planner=mine"),
     "verify": ("rhs.cli.verify", "run it again and compare the rows"),
     "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
@@ -77,8 +79,8 @@ def show_help(words: Sequence[str]) -> int:
     topic = words[0] if words else "commands"
     if topic == "commands":
         for name, (_, meaning) in COMMANDS.items():
-            sys.stdout.write(f"  python -m rhs {name:<10} {meaning}\n")
-        sys.stdout.write("  python -m rhs --help     options, plugins and settings of a run\n")
+            sys.stdout.write(f"  python -m rhs {name:<12} {meaning}\n")
+        sys.stdout.write("  python -m rhs --help       options, plugins and settings of a run\n")
         return 0
     if topic == "kinds":
         return _kinds()

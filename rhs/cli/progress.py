@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TextIO
 
 from rhs.sweeps.jobs import Outcome
@@ -62,3 +64,19 @@ def _time(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+@contextmanager
+def running(total: int) -> Iterator[Callable[[object, str], None]]:
+    """A bar over so many jobs; yields what is told of each: (job or its name, how it ended)."""
+    progress, outcome = Progress(total), Outcome()
+
+    def tell(job: object, status: str) -> None:
+        if status != COMPILING:
+            outcome.count(str(getattr(job, "name", job)), status, "")
+        progress.tell(status, outcome)
+
+    try:
+        yield tell
+    finally:
+        progress.close()

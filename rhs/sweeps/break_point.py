@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,9 @@ from rhs.base.errors import ConfigError, RhsError
 from rhs.config.compose import Composer, RunConfig, to_plain
 from rhs.config.overrides import Word, parse, sweep_words, swept_keys
 from rhs.metrics.threshold import Dial, Posterior, Threshold, dial_between, in_words
-from rhs.runfolder.row import read_row
 
 from .jobs import Job, Limits, asked_for, run_jobs
+from .kept import MISSING, any_row
 from .sweep import job_of
 
 MOST_COMBINATIONS = 200
@@ -109,44 +109,53 @@ def run_plan(found: Plan, folder: Path, limits: Limits, *, runs: int, tell: Call
         jobs = [job for _, _, job in batch]
         run_jobs(jobs, folder, limits, tell=tell, preload=asked_for(jobs))
         for search, value, job in batch:
-            _learn(search, found.dial.level(value), folder / job.name)
+            learn(search, found.dial.level(value), any_row(folder / job.name), str(folder / job.name))
     return [account(search, found.dial) for search in found.searches]
 
 
 def _jobs(found: Plan, search: Search, first: int, count: int) -> Iterator[tuple[float, Job]]:
     """The next runs of a combination: a value of the dial and the job there; seeds are the same for all combinations."""
     for number, level in enumerate(search.known.next_levels(count), start=found.first_seed + first):
-        value = found.dial.value(level)
-        words = [*(word for word in search.words if word.key != "seed"), _word(found.dial.key, value), _word("seed", number)]
-        config = found.composer.config(words)
-        keys = [word.key for word in search.words if word.text in search.name.split(" ")]
-        yield value, job_of(config, words, [*keys, found.dial.key, "seed"])
+        yield next_job(found, search, level, number)
+
+
+def next_job(found: Plan, search: Search, level: float, seed: int) -> tuple[float, Job]:
+    """The value of the dial at a level, and the run of a combination there with this seed."""
+    value = found.dial.value(level)
+    words = [*(word for word in search.words if word.key != "seed"), _word(found.dial.key, value), _word("seed", seed)]
+    keys = [word.key for word in search.words if word.text in search.name.split(" ")]
+    return value, job_of(found.composer.config(words), words, [*keys, found.dial.key, "seed"])
 
 
 def _word(key: str, value: float) -> Word:
     return Word(key, value, f"{key}={value:g}" if isinstance(value, float) else f"{key}={value}")
 
 
-def _learn(search: Search, level: float, folder: Path) -> None:
-    try:
-        row = read_row(folder / "row.json")
-    except RhsError as error:
-        row = {"success": 0.0, "failure": str(error)}
-    success = row.get("success")
+def learn(search: Search, level: float, row: Mapping[str, Any], where: str) -> None:
+    """The outcome of a run at a level; one that left no row did not succeed. Raises RhsError where nobody knows."""
+    success = 0.0 if row["status"] == MISSING else row.get("success")
     if not isinstance(success, int | float) or math.isnan(success):
-        raise RhsError(f"{folder}: this task has no success that could break; its rows leave it unknown")
+        raise RhsError(f"{where}: this task has no success that could break; its rows leave it unknown")
     search.known.learn(level, success == 1.0)
     search.tried.append((level, success == 1.0))
     if success != 1.0:
-        search.reasons.append(str(row.get("failure") or ""))
+        search.reasons.append(str(row.get("failure") or row.get("reason") or ""))
 
 
 def account(search: Search, dial: Dial) -> dict[str, Any]:
     """What is known of one combination, in units of the dial."""
     known = search.known.summary()
-    return {"combination": search.name, "dial": dial.key, **_in_units(known, dial),
+    return {"combination": search.name, "dial": dial.key, **_in_units(known, dial), "withstood": withstood(known),
             "tried": [[dial.value(level), succeeded] for level, succeeded in search.tried],
             "levels": [[level, succeeded] for level, succeeded in search.tried]}
+
+
+def withstood(known: Threshold) -> float:
+    """Share of the dial, from its harmless end on, at which half have failed: 0 none, 1 all of it."""
+    if not known.found:
+        return float(known.success >= 0.5)
+    share = min(max(known.middle, 0.0), 1.0)
+    return share if known.direction > 0 else 1.0 - share
 
 
 def _in_units(known: Threshold, dial: Dial) -> dict[str, Any]:

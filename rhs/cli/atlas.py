@@ -1,0 +1,91 @@
+"""`python -m rhs atlas FILE.yaml`: several dials over several combinations, where does each break?
+
+    python -m rhs atlas conf/atlas/example.yaml
+        --runs N        runs of each search (the file's, or 40)
+        --jobs N        processes at a time (one per core)
+        --timeout S     a run that takes longer has failed (3600)
+        output=FOLDER   where it goes (results/sweeps/atlas_NAME)
+
+The file names combinations of parts and dials, KEY=LOW..HIGH; each pair is searched as `python -m rhs break` does, all in
+turn. Killed, the same command goes on; combinations and dials may be added. Files: atlas.png (rows: combinations, columns:
+dials), atlas.csv, atlas.json, the folders of the runs that failed. Exit code 0, or 2 refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rhs.base.commands import Arguments
+from rhs.base.errors import ConfigError, check_range
+
+if TYPE_CHECKING:
+    from rhs.sweeps.atlas import Atlas
+    from rhs.sweeps.jobs import Limits
+
+HOME = Path("results") / "sweeps"
+
+
+def main(words: Sequence[str]) -> int:
+    """The command."""
+    from rhs.runfolder.folders import claim_sweep
+    from rhs.sweeps.atlas import read_atlas
+    from rhs.sweeps.jobs import Limits, processes
+
+    chosen = _arguments().parse_intermixed_args(list(words))
+    files = [Path(word) for word in chosen.words if not word.startswith("output=")]
+    if len(files) != 1:
+        raise ConfigError("atlas: expected one file of combinations and dials: python -m rhs atlas conf/atlas/example.yaml")
+    check_range("", "--runs", chosen.runs, low=0, high=10_000)
+    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
+    check_range("", "--timeout", chosen.timeout, low=0.0, high=1e7, unit="s")
+    atlas = read_atlas(files[0], chosen.runs)
+    output = next((word.partition("=")[2] for word in chosen.words if word.startswith("output=")), "")
+    with claim_sweep(output or str(HOME / f"atlas_{files[0].stem}")) as claim:
+        _searched(atlas, claim.folder, Limits(chosen.jobs or processes(), chosen.timeout))
+        sys.stdout.write(f"files: {claim.folder}\n")
+    return 0
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = Arguments(prog="python -m rhs atlas", description=__doc__, allow_abbrev=False,
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("words", nargs="*", metavar="FILE.yaml")
+    parser.add_argument("--runs", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--timeout", type=float, default=3600.0)
+    return parser
+
+
+def _searched(atlas: Atlas, folder: Path, limits: Limits) -> None:
+    """The searches under one progress bar; what is known is published, also when interrupted."""
+    from rhs.sweeps.atlas import run_atlas
+
+    from .progress import running
+
+    try:
+        with running(atlas.runs * len(atlas.cells)) as tell:
+            run_atlas(atlas, folder, limits, tell=tell)
+    finally:
+        _publish(atlas, folder)
+
+
+def _publish(atlas: Atlas, folder: Path) -> None:
+    """atlas.json, atlas.csv, atlas.png; a line for each search."""
+    from rhs.api.files import replacing
+    from rhs.reports.atlas_picture import atlas_picture
+    from rhs.sweeps.atlas import accounts, csv_of
+
+    if not (told := accounts(atlas)):
+        return
+    for name, text in {"atlas.json": json.dumps(told, indent=1) + "\n", "atlas.csv": csv_of(told)}.items():
+        with replacing(folder / name) as file:
+            file.write(text)
+    atlas_picture(told, folder / "atlas.png")
+    width = max(len(one["combination"]) for one in told)
+    for one in told:
+        sys.stdout.write(f"{one['combination']:<{width}}  {one['dial']}: {one['says']}  ({one['runs']} runs)\n")

@@ -1,0 +1,164 @@
+"""`python -m rhs bench corridor-v1 | home-v1`: whole chains in frozen buildings; `rhs.cli.bench` comes here."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rhs.base.errors import ConfigError, check_range
+
+if TYPE_CHECKING:
+    from rhs.sweeps.jobs import Job, Limits
+    from rhs.sweeps.suite import Suite
+
+HOME = Path("results") / "bench"
+RUNS = Path("results") / "sweeps"
+Table = tuple[list[dict[str, str]], dict[str, dict[str, Any]]]  # rows, and how they were made
+
+
+def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
+    """The command. Exit code 0; 3 when a run of it left no row."""
+    from rhs.runfolder.folders import claim_sweep
+    from rhs.sweeps.jobs import Limits, processes
+    from rhs.sweeps.suite import SUITES
+
+    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
+    suite = _frozen(SUITES[chosen.set])
+    combinations, mine = _combinations(suite, chosen)
+    suite, note = _part(suite, chosen)
+    output = next((word.partition("=")[2] for word in chosen.overrides if word.startswith("output=")), "")
+    folder = output or str(RUNS / "_".join([suite.name, *(["mine"] if mine else []), *(["quick"] if chosen.quick else [])]))
+    jobs = {name: _jobs(typed, suite) for name, typed in combinations.items()}
+    with claim_sweep(folder) as claim:
+        rows, made = _made(suite, jobs, claim.folder, Limits(chosen.jobs or processes(), chosen.timeout))
+        for name, told in made.items():
+            told |= {"words": combinations[name], "command": " ".join(["python -m rhs bench", *words])}
+        whole = not (mine or chosen.quick or chosen.held_out)
+        table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
+        text = _published(suite, table, [claim.folder, *([HOME] if whole and not output else [])], note, mine)
+        if chosen.entry:
+            _entry(jobs, claim.folder, Path(chosen.entry))
+    sys.stdout.write(f"{text}\nfiles: {claim.folder}\n")
+    return 0 if all(row["status"] not in ("missing", "killed", "timeout") for row in rows) else 3
+
+
+def _frozen(suite: Suite) -> Suite:
+    """The suite, unless its buildings have changed. Raises ConfigError."""
+    from rhs.sweeps.suite import digest
+
+    if (found := digest(suite)) != suite.frozen:
+        raise ConfigError(f"bench {suite.name}: found buildings and questions {found}, expected {suite.frozen}: they have "
+                          f"changed, which makes another version")
+    return suite
+
+
+def _combinations(suite: Suite, chosen: argparse.Namespace) -> tuple[dict[str, str], str]:
+    """Name -> words of what is to be run; the name of mine, empty where there is none. Raises ConfigError."""
+    from rhs.sweeps.suite import usable
+
+    rest = [word for word in chosen.overrides if not word.startswith("output=")]
+    if chosen.mine:
+        words = " ".join([chosen.mine, *rest])
+        return {words: words}, words
+    if rest or chosen.only:
+        raise ConfigError(f"bench: {'--only' if chosen.only else rest[0]}: say whose: --mine odometry=NAME")
+    names = [name for name in chosen.ours.split(",") if name] or list(suite.ours)
+    if unknown := [name for name in names if name not in suite.ours]:
+        raise ConfigError(f"bench --ours {unknown[0]}: there is {', '.join(suite.ours)}")
+    good, bad = usable({name: suite.ours[name] for name in names})
+    for name, why in bad.items():
+        sys.stderr.write(f"rhs: {name} is left out: {why}\n")
+    return good, ""
+
+
+def _part(suite: Suite, chosen: argparse.Namespace) -> tuple[Suite, str]:
+    """The suite, or the part of it that was asked for, or its held-out buildings; a note for the page."""
+    from dataclasses import replace
+
+    from rhs.sweeps.held_out import revealed
+
+    if chosen.held_out:
+        return replace(suite, buildings=revealed(suite.name, Path(chosen.held_out))), "Held-out buildings, now revealed."
+    if chosen.quick:
+        return replace(suite, buildings=suite.quick()), "Quick: the first building of each family; no entry."
+    return suite, ""
+
+
+def _jobs(words: str, suite: Suite) -> list[Job]:
+    from rhs.sweeps.suite import jobs_of
+
+    return jobs_of(words, suite.buildings)
+
+
+def _made(suite: Suite, jobs: Mapping[str, Sequence[Job]], folder: Path, limits: Limits) -> Table:
+    """Run what has not ended yet, under one progress bar."""
+    from rhs.sweeps.kept import kept_rows
+    from rhs.sweeps.suite import cells_of, times_of
+
+    from .progress import running
+
+    every = [job for several in jobs.values() for job in several]
+    with running(len(every)) as tell:
+        found = kept_rows(every, folder, limits, tell=tell)
+    rows, made = [], {}
+    for number, name in enumerate(jobs):
+        count = len(suite.buildings)
+        some = found[number * count:(number + 1) * count]
+        rows += [cells_of(name, building, row) for building, row in zip(suite.buildings, some, strict=True)]
+        made[name] = times_of(some)
+    return rows, made
+
+
+def _kept(suite: Suite) -> Path | None:
+    """The folder of the table that is checked in: under this folder, or beside the program."""
+    for folder in (HOME, Path(__file__).resolve().parents[2] / HOME):
+        if (folder / f"{suite.name}.csv").is_file():
+            return folder
+    return None
+
+
+def _beside(suite: Suite, rows: list[dict[str, str]], made: dict[str, dict[str, Any]]) -> Table:
+    """These rows, and those of the checked-in table in the same buildings; new rows take the place of old ones."""
+    from rhs.sweeps.suite import read_csv
+
+    if (folder := _kept(suite)) is None:
+        return rows, made
+    try:
+        old = read_csv((folder / f"{suite.name}.csv").read_text("utf-8"))
+        old_made = json.loads((folder / f"{suite.name}.json").read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{folder}/{suite.name}.csv, .json: {error}") from error
+    buildings = {world for world, _ in suite.buildings}
+    kept = [row for row in old if row["combination"] not in made and row["building"] in buildings
+            and (row["building"], int(row["seed"])) in suite.buildings]
+    return [*kept, *rows], {row["combination"]: old_made.get(row["combination"], {}) for row in kept} | made
+
+
+def _published(suite: Suite, table: Table, folders: Sequence[Path], note: str, mine: str) -> str:
+    """NAME.csv, NAME.json and NAME.md into the folders; the page."""
+    from rhs.api.files import replacing
+    from rhs.sweeps.suite import csv_of
+    from rhs.sweeps.suite_page import page
+
+    rows, made = table
+    text = page(suite, rows, made, note=note, mine=mine)
+    for folder in folders:
+        folder.mkdir(parents=True, exist_ok=True)
+        for suffix, content in {"csv": csv_of(rows), "json": json.dumps(made, indent=1) + "\n", "md": text}.items():
+            with replacing(folder / f"{suite.name}.{suffix}") as file:
+                file.write(content)
+    return text
+
+
+def _entry(jobs: Mapping[str, Sequence[Job]], runs: Path, entry: Path) -> None:
+    """What `rhs verify` needs of each run, and nothing else: config.yaml and row.json."""
+    for job in (job for several in jobs.values() for job in several):
+        (entry / job.name).mkdir(parents=True, exist_ok=True)
+        for name in ("config.yaml", "row.json"):
+            if (runs / job.name / name).is_file():
+                shutil.copyfile(runs / job.name / name, entry / job.name / name)

@@ -1,0 +1,196 @@
+"""corridor-v1, home-v1: frozen buildings, seeds, questions and scores; a table of rows that anyone makes again.
+
+Frozen: the buildings as they are drawn, the words of every run, the columns (`Suite.frozen` is their hash; a change is
+another version). Buildings were not chosen: they are the first of their families from number 10000 on, which nothing was
+tuned on. Rows hold no time and no machine; those stand in a table of their own.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from rhs.api.floorplan import World, after
+from rhs.base.errors import ConfigError, PluginError
+from rhs.config.compose import Composer
+from rhs.config.overrides import Word, parse, plain_words
+from rhs.worlds.random.obstacles import reached
+from rhs.worlds.world import load_world
+
+from .jobs import Job
+from .sweep import job_of
+
+FIRST = 10_000  # numbers from here on are for judging
+DISC_M = 0.05  # places count as reachable for a disc so much wider than the robot's radius
+COMMON = ("task=patrol", "source.image_width=160", "recording=off", "pictures=off")
+CELLS = ("combination", "building", "seed", "status", "success", "places", "reachable", "visited", "collisions", "ate_m",
+         "wrong_sure_share", "extra_m", "arrival_m", "cause")
+MEANINGS = {
+    "success": "runs that visited every place and touched nothing, with the 95 % interval over buildings",
+    "visited": "places at which the robot truly stood, of those that a disc 5 cm wider than it can reach",
+    "collisions": "separate touches of anything in the patrol, and in how many runs",
+    "ate_m": "absolute trajectory error of the survey after closing: median, largest",
+    "wrong_sure_share": "views of the patrol in which the belief was wrong (0.25 m, 5 degrees) and sure of itself: mean",
+    "extra_m": "metres driven beyond the shortest way that learns of obstacles where they are seen: mean over the runs "
+               "that reached every place",
+    "arrival_m": "true distance to a place when the robot said it had arrived: median of the runs' largest, largest",
+}
+# What an entry may choose; all else is the question.
+OPEN = ("sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "replan", "slam", "features", "stack",
+        "places", "gate")
+OURS = {
+    "procrustes": "odometry=procrustes localiser=sift_db planner=prm",
+    "procrustes+theta_star": "odometry=procrustes localiser=sift_db planner=theta_star",
+    "procrustes+particles": "odometry=procrustes localiser=particle_filter planner=prm",
+    "procrustes+scans": "odometry=procrustes localiser=particle_filter_scan planner=prm",
+    "keyframe": "odometry=keyframe localiser=sift_db planner=prm",
+    "orb": "odometry=orb localiser=sift_db planner=prm",
+    "kiss_icp+scans": "odometry=kiss_icp localiser=particle_filter_scan planner=prm",
+}
+
+
+@dataclass(frozen=True)
+class Suite:
+    """buildings: (world, seed of the run). frozen: 16 hex digits of `digest`. ours: name -> words."""
+
+    name: str
+    buildings: tuple[tuple[str, int], ...]
+    frozen: str
+    title: str
+    ours: Mapping[str, str]
+
+    def quick(self) -> tuple[tuple[str, int], ...]:
+        """The first building of each family."""
+        first: dict[str, tuple[str, int]] = {}
+        for world, seed in self.buildings:
+            first.setdefault(world.partition("/")[0], (world, seed))
+        return tuple(first.values())
+
+
+def _first(families: Sequence[str], count: int) -> tuple[tuple[str, int], ...]:
+    return tuple((f"random:{family}/{FIRST + k}", FIRST + k) for family in families for k in range(count))
+
+
+SUITES = {one.name: one for one in (
+    Suite("corridor-v1", (*_first(("loop", "ladder", "office"), 3), *(("square_small", FIRST + k) for k in range(3))),
+          "efeebdd079fb97c4", "corridors: three loops, three ladders, three offices, a small square with three seeds", OURS),
+    Suite("home-v1", _first(("home", "hall", "non_manhattan"), 4),
+          "e510ec4486beabf0", "rooms: four homes, four halls, four buildings without right angles", OURS))}
+
+
+def digest(suite: Suite) -> str:
+    """16 hex digits of everything an answer rests on: the buildings, the words, the columns."""
+    text = json.dumps([suite.name, [[world, seed, told(load_world(world, seed=seed))] for world, seed in suite.buildings],
+                       COMMON, CELLS, DISC_M], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def told(value: Any) -> Any:
+    """A world as plain values, coordinates in micrometres, without where its file lies; what has its default is left out,
+    so that a world stays what it is when worlds learn something new."""
+    if is_dataclass(value):
+        found = {one.name: told(getattr(value, one.name)) for one in fields(value) if one.name != "path"}
+        usual = {one.name: told(one.default) for one in fields(value) if one.default is not MISSING}
+        return {name: item for name, item in found.items() if name not in usual or item != usual[name]}
+    if isinstance(value, np.ndarray | np.generic):
+        return told(value.tolist())
+    if isinstance(value, tuple | list):
+        return [told(item) for item in value]
+    return round(value, 6) + 0.0 if isinstance(value, float) else value
+
+
+def jobs_of(words: str, buildings: Sequence[tuple[str, int]]) -> list[Job]:
+    """The runs of a combination, composed. Raises ConfigError in one line for words that are none of an entry's."""
+    typed = plain_words(parse(words.split()))
+    stray = [word.text for word in typed if word.key.partition(".")[0] not in OPEN or word.key.startswith("sensor.")]
+    if stray:
+        raise ConfigError(f"bench: {stray[0]} is part of the question; an entry chooses {', '.join(OPEN)}")
+    composer, jobs = Composer(()), []
+    for world, seed in buildings:
+        chosen = [*plain_words(parse(COMMON)), *typed, Word("world", world, f"world={world}"),
+                  Word("seed", seed, f"seed={seed}")]
+        keys = [word.key for word in typed]
+        jobs.append(job_of(composer.config(chosen), chosen, ["world", *keys]))
+    return jobs
+
+
+def usable(combinations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    """(those whose parts can be used here, name -> why not of the others)."""
+    good, bad = {}, {}
+    for name, words in combinations.items():
+        try:
+            jobs_of(words, [("square_small", 0)])
+            good[name] = words
+        except PluginError as error:
+            bad[name] = str(error)
+    return good, bad
+
+
+# --- rows -----------------------------------------------------------------------------------------------------------
+
+@cache
+def _reachable(world: str, seed: int) -> tuple[int, int]:
+    """(places, those that can be reached)."""
+    found: World = load_world(world, seed=seed)
+    return len(found.places), len(reached(after(found), radius_m=found.robot_radius_m + DISC_M))
+
+
+def cells_of(name: str, building: tuple[str, int], row: Mapping[str, Any]) -> dict[str, str]:
+    """A run as it stands in the table; figures in 9 digits, nothing where there is none."""
+    world, seed = building
+    places, reachable = _reachable(world, seed)
+    visited = _number(row, "places_visited")
+    extra_m = _number(row, "path_length_m") - _number(row, "path_optimal_informed_m") if visited >= places else np.nan
+    figures = {"success": _number(row, "success"), "places": places, "reachable": reachable, "visited": visited,
+               "collisions": _number(row, "collisions"), "ate_m": _number(row, "ate_rmse_m"),
+               "wrong_sure_share": _number(row, "belief_wrong_sure_share"), "extra_m": extra_m,
+               "arrival_m": _number(row, "arrival_error_max_m")}
+    said = {name: "" if value != value else f"{value:.9g}" for name, value in figures.items()}
+    cause = " ".join(str(row.get("cause") or row.get("reason") or "").split())
+    cells = {"combination": name, "building": world, "seed": str(seed), "status": str(row["status"]), **said, "cause": cause}
+    return {one: cells[one] for one in CELLS}
+
+
+def _number(row: Mapping[str, Any], name: str) -> float:
+    value = row.get(name)
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def csv_of(rows: Sequence[Mapping[str, str]]) -> str:
+    """The rows, without a time."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, CELLS, lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def read_csv(text: str) -> list[dict[str, str]]:
+    """Rows back from their text. Raises ConfigError for a table of other columns."""
+    table = csv.DictReader(io.StringIO(text))
+    if tuple(table.fieldnames or ()) != CELLS:
+        raise ConfigError(f"a table of this suite has the columns {', '.join(CELLS)}")
+    return list(table)
+
+
+def hash_of(rows: Sequence[Mapping[str, str]]) -> str:
+    """16 hex digits of a combination's rows, whatever it is called."""
+    return hashlib.sha256(csv_of([{**row, "combination": ""} for row in rows]).encode()).hexdigest()[:16]
+
+
+def times_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What is the machine's: commits, seconds and views of the runs, memory."""
+    ended = [row for row in rows if _number(row, "wall_ms") > 0.0]
+    seconds = [_number(row, "wall_ms") / 1e3 for row in ended]
+    return {"commit": " ".join(sorted({str(row.get("commit") or "unknown") for row in rows})),
+            "wall_s": round(float(np.median(seconds)), 2) if seconds else None,
+            "views": int(sum(_number(row, "views") for row in ended)),
+            "memory_mb": round(max((_number(row, "peak_memory_mb") for row in ended), default=0.0))}

@@ -1,0 +1,106 @@
+"""`python -m rhs sensitivity`: which values are tried, what an effect is, what is refused, that it goes on."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import dataclass, replace
+
+import pytest
+
+from rhs.api.errors import ConfigError, check_ranges
+from rhs.cli.main import main
+from rhs.config.compose import compose_config
+from rhs.reports.sensitivity_picture import sensitivity_picture
+from rhs.sweeps import sensitivity
+from rhs.sweeps.sensitivity import Change, ask, changes_of, effects, in_words, numbers
+
+
+@dataclass
+class Knobs:
+    share: float = 0.75
+    count: int = 1
+    off: float = 0.0
+    yes: bool = True
+    unset: float | None = None
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, share=(0.0, 1.0), count=(1, 50))
+
+
+@dataclass
+class Chosen:
+    settings: Knobs
+    name: str = "mine"
+
+
+def test_half_and_double_within_the_range(monkeypatch):
+    """0.75 doubles to the end of its range, 1; a whole 1 has no half; 0 has neither; what is no number is not tried."""
+    monkeypatch.setattr(sensitivity, "to_plain", lambda config: {"odometry": {"name": "mine", **vars(Knobs())}})
+    config = type("Config", (), {"odometry": Chosen(Knobs())})()
+    changes, left_out = changes_of("odometry", config)
+    assert [(one.key, one.before, one.value) for one in changes] == [
+        ("odometry.share", 0.75, 0.375), ("odometry.share", 0.75, 1.0), ("odometry.count", 1, 2)]
+    assert isinstance(changes[2].value, int)
+    assert list(left_out) == ["odometry.off"] and "no double" in left_out["odometry.off"]
+    assert [one.key for one in changes_of("odometry", config, ["cou"])[0]] == ["odometry.count"]
+    with pytest.raises(ConfigError, match="no such numeric setting as nothing"):
+        changes_of("odometry", config, ["nothing"])
+
+
+def test_settings_of_nested_groups_are_found_and_composed():
+    asked = ask(["odometry=procrustes", "world=square_small", "seed=0"], only=["advanced.sway.share", "min_inliers"])
+    assert [str(change.word.text) for change in asked.changes] == [
+        "odometry.min_inliers=6", "odometry.min_inliers=24", "odometry.advanced.sway.share=0.05",
+        "odometry.advanced.sway.share=0.2"]
+    assert [job.config.odometry.settings.advanced.sway.share for (job,) in asked.changed[2:]] == [0.05, 0.2]
+    values = compose_config(["task=survey"]).odometry.settings
+    assert values.advanced.sway.share == 0.1  # and nothing else was changed
+    assert list(numbers({"a": {"b": 1, "c": True}, "d": "x", "e": 2.0})) == [(("a", "b"), 1), (("e",), 2.0)]
+
+
+def test_an_effect_by_hand():
+    """Errors 1.1, 1.2, 1.1 times what they were in three buildings: 13.2 % more on the geometric mean."""
+    asked = ask(["odometry=procrustes", "zip(world=square_small,square,corridor seed=0,1,2)"], only=["min_inliers"])
+    asked = replace(asked, changes=(Change("odometry.a", 1.0, 2.0, 2.0), Change("odometry.b", 1.0, 2.0, 2.0),
+                                    Change("odometry.c", 1.0, 0.5, 0.5)))
+    rows = [[{"status": "ok", asked.measure: error * times, "success": success, "wall_ms": k}
+             for k, (error, times) in enumerate(zip((0.1, 0.2, 0.4), by, strict=True))]
+            for by, success in (((1, 1, 1), 1.0), ((1.1, 1.2, 1.1), 1.0), ((1, 1, 1), 1.0), ((1, math.nan, 1), 0.0))]
+    found = {one.of.key: one for one in effects(asked, [row for four in rows for row in four])}
+    a, b, c = (found[f"odometry.{name}"] for name in "abc")
+    assert a.change == pytest.approx(math.prod((1.1, 1.2, 1.1)) ** (1 / 3) - 1) and a.low < a.change < a.high
+    assert a.low == pytest.approx(math.expm1(math.log1p(a.change) - 4.3027 * 0.050236 / math.sqrt(3)), abs=1e-4)
+    assert b.same and b.says == "changes nothing" and (c.lost, c.pairs, c.says) == (3, 2, "fails")
+    said = in_words(list(found.values()), asked)
+    assert "1 of 3 settings" in said[0] and "+3 of 3 runs fail" in said[0] and said[1].endswith("nothing: odometry.b")
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    ([], "say which part"), (["source=simulator"], "say which part"), (["odometry=procrusts"], "did you mean"),
+    (["odometry=wheel", "localiser=sift_db,odometry_only"], "localiser takes one value"),
+    (["planner=prm", "planner.milestones=-4"], "milestones"),
+    (["localiser=sift_db", "--recording", "x"], "needs a robot that drives")])
+def test_what_is_no_question_is_refused_in_one_line(words, says):
+    recording = words.pop() if "--recording" in words else ""
+    with pytest.raises(ConfigError, match=says):
+        ask([word for word in words if word != "--recording"], recording=recording)
+
+
+def test_the_command_goes_on_where_it_was_stopped(tmp_path, capsys):
+    """Rows stay in shards and no folder does; a second start runs nothing and writes the same table."""
+    words = ["sensitivity", "planner=rrt", "zip(world=map1,map1 seed=0,1)", "--only", "goal_bias", "--jobs", "1",
+             f"output={tmp_path / 'out'}"]
+    assert main(words) == 0
+    table = (tmp_path / "out" / "sensitivity.csv").read_bytes()
+    rows = list(csv.DictReader(table.decode().splitlines()))
+    assert [row["setting"] for row in rows] == ["planner.goal_bias"] * 2 and rows[0]["pairs"] == "2"
+    shards = sorted((tmp_path / "out" / "rows").glob("*"))
+    assert len(shards) == 1 and not list((tmp_path / "out").glob("*/row.json"))
+    assert main(words) == 0 and (tmp_path / "out" / "sensitivity.csv").read_bytes() == table
+    assert sorted((tmp_path / "out" / "rows").glob("*")) == shards
+    content = json.loads((tmp_path / "out" / "sensitivity.json").read_text())
+    picture = sensitivity_picture(content["effects"], "same", tmp_path / "again.png").read_bytes()
+    assert sensitivity_picture(content["effects"], "same", tmp_path / "once.png").read_bytes() == picture
+    assert "settings of planner=rrt matter here" in capsys.readouterr().out

@@ -1,0 +1,108 @@
+"""corridor-v1 and home-v1: what is frozen stays, rows hold no time, scores are those that can be computed by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from rhs.api.errors import ConfigError
+from rhs.api.floorplan import Light
+from rhs.cli.bench import main
+from rhs.cli.main import main as rhs
+from rhs.sweeps import held_out, suite
+from rhs.sweeps.suite_page import page, rank, scores
+from rhs.worlds.world import load_world
+
+ROW = {"status": "ok", "success": 1.0, "places_visited": 4, "collisions": 0, "ate_rmse_m": 0.25, "path_length_m": 30.0,
+       "path_optimal_informed_m": 25.0, "belief_wrong_sure_share": 0.0, "arrival_error_max_m": 0.125, "cause": "",
+       "wall_ms": 2000.0, "views": 10, "peak_memory_mb": 300.0, "commit": "abc"}
+SQUARE = ("square_small", suite.FIRST)
+
+
+@pytest.mark.parametrize("name", suite.SUITES)
+def test_what_is_frozen_is_that_of_version_one(name):
+    """Whoever changes buildings, words or columns makes another version."""
+    assert suite.digest(suite.SUITES[name]) == suite.SUITES[name].frozen
+    assert len(set(suite.SUITES[name].buildings)) == 12 and min(seed for _, seed in suite.SUITES[name].buildings) >= 10_000
+
+
+def test_a_world_is_another_when_anything_in_it_moves_by_a_millimetre():
+    world = load_world("square_small")
+    moved = replace(world, boxes=(), route_m=world.route_m + 0.001)
+    assert suite.told(world) == suite.told(replace(world, path=world.path / "elsewhere", light=Light()))
+    assert suite.told(world) != suite.told(moved) != suite.told(replace(world, light=Light(brightness=0.5)))
+
+
+def test_a_row_by_hand():
+    cells = suite.cells_of("mine", SQUARE, ROW)
+    assert (cells["places"], cells["reachable"], cells["visited"], cells["extra_m"], cells["ate_m"]) == (
+        "4", "4", "4", "5", "0.25")
+    missed = suite.cells_of("mine", SQUARE, {**ROW, "places_visited": 3, "success": 0.0})
+    assert missed["extra_m"] == "" and missed["success"] == "0"
+    gone = suite.cells_of("mine", SQUARE, {"status": "missing", "reason": "no\nrow"})
+    assert (gone["status"], gone["success"], gone["visited"], gone["cause"]) == ("missing", "", "", "no row")
+    rows = [cells, gone]
+    assert suite.read_csv(suite.csv_of(rows)) == rows and "_ms" not in suite.csv_of(rows)
+    assert suite.hash_of([cells]) == suite.hash_of([{**cells, "combination": "yours"}]) != suite.hash_of([missed])
+
+
+def test_what_left_no_row_counts_as_a_failure():
+    rows = [suite.cells_of("mine", SQUARE, one) for one in (ROW, {**ROW, "success": 0.0, "collisions": 3},
+                                                            {"status": "killed"}, {**ROW, "ate_rmse_m": 0.75})]
+    told = scores(rows)
+    assert told["success"].startswith("0.50") and told["visited"] == "12 of 16" and told["collisions"] == "3 in 1"
+    assert told["ate_m"] == "0.25, 0.75" and told["extra_m"] == "5 (3 runs)"
+    assert rank([rows[0]]) < rank(rows)
+    text = page(suite.SUITES["corridor-v1"], rows, {"mine": suite.times_of([ROW])}, note="", mine="mine")
+    assert "| **mine** | 4 of 12 |" in text and "- mine, square_small: killed" in text and "| abc | 2.0 | 10 | 300 |" in text
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["--mine", "odometry=wheel", "world=square"], "world=square is part of the question"),
+    (["--mine", "odometry=wheel", "mission.arrive_m=2"], "mission.arrive_m=2 is part of the question"),
+    (["--mine", "sensor.depth_noise=0"], "is part of the question"), (["--mine", "odometry=whel"], "did you mean"),
+    (["odometry=wheel"], "say whose: --mine"), (["--ours", "best"], "there is procrustes"),
+    (["--held-out", "nowhere.json"], "nowhere.json: expected")])
+def test_what_is_no_entry_is_refused_in_one_line(words, says, tmp_path, monkeypatch):
+    monkeypatch.setattr(suite, "digest", lambda one: one.frozen)
+    with pytest.raises(ConfigError, match=says):
+        main(["corridor-v1", *words, f"output={tmp_path}"])
+
+
+def test_options_of_the_suites_are_refused_by_planning_v1():
+    with pytest.raises(ConfigError, match="are for corridor-v1 and home-v1"):
+        main(["planning-v1", "--quick"])
+
+
+def test_a_list_that_was_not_promised_is_refused(tmp_path, monkeypatch):
+    """One that was is taken; a building more, or another salt, is another list."""
+    shown = {"salt": "s", "buildings": ["random:loop/20001"]}
+    monkeypatch.setitem(held_out.PROMISED, "corridor-v1", held_out.promise("corridor-v1", "s", ["random:loop/20001"]))
+    path = tmp_path / "list.json"
+    path.write_text(json.dumps(shown))
+    assert held_out.revealed("corridor-v1", path) == (("random:loop/20001", 20001),)
+    path.write_text(json.dumps({**shown, "salt": "t"}))
+    with pytest.raises(ConfigError, match="not the list that was promised"):
+        held_out.revealed("corridor-v1", path)
+
+
+def test_a_suite_is_run_gone_on_with_and_verified(tmp_path, monkeypatch, capsys):
+    """Of two runs one is taken away: only that is run again, and the table is the same, byte for byte."""
+    small = replace(suite.SUITES["corridor-v1"], buildings=(("square_small", 1), ("square_small", 2)))
+    monkeypatch.setitem(suite.SUITES, "corridor-v1", replace(small, frozen=suite.digest(small)))
+    monkeypatch.setattr(suite, "COMMON", ("task=survey", "source.image_width=64", "recording=off", "pictures=off"))
+    monkeypatch.setitem(suite.SUITES, "corridor-v1", replace(small, frozen=suite.digest(small)))
+    words = ["corridor-v1", "--mine", "odometry=wheel", "--jobs", "1", f"output={tmp_path / 'runs'}", "--entry",
+             str(tmp_path / "entry")]
+    assert main(words) == 0
+    first, kept = (tmp_path / "runs" / "corridor-v1.csv").read_bytes(), sorted((tmp_path / "entry").glob("*/row.json"))
+    assert len(kept) == 2 and first.count(b"\n") == 3 and b"odometry=wheel,square_small,1,ok,1,4,4,0," in first
+    one = tmp_path / "runs" / kept[0].parent.name
+    other = (tmp_path / "runs" / kept[1].parent.name / "row.json").stat().st_mtime_ns
+    (one / "row.json").unlink()
+    assert main(words) == 0 and (tmp_path / "runs" / "corridor-v1.csv").read_bytes() == first
+    assert (tmp_path / "runs" / kept[1].parent.name / "row.json").stat().st_mtime_ns == other
+    capsys.readouterr()
+    assert rhs(["verify", str(tmp_path / "entry"), "--sample", "1", "--jobs", "1"]) == 0
