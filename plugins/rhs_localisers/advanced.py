@@ -186,7 +186,8 @@ class FitSettings:
     """Whether the map explains what is seen; see scan_fit.py."""
 
     expected: float = 0.75
-    """share of a scan's ends in mapped ground that lie on walls, from where it is as likely from a right pose as from the best wrong one"""
+    """share of a scan's ends in mapped ground that lie on walls, at which a right pose is as likely
+    as the best wrong one"""
     slope: float = 6.0
     """log-odds that a share larger by 1 is worth"""
     step: float = 1.5
@@ -205,6 +206,8 @@ class FitSettings:
     """longer beams are not used, metres"""
     least_beams: int = 10
     """of fewer beams nothing is said"""
+    mapped: float = 0.7
+    """where a smaller share of the beams ends in mapped ground the others count as not explained"""
     jump_m: float = 0.75
     """a belief that moved so far off its own motion is another belief, metres"""
     jump_deg: float = 30.0
@@ -213,7 +216,8 @@ class FitSettings:
     def __post_init__(self) -> None:
         check_ranges("", self, expected=(0.0, 1.0), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
                      most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4), reach_m=(0.01, 10.0),
-                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
+                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), mapped=(0.0, 1.0),
+                     jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
 
 
 @dataclass

@@ -122,3 +122,12 @@ def test_four_hundred_poses_take_well_under_a_second():
     optimise(believed, edges)
     assert time.process_time() - begin < 1.0
     assert planar(truth[-1])[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_pose_of_which_the_edges_say_nothing_stays_where_it_is():
+    from scipy.sparse import diags
+
+    from rhs.estimation.filters.pose_graph import _factored
+
+    factor = _factored(diags([4.0, 0.0, 2.0]).tocsc(), 0.0)  # singular to the last bit
+    assert factor.solve(np.array([4.0, 0.0, 4.0])) == pytest.approx([1.0, 0.0, 2.0])

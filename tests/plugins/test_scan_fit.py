@@ -38,10 +38,13 @@ def test_ends_where_nothing_is_mapped_say_nothing():
     grid = room()
     cells = grid.probability.copy()
     cells[22:, 15:25] = 0.5  # nobody was there, nor saw the wall behind
-    watch = FitWatch(OccupancyGrid(cells, grid.resolution_m, grid.origin_m), FitSettings(least_beams=1))
+    watch_grid = OccupancyGrid(cells, grid.resolution_m, grid.origin_m)
+    watch = FitWatch(watch_grid, FitSettings(least_beams=1, mapped=0.5))
     at = np.array([2.0, 2.5, 0.0])
     assert watch.explained(scan(1.95, 1.0), at) == 1.0  # the wall ahead; to the left an end in the unknown
     assert watch.explained(scan(1.0, 1.0), at) == 0.0  # ahead in the open
+    doubting = FitWatch(watch_grid, FitSettings(least_beams=1, mapped=0.6))
+    assert doubting.explained(scan(1.95, 1.0), at) == 0.5  # too many in the unknown: they count
 
 
 def test_too_few_beams_say_nothing():

@@ -14,7 +14,7 @@ those of wheels whose radius is not quite known. It borders the normal equations
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -219,22 +219,31 @@ def _assembled(blocks: list[_Block], size: int) -> csc_matrix:
 def _solved(matrix: csc_matrix, gradient: np.ndarray, damping: float, border: _Border) -> tuple[np.ndarray, float]:
     """(N, 6) steps, of which the first is none, and the step of the common share. border: its column (6N,), its own entry
     and its part of the gradient."""
-    from scipy.sparse import diags
-    from scipy.sparse.linalg import splu
-
     column, own, along = border
     inner = matrix[6:, 6:]
-    damped = (inner + damping * diags(inner.diagonal())).tocsc()
-    try:
-        factor = splu(damped, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    except RuntimeError:  # sharp and vague edges side by side: the pivots have to be chosen
-        factor = splu(damped)
+    factor = _factored(inner, damping)
     step = factor.solve(-gradient[6:])
     if not column.any():
         return np.vstack([np.zeros(6), step.reshape(-1, 6)]), 0.0
     tied = factor.solve(column[6:])
     more = -(along + column[6:] @ step) / (own - column[6:] @ tied)
     return np.vstack([np.zeros(6), (step - more * tied).reshape(-1, 6)]), float(more)
+
+
+def _factored(matrix: csc_matrix, damping: float) -> Any:
+    """The factors of the damped matrix."""
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
+
+    diagonal = matrix.diagonal()
+    damped = (matrix + damping * diags(diagonal)).tocsc()
+    try:
+        return splu(damped, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    except RuntimeError:  # sharp and vague edges side by side: the pivots have to be chosen
+        try:
+            return splu(damped)
+        except RuntimeError:  # or what the edges say of some pose is nothing beside the rest, to the last bit
+            return splu((damped + 1e-9 * diagonal.max() * diags(np.ones(len(diagonal)))).tocsc())
 
 
 def _moved(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:
