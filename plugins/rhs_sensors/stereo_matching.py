@@ -54,7 +54,7 @@ class StereoPair:
         left, size = self._left, (self._left.width, self._left.height)
         lenses = [np.array(camera.distortion or (0.0,) * 5) for camera in (left, right)]
         turn_left, turn_right, projection, *_ = cv2.stereoRectify(
-            left.matrix, lenses[0], right.matrix, lenses[1], size, right_from_left[:3, :3], right_from_left[:3, 3],
+            left.matrix, lenses[0], right.matrix, lenses[1], size, right_from_left[:3, :3], right_from_left[:3, 3:],
             flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)
         fx, fy, cx, cy = projection[0, 0], projection[1, 1], projection[0, 2], projection[1, 2]
         self._view, self._apart_px = Camera(*size, fx, fy, cx, cy), 0.0
@@ -73,7 +73,7 @@ class StereoPair:
         return cv2.StereoSGBM_create(
             minDisparity=0, numDisparities=self._count, blockSize=settings.block_px,
             P1=round(settings.advanced.step_penalty * weight), P2=round(settings.advanced.jump_penalty * weight),
-            disp12MaxDiff=settings.left_right_px, preFilterCap=31, uniquenessRatio=settings.uniqueness_percent,
+            disp12MaxDiff=-1, preFilterCap=31, uniquenessRatio=settings.uniqueness_percent,
             speckleWindowSize=round(settings.advanced.speckle_px * (width / 320) ** 2), speckleRange=1,
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
 
@@ -90,12 +90,20 @@ class StereoPair:
 
     def _disparity(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
         """(H, W) float32 pixels of grey images whose rows coincide, NaN where nothing can be said."""
-        wider = [cv2.copyMakeBorder(grey, 0, 0, self._count, 0, cv2.BORDER_REPLICATE) for grey in (left, right)]
-        raw = self._matcher.compute(wider[0], wider[1])[:, self._count:]
-        disparity = raw.astype(np.float32) / np.float32(STEPS)
-        inside = np.arange(left.shape[1], dtype=np.float32) - disparity >= 0  # else it was matched with what is not seen
-        disparity[(raw < 0) | ~inside | ~self._textured(left)] = np.nan
+        disparity = self._searched(left, right)
+        back = self._searched(right[:, ::-1], left[:, ::-1])[:, ::-1]  # of the right image's pixels
+        columns, rows = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in left.shape[::-1]))
+        there = cv2.remap(np.ascontiguousarray(back), columns - np.nan_to_num(disparity, nan=1e6), rows, cv2.INTER_NEAREST,
+                          borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
+        same = np.abs(there - disparity) <= self._settings.left_right_px  # False where either is unknown
+        disparity[~(same & self._textured(left))] = np.nan
         return disparity + np.float32(self._apart_px)
+
+    def _searched(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
+        """(H, W) float32 by how many pixels things seen here lie further left there; NaN where none fits."""
+        wider = [cv2.copyMakeBorder(grey, 0, 0, self._count, 0, cv2.BORDER_REPLICATE) for grey in (here, there)]
+        raw = self._matcher.compute(wider[0], wider[1])[:, self._count:].astype(np.float32)
+        return np.where(raw < 0, np.float32(np.nan), raw / np.float32(STEPS))
 
     def _textured(self, grey: np.ndarray) -> np.ndarray:
         """(H, W) bool: whether grey changes along the row somewhere near."""

@@ -22,7 +22,7 @@ from rhs.worlds.world import reversed_world
 
 from .lens import Lens
 from .simulator_config import Simulator
-from .simulator_pair import RIGHT_IMAGE, SecondCamera
+from .simulator_pair import EXTRAS, SecondCamera
 from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
 from .simulator_scene import Look, Scene, scene_of
 
@@ -55,7 +55,7 @@ class SimulatorSource(Source):
         self.provides = settings.provides - (frozenset() if self.solid else {"driving", "teleport"})
         self.right = SecondCamera(self.camera, settings.baseline_m) if settings.baseline_m else None
         if self.right is None:
-            self.provides -= {RIGHT_IMAGE}
+            self.provides -= EXTRAS
         self.folder = context.folder
         self.scene = self._scene()
         self.renderer = self.scene.renderer

@@ -68,7 +68,8 @@ class Simulator:
     """seed of all paintings and surfaces; null: as the world says"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "right_image", "wheel", "command", "driving", "teleport"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "right_image", "right_camera", "wheel", "command",
+                                                "driving", "teleport"})
     preload: ClassVar[tuple[str, ...]] = ("rhs_sources.raster.renderer",)
 
     def __post_init__(self) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from rhs.api.geometry import Camera, inverse, se3
 from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 
+EXTRAS = frozenset({RIGHT_IMAGE, RIGHT_CAMERA})
 Look = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
