@@ -49,7 +49,7 @@ class MonocularVo:
     the command, else unknown."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset({"scan"})
 
     points: int = 300
     """points followed at a time"""

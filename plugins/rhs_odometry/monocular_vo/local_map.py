@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from rhs.api.geometry import inverse, se3
+from rhs.api.geometry import inverse, se3, transform
 
 from .bundle import Sightings, adjust, fit_pose, residuals
 from .config import MonocularVo
@@ -50,6 +50,11 @@ class LocalMap:
     def known(self, seen: Seen) -> np.ndarray:
         """(N,) bool: which of the seen points have a place."""
         return np.array([i in self.points for i in seen.ids.tolist()], bool)
+
+    def ahead(self, seen: Seen, camera_from_map: np.ndarray) -> np.ndarray:
+        """(N, 3) places of the seen points in the camera's frame."""
+        at = np.array([self.points[i] for i in seen.ids[self.known(seen)].tolist()]).reshape(-1, 3)
+        return transform(camera_from_map, at)
 
     def depth(self) -> float:
         """Median distance of the points that the last key frame sees."""

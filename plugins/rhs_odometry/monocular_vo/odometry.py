@@ -8,18 +8,19 @@ a new map, in whose unit the last speed is the same.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import adjoint, inverse, orthonormal, se3
-from rhs.api.records import Motion, Observation, Revision, Tracking
+from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs_odometry.tracks import tracks
 
 from .config import MonocularVo
 from .local_map import LocalMap, PoseFix, Seen
-from .scale import Scale
+from .scale import UNKNOWN, Scale
+from .scan import scan_of
 from .two_views import first_pair, turn_of, turned
 
 BACK_PX = 1.0  # a point followed back must come back this near
@@ -59,6 +60,7 @@ class MonocularVoOdometry(Odometry):
         self._anchors: list[Anchor | None] = []
         self._motions: list[np.ndarray] = []  # previous_from_camera, metres, of every view
         self._metres: list[float] = []
+        self._scans: list[Scan | None] = []
 
     @property
     def scale_from(self) -> str:  # type: ignore[override]  # known when it has been seen who tells
@@ -71,6 +73,7 @@ class MonocularVoOdometry(Odometry):
         told = self._scale.hear(observation)
         self._anchors.append(None)
         self._metres.append(np.nan)
+        self._scans.append(None)
         if self._picture is None:
             self._picture = picture
             self._begin()
@@ -97,7 +100,7 @@ class MonocularVoOdometry(Odometry):
                 motion = scaled(inverse(before.pose()) @ now.pose(), metres)
             poses.append(orthonormal(poses[-1] @ motion))
         body = self._camera.body_from_camera
-        return Revision(np.array([body @ pose @ inverse(body) for pose in poses]), (None,) * len(poses))
+        return Revision(np.array([body @ pose @ inverse(body) for pose in poses]), tuple(self._scans))
 
     def _begin(self) -> None:
         """This view is the first of a new map."""
@@ -134,7 +137,7 @@ class MonocularVoOdometry(Odometry):
         self._map = made = LocalMap(first, seen, pair, focal=self._focal, settings=self._settings)
         way = float(np.linalg.norm(made.way_of_last()[:3, 3]))
         speed_m = float(np.linalg.norm(self._speed[:3, 3]))
-        if self._scale.source == "unknown" and speed_m > 0.0:
+        if self._scale.source == UNKNOWN and speed_m > 0.0:
             self._scale.metres = speed_m * (len(self._anchors) - 1 - began) / way
         self._scale.key_frame(way)
         self._anchors[began] = Anchor(made, 0, np.eye(4))
@@ -177,7 +180,8 @@ class MonocularVoOdometry(Odometry):
         allowed = self._settings.max_sigma_share * depth
         weak = f"translation known to {sigma / depth:.3f} of the points' distance only" if sigma > allowed else ""
         status = Tracking.DEGENERATE if weak else Tracking.OK
-        return self._said(motion, self._spread(fix.covariance, motion), status, weak, inliers=count)
+        self._scans[-1] = scan = scan_of(self._map.ahead(seen, self._at), self._camera, self._scale.metres)
+        return replace(self._said(motion, self._spread(fix.covariance, motion), status, weak, inliers=count), scan=scan)
 
     def _lose(self, picture: np.ndarray, followed: int, told: np.ndarray | None) -> Motion:
         """Not found: guess; the last view that was found is kept to go on from, for a while."""
