@@ -1,4 +1,4 @@
-"""Two cameras: depth is focal length times baseline over disparity, unknown where nothing can be matched; refusals; a run."""
+"""Two cameras: depth is focal length times baseline over disparity, unknown where nothing matches; refusals; a run."""
 
 from __future__ import annotations
 

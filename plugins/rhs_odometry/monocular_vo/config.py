@@ -23,7 +23,7 @@ class MonocularVoAdvanced:
     """a first pair of views is taken when this share of its points lies in front of both and fits"""
     keep_share: float = 0.7
     """a key frame is made when fewer of the last one's points are still followed"""
-    keep_parallax_px: float = 15.0
+    keep_parallax_px: float = 7.0
     """and when points have moved by this much since the last key frame beyond what turning explains, pixels of an image 320
     wide (median)"""
     window: int = 7

@@ -97,7 +97,8 @@ class LocalMap:
         self._frames.append(seen)
         self._frames = self._frames[-self._settings.advanced.window:]
         self._grow()
-        self._refine(fixed=2)
+        young = len(self.poses) == len(self._frames)  # the first pair is no better than the rest while all are at hand
+        self._refine(fixed=1 if young else 2)
 
     def _grow(self) -> None:
         """Points of followed corners that have no place yet, from the oldest key frame of the window that saw them."""
