@@ -70,7 +70,7 @@ class StereoPair:
         nearest_px = min(self.focal_m_px / settings.min_range_m, settings.search_share * width)
         self._count = int(STEPS * np.ceil(max(nearest_px, 1.0) / STEPS))
         weight = settings.block_px**2
-        return cv2.StereoSGBM_create(
+        return cv2.StereoSGBM.create(
             minDisparity=0, numDisparities=self._count, blockSize=settings.block_px,
             P1=round(settings.advanced.step_penalty * weight), P2=round(settings.advanced.jump_penalty * weight),
             disp12MaxDiff=-1, preFilterCap=31, uniquenessRatio=settings.uniqueness_percent,
@@ -112,7 +112,7 @@ class StereoPair:
         return cv2.sqrBoxFilter(slope, cv2.CV_32F, (side, side)) >= self._settings.texture**2
 
     def _carried_back(self, depth: np.ndarray) -> np.ndarray:
-        """Depth of the rectified view at the pixels of the left image as it is: that of the nearest pixel, along its axis."""
+        """Depth of the rectified view at the pixels of the left image: that of the nearest pixel, along its axis."""
         there = cv2.remap(depth, *self._back, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
         return there / self._along
 

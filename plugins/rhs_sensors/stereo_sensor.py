@@ -1,4 +1,4 @@
-"""The sensor `stereo`: noise on both images, depth from their disparity (stereo_matching), and the scans of a depth camera."""
+"""The sensor `stereo`: noise on both images, depth from their disparity (stereo_matching), the scans of a depth camera."""
 
 from __future__ import annotations
 

@@ -46,8 +46,8 @@ def test_bundle_adjustment_finds_the_poses_and_points_that_were_disturbed():
     of, row = (grid.ravel() for grid in np.meshgrid(np.arange(4), np.arange(60), indexing="ij"))
     rays = np.concatenate([residuals(pose, points, np.zeros((60, 2)), 1.0) for pose in poses])
     wrong = np.array([exp_se3(0.02 * rng.standard_normal(6)) @ p if k > 1 else p for k, p in enumerate(poses)])
-    found, places = adjust(wrong, points + 0.1 * rng.standard_normal(points.shape), Sightings(of, row, rays), fixed=2,
-                           focal=300.0, huber_px=1.0, rounds=30)
+    seen = Sightings(of, row, rays, 300.0, 1.0)
+    found, places = adjust(wrong, points + 0.1 * rng.standard_normal(points.shape), seen, fixed=2, rounds=30)
     np.testing.assert_allclose(found, poses, atol=1e-4)
     np.testing.assert_allclose(places, points, atol=1e-2)
 

@@ -45,8 +45,8 @@ class MonocularVoAdvanced:
 
 @dataclass
 class MonocularVo:
-    """One camera anywhere: points followed, essential matrix, a local map refined by bundle adjustment; scale of the wheels or
-    the command, else unknown."""
+    """One camera anywhere: points followed, essential matrix, a local map with bundle adjustment; scale of wheels or
+    command, else unknown."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan"})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -116,30 +116,31 @@ class LocalMap:
             left = np.setdiff1d(left, ids)  # those that did not fit wait for a wider angle
 
     def _refine(self, *, fixed: int) -> None:
-        count = len(self._frames)
-        ids = np.unique(np.concatenate([f.ids[self.known(f)] for f in self._frames]))
-        row = {i: k for k, i in enumerate(ids.tolist())}
-        of, rows, rays = [], [], []
-        for n, frame in enumerate(self._frames):
-            known = self.known(frame)
-            of.append(np.full(known.sum(), n))
-            rows.append(np.array([row[i] for i in frame.ids[known].tolist()], int))
-            rays.append(frame.rays[known])
-        of_, rows_, rays_ = np.concatenate(of), np.concatenate(rows), np.concatenate(rays)
-        twice = np.bincount(rows_, minlength=len(ids)) > 1
+        """Bundle adjustment of the window; its `fixed` oldest key frames stay."""
+        ids, seen = self._sightings()
+        twice = np.bincount(seen.row, minlength=len(ids)) > 1
         points = np.array([self.points[i] for i in ids.tolist()]).reshape(-1, 3)
+        count = len(self._frames)
         poses = np.array(self.poses[-count:])
-        ahead = np.einsum("nj,nj->n", poses[of_, 2, :3], points[rows_]) + poses[of_, 2, 3] > 1e-3
-        use = twice[rows_] & ahead
+        ahead = np.einsum("nj,nj->n", poses[seen.of, 2, :3], points[seen.row]) + poses[seen.of, 2, 3] > 1e-3
+        use = twice[seen.row] & ahead
         if use.sum() < 2 * self._settings.min_inliers:
             return
-        new = np.cumsum(twice) - 1
-        advanced = self._settings.advanced
-        poses, better = adjust(poses, points[twice], Sightings(of_[use], new[rows_[use]], rays_[use]),
-                               fixed=min(fixed, count - 1), focal=self._focal, huber_px=advanced.huber_px, rounds=advanced.rounds)
+        used = replace(seen, of=seen.of[use], row=(np.cumsum(twice) - 1)[seen.row[use]], ray=seen.ray[use])
+        poses, better = adjust(poses, points[twice], used, fixed=min(fixed, count - 1),
+                               rounds=self._settings.advanced.rounds)
         self.poses[-count:] = list(poses)
         points[twice] = better
-        self._keep(ids, points, poses, Sightings(of_, rows_, rays_))
+        self._keep(ids, points, poses, seen)
+
+    def _sightings(self) -> tuple[np.ndarray, Sightings]:
+        """Ids of the points that the window sees, and where."""
+        known = [self.known(frame) for frame in self._frames]
+        seen = [frame.ids[k] for frame, k in zip(self._frames, known, strict=True)]
+        ids, row = np.unique(np.concatenate(seen), return_inverse=True)
+        of = np.repeat(np.arange(len(seen)), [len(s) for s in seen])
+        rays = np.concatenate([frame.rays[k] for frame, k in zip(self._frames, known, strict=True)])
+        return ids, Sightings(of, row, rays, self._focal, self._settings.advanced.huber_px)
 
     def _keep(self, ids: np.ndarray, points: np.ndarray, poses: np.ndarray, seen: Sightings) -> None:
         """Take the refined points but for those that some key frame of the window sees elsewhere."""

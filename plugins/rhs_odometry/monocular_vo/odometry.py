@@ -1,8 +1,8 @@
 """Monocular visual odometry: corners followed, an essential matrix to begin with, then PnP against a local map.
 
-After Klein and Murray, PTAM (ISMAR 2007), Nister et al., "Visual odometry" (CVPR 2004) and ORB-SLAM's rules for beginning a map
-and for key frames (Mur-Artal et al., TRO 2015). Deviations: points are followed by Lucas-Kanade, not matched; a turn alone
-against an essential matrix takes the place of a homography; no loops, no relocalisation: a way that is lost goes on in
+After Klein and Murray, PTAM (ISMAR 2007), Nister et al., "Visual odometry" (CVPR 2004) and ORB-SLAM's rules for beginning
+a map and for key frames (Mur-Artal et al., TRO 2015). Deviations: points are followed by Lucas-Kanade, not matched; a turn
+alone against an essential matrix takes the place of a homography; no loops, no relocalisation: a way that is lost goes on in
 a new map, in whose unit the last speed is the same.
 """
 
@@ -251,7 +251,8 @@ class MonocularVoOdometry(Odometry):
         out[:3, :3] += SCALE_SHARE[self._scale.known] ** 2 * np.outer(way, way)
         return out
 
-    def _said(self, motion: np.ndarray, covariance: np.ndarray, status: Tracking, reason: str, *, inliers: int = 0) -> Motion:
+    def _said(self, motion: np.ndarray, covariance: np.ndarray, status: Tracking, reason: str, *,
+              inliers: int = 0) -> Motion:
         """The body's motion from the camera's."""
         self._motions.append(motion)
         body = self._camera.body_from_camera

@@ -1,4 +1,4 @@
-"""How many metres a unit of the map is: the way by wheels or commands over the way seen, else what somebody knew, else unknown."""
+"""How many metres a unit of the map is: the way by wheels or commands over the way seen, or what was typed, or unknown."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ REACH = 3.0  # times the median distance: further points are hardly placed
 
 
 def scan_of(points: np.ndarray, camera: Camera, unit_m: float) -> Scan:
-    """Of points (N, 3) in the camera frame, in units of so many metres: in each bearing the nearest one at the camera's height;
-    NaN where there is none."""
+    """Of points (N, 3) in the camera frame, in units of so many metres: in each bearing the nearest one at the camera's
+    height; NaN where there is none."""
     turned = points @ camera.body_from_camera[:3, :3].T
     flat = np.hypot(turned[:, 0], turned[:, 1])
     level = (np.abs(np.arctan2(turned[:, 2], flat)) < LEVEL_RAD) & (flat > 1e-6)

@@ -1,7 +1,7 @@
 """The first two views of a map: the motion between them and the points they show, or why they do not tell.
 
-The five-point method (Nister 2004) and RANSAC as in OpenCV; the pose with most points in front of both cameras. A pair that a
-turn alone explains, or whose points are seen under too small an angle, tells no distances and is refused.
+The five-point method (Nister 2004) and RANSAC as in OpenCV; the pose with most points in front of both cameras. A pair that
+a turn alone explains, or whose points are seen under too small an angle, tells no distances and is refused.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .config import MonocularVo
 
 @dataclass(frozen=True, eq=False)
 class TwoViews:
-    """b_from_a (4x4), points (N, 3) in camera a, in units of their median distance; good (N,) bool: which are to be believed;
-    turn (3, 3): b from a by rotation alone; reason: empty, or why there is no map."""
+    """b_from_a (4x4), points (N, 3) in camera a, in units of their median distance; good (N,) bool: which are to be
+    believed; turn (3, 3): b from a by rotation alone; reason: empty, or why there is no map."""
 
     turn: np.ndarray
     reason: str = ""
@@ -52,7 +52,8 @@ def first_pair(a: np.ndarray, b: np.ndarray, focal: float, settings: MonocularVo
         return TwoViews(turn, f"{good.sum()} of {len(a)} points fit one motion and lie in front of both views")
     angle = np.degrees(np.median(parallax(np.eye(4), pose, points[good])))
     if angle < settings.start_parallax_deg:
-        return TwoViews(turn, f"points are seen under {angle:.2f} degrees, {settings.start_parallax_deg:g} needed: no parallax")
+        needed = settings.start_parallax_deg
+        return TwoViews(turn, f"points are seen under {angle:.2f} degrees, {needed:g} needed: no parallax")
     unit = float(np.median(points[good, 2]))
     return TwoViews(turn, "", se3(rotation, way.ravel() / unit), points / unit, good)
 
