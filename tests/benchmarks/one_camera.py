@@ -18,12 +18,13 @@ from rhs_sources.replay_config import Replay
 
 
 def by_hand(seed: int, count: int = 80):
-    """Camera, and (true pose, view) of a walk with motion on all six axes through the furnished room, noise 2 grey levels."""
+    """Camera, and (true pose, view) of a walk that moves on all six axes through the furnished room, noise 2 grey levels."""
     camera, rng = camera_from_fov(320, 240, 60.0, height_m=0.0), np.random.default_rng(seed)
     p, out = rng.uniform(0.0, 6.28, 6), []
     for k in range(count):
         t = k / 15
-        turn = exp_so3(np.array([0.1 * np.sin(1.7 * t + p[3]), 0.12 * np.sin(1.1 * t + p[4]), 0.35 * np.sin(0.7 * t + p[5])]))
+        turn = exp_so3(np.array([0.1 * np.sin(1.7 * t + p[3]), 0.12 * np.sin(1.1 * t + p[4]),
+                                 0.35 * np.sin(0.7 * t + p[5])]))
         at = [-1.5 + 0.5 * np.sin(0.9 * t + p[0]) + 0.1 * t, -0.5 + 0.35 * np.sin(1.3 * t + p[1]),
               1.2 + 0.15 * np.sin(1.1 * t + p[2])]
         pose = se3(turn, np.array(at))
