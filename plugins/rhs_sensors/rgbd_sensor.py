@@ -9,6 +9,8 @@ Depth noise and range: Nguyen, Izadi and Lovell 2012 (section 4.1) and Khoshelha
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from rhs.api.contracts import Context
@@ -83,6 +85,14 @@ def quantised(depth: np.ndarray, disparity_m_px: float, step_px: float) -> np.nd
         return (disparity_m_px / (steps * step_px)).astype(np.float32)
 
 
+class RowSettings(Protocol):
+    """What a scan of rows reads of the settings of a sensor."""
+
+    beams: int
+    scan_rows: int
+    max_range_m: float
+
+
 class ScanRows:
     """Reads a depth image as a planar scan: in each column the pixel whose ray is level, so that every beam runs at the
     camera's height, whatever its pitch. For an upright camera this is the row nearest to cy, the thesis's middle row.
@@ -90,7 +100,7 @@ class ScanRows:
     A column without a level ray (a camera that looks up or down too much) has no beam: its range is always NaN.
     """
 
-    def __init__(self, camera: Camera, settings: Rgbd) -> None:
+    def __init__(self, camera: Camera, settings: RowSettings) -> None:
         count = min(settings.beams or camera.width, camera.width)
         columns = np.rint(np.linspace(camera.width - 1, 0, count)).astype(int)  # right to left: bearings increase
         rows = _level_rows(camera, columns)

@@ -41,7 +41,8 @@ class Replay:
     """Views a second of numbered images, clouds and videos, whatever their names and the container say; 0: what these say,
     else 30, of clouds 10."""
     stereo: bool = False
-    """Hand on the second camera of KITTI and EuRoC as `right_image`, as it was recorded."""
+    """Hand on the second camera of KITTI and EuRoC as `right_image` and `right_camera`, as they were recorded; sensor=stereo
+    sets it."""
     relations: str = ""
     """File of true relations between scans (stamp1 stamp2 x y z roll pitch yaw) to judge the way by; empty: LOG.relations
     beside a laser log."""

@@ -24,6 +24,7 @@ from rhs.worlds.world import reversed_world
 from .lens import Lens
 from .simulator_config import Simulator
 from .simulator_mesh import brighter
+from .simulator_pair import EXTRAS, SecondCamera
 from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
 from .simulator_scene import Look, Scene, scene_of
 
@@ -53,7 +54,10 @@ class SimulatorSource(Source):
         self.views_expected: int | None = len(self.views)
         self.solid = judge_of(self.world)
         self.live: Live | None = None
-        self.provides = None if self.solid else settings.provides - {"driving", "teleport"}
+        self.provides = settings.provides - (frozenset() if self.solid else {"driving", "teleport"})
+        self.right = SecondCamera(self.camera, settings.baseline_m) if settings.baseline_m else None
+        if self.right is None:
+            self.provides -= EXTRAS
         self.folder = context.folder
         self.scene = self._scene()
         self.renderer = self.scene.renderer
@@ -84,7 +88,7 @@ class SimulatorSource(Source):
         self.bias = self.rng.normal(0.0, settings.command_bias_percent / 100, 2)
 
     def _check_picture(self) -> None:
-        image, _ = self._look()
+        image, _ = self._look(self.world_from_body)
         if float(image.std()) < 1.0:
             raise RhsError(f"source.renderer={self.renderer} draws one flat colour ({image.mean():.0f}) at the start "
                            f"of world {self.world.name}; look at that world, or try another source.renderer")
@@ -201,15 +205,16 @@ class SimulatorSource(Source):
         self.stamp_s += seconds
         tilt = exp_so3(np.array([self.roll(self.travelled_m), self.pitch(self.travelled_m), 0.0]))
         self.world_from_body = se2(*self.stand) @ se3(tilt, np.zeros(3))
-        image, depth = self._look()
+        image, depth = self._look(self.world_from_body)
         for array in (image, depth) if travel is None else (image, depth, travel):
             array.flags.writeable = False
         self.index += 1
-        return Capture(self.index - 1, self.stamp_s, image, depth, command, travel, contact=self.bumped)
+        extras = self.right.extras(self._look, self.world_from_body) if self.right else {}
+        return Capture(self.index - 1, self.stamp_s, image, depth, command, travel, extras=extras, contact=self.bumped)
 
-    def _look(self) -> tuple[np.ndarray, np.ndarray]:
-        """Picture and depth from here, through the lens if there is one."""
-        image, depth = self.scene.render(self.world_from_body)
+    def _look(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Picture and depth from there, through the lens if there is one."""
+        image, depth = self.scene.render(world_from_body)
         if self.live is not None:
             image = brighter(image, self.live.brightness)
         return (image, depth) if self.lens is None else self.lens.bend(image, depth)

@@ -25,6 +25,8 @@ class Simulator:
     distortion: list[float] = field(default_factory=list)
     """Of the lens: k1, k2, p1, p2 and perhaps k3 as OpenCV has them; empty: none. hfov_deg is then that of the
     pinhole behind it: a barrel (k1 < 0) sees more, and a wider view is drawn so that its corners are not empty."""
+    baseline_m: float = 0.0
+    """metres from the camera to a second one on its right, for sensor=stereo (which takes 0.12); 0: there is none"""
     renderer: str = "raster"
     """What draws the views. raster: the rasteriser of rhs, filtered, in a few milliseconds, the same bytes on every machine;
     tinyrenderer: PyBullet's software renderer, unfiltered; egl: PyBullet's OpenGL renderer"""
@@ -69,7 +71,8 @@ class Simulator:
     """seed of all paintings and surfaces; null: as the world says"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "driving", "teleport"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "right_image", "right_camera", "wheel", "command",
+                                                "driving", "teleport"})
     preload: ClassVar[tuple[str, ...]] = ("rhs_sources.raster.renderer",)
 
     def __post_init__(self) -> None:
@@ -82,6 +85,7 @@ class Simulator:
                               "k1, k2, p1, p2 and perhaps k3, or none")
         for value in self.distortion:
             check_range("source", "distortion", value, low=-2.0, high=2.0)
+        check_range("source", "baseline_m", self.baseline_m, low=0.0, high=1.0, unit="m")
         check_choice("source", "renderer", self.renderer, ("raster", "tinyrenderer", "egl"))
         check_choice("source", "sampling", self.sampling, ("anisotropic", "nearest"))
         check_range("source", "anisotropy", self.anisotropy, low=1, high=16)

@@ -59,8 +59,9 @@ class ConfSource(ConfigSource):
     def _file(self, config_path: str) -> Path:
         file = self.folder / self._normalize_file_name(config_path)
         group, _, name = config_path.removesuffix(".yaml").partition("/")
-        if group == "stack" and not file.is_file() and name in registry.names("sensor"):
-            return self.folder / "stack" / f"{DEFAULT_STACK}.yaml"
+        if group == "stack" and not file.is_file() and (sensor := _sensor_of(name)):
+            own = _stack(self.folder, sensor)
+            return own if own.is_file() else _stack(self.folder, DEFAULT_STACK)
         return file
 
     def is_group(self, config_path: str) -> bool:
@@ -98,7 +99,7 @@ class ConfSource(ConfigSource):
 
 
 class PluginSource(ConfigSource):
-    """`<kind>/<name>` for every registered plugin, and `stack/<sensor>` for sensors that have no stack file."""
+    """`<kind>/<name>` for every registered plugin, and `stack/<sensor>_<source>` for sensors that have no stack file."""
 
     @staticmethod
     def scheme() -> str:
@@ -119,8 +120,9 @@ class PluginSource(ConfigSource):
     def is_config(self, config_path: str) -> bool:
         kind, name = self._split(config_path)
         if kind == "stack":
-            has_file = any(_stack(folder, name).is_file() for folder in under_way.folders)
-            return name in registry.names("sensor") and not has_file
+            sensor = _sensor_of(name)
+            has_file = any(_stack(folder, stem).is_file() for folder in under_way.folders for stem in (name, sensor))
+            return bool(sensor) and not has_file
         return kind in CHOICES and bool(name) and set(names_in(kind, name)) <= set(registry.names(kind))
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
@@ -142,6 +144,13 @@ class PluginSource(ConfigSource):
         if kind == "task":  # its settings stand at the top level: the task is what the run does
             return _result(self, {"task": name, **values}, {"package": "_global_"})
         return _result(self, {"name": name, **values}, {"package": None})
+
+
+def _sensor_of(name: str) -> str:
+    """The sensor that a stack is for, SENSOR or SENSOR_SOURCE; empty where it is for none."""
+    sensors = registry.names("sensor")
+    pairs = (sensor for sensor in sensors for source in registry.names("source") if name == f"{sensor}_{source}")
+    return name if name in sensors else next(pairs, "")
 
 
 def _stack(folder: Path, name: str) -> Path:

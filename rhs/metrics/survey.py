@@ -25,7 +25,18 @@ def survey_values(run: RunFiles) -> Values:
     truth, online, closed = (run.trajectory(name) for name in ("truth_survey", "estimate", "corrected"))
     closed = online if closed is None else closed
     values: Values = {"survey_steps": len(survey), **_status_shares(survey), **touches(survey, "survey_")}
-    return values | trajectory_values(closed, truth) | _before_closing(online, truth)
+    known = scale_known(survey)
+    how = "sim3" if known == 0.0 else "se3"
+    return values | {"scale_known": known} | trajectory_values(closed, truth, alignment=how) | _before_closing(
+        online, truth, how)
+
+
+def scale_known(survey: list[dict[str, str]]) -> float:
+    """1 where the odometry's metres are metres, 0 where it says itself at the end that nobody told it the scale; NaN without
+    views. Only the word against itself is believed."""
+    if not survey:
+        return NAN
+    return 0.0 if survey[-1].get("motion_scale_known", "") in ("0", "0.0") else 1.0
 
 
 def touches(steps: list[dict[str, str]], phase: str) -> Values:
@@ -81,13 +92,13 @@ def half_error_m(both: Pairing) -> float:
     return float(errors[np.searchsorted(travelled, 0.5 * travelled[-1])]) if len(errors) else NAN
 
 
-def _before_closing(online: Trajectory | None, truth: Trajectory | None) -> Values:
+def _before_closing(online: Trajectory | None, truth: Trajectory | None, how: str) -> Values:
     """The same of the poses as they were believed while the survey went on; drift is their end error per distance."""
     if online is None or truth is None:
         return {"ate_before_closing_m": NAN, "end_error_before_closing_m": NAN, "drift_pct": NAN}
     both = pair(online, truth, TOLERANCE_S)
     end, distance = end_error_m(both), both.truth.travelled_m[-1] if len(both.truth) else 0.0
-    return {"ate_before_closing_m": rmse(absolute_errors_m(both, "se3")), "end_error_before_closing_m": end,
+    return {"ate_before_closing_m": rmse(absolute_errors_m(both, how)), "end_error_before_closing_m": end,
             "drift_pct": float(100.0 * end / distance) if distance > 0 else NAN}
 
 
@@ -122,6 +133,9 @@ SURVEY = columns_of(
     ("gated_share", "share",
      "views whose motion the gate replaced, because it contradicted the wheels or leapt",
      "rhs.patrol.gate"),
+    ("scale_known", "",
+     "0 where one camera's metres are of an unknown scale: ATE and RPE are then of the way aligned with scale (sim3)",
+     "steps.csv"),
     ("matched_share", "share", "poses of the truth that the estimate was compared with", "rhs.metrics.accuracy.pair"),
     ("covered_share", "share",
      "length of the true way between the first and the last pose compared",

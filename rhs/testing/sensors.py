@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from rhs.api.frozen import freeze
+from rhs.api.geometry import se3
 from rhs.api.records import Capture, Observation, Twist
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 from rhs.api.validate import check_observation
 
 from .room import CAMERA, HALL, RATE_HZ, SHORT, cloud_of, context, drive, paintings, ranges, scan_of, see
@@ -18,20 +20,26 @@ from .shared_state import untouched
 
 NEAR_THE_LEFT_WALL = replace(HALL, start=(0.8, 1.5, 0.35))
 DEPTH_SHARE, RANGE_SHARE, RANGE_M = 0.1, 0.1, 0.05
+BASELINE_M = 0.12  # from the camera to a second one on its right
 TINT = np.array([1.0, 0.85, 0.6])
 
 
 @cache
 def captures() -> tuple[tuple[np.ndarray, Capture], ...]:
-    """True poses and ideal views near the left wall of the room, warm in colour."""
+    """True poses and ideal views near the left wall of the room, warm in colour, with what a second camera sees."""
     out = []
+    aside = CAMERA.body_from_camera @ se3(np.eye(3), np.array([BASELINE_M, 0.0, 0.0]))
+    right = replace(CAMERA, body_from_camera=aside)
     for index, ((pose, _), (ahead, left)) in enumerate(zip(drive(NEAR_THE_LEFT_WALL, SHORT), SHORT, strict=True)):
         capture = see(CAMERA, pose, paintings(), index, NEAR_THE_LEFT_WALL)
         assert capture.image is not None
+        there = see(right, pose, paintings(), index, NEAR_THE_LEFT_WALL).image
+        assert there is not None
         out.append((pose, freeze(replace(
             capture, image=np.rint(capture.image * TINT).astype(np.uint8), travel=np.array([ahead, 0.0, left]),
             command=Twist(ahead * RATE_HZ, left * RATE_HZ, 1.0 / RATE_HZ), scan=scan_of(pose, NEAR_THE_LEFT_WALL),
-            extras={"cloud": cloud_of(pose, NEAR_THE_LEFT_WALL)}))))
+            extras={"cloud": cloud_of(pose, NEAR_THE_LEFT_WALL), RIGHT_CAMERA: camera_numbers(right),
+                    RIGHT_IMAGE: np.rint(there * TINT).astype(np.uint8)}))))
     return tuple(out)
 
 
@@ -44,7 +52,7 @@ def hard() -> list[Capture]:
     blank = replace(last, index=n, stamp_s=n / RATE_HZ, image=np.full_like(last.image, 90))
     dark = replace(last, index=n + 1, stamp_s=(n + 1) / RATE_HZ, depth=np.full_like(last.depth, np.nan),
                    scan=replace(last.scan, ranges_m=np.full_like(last.scan.ranges_m, np.nan)),
-                   extras={"cloud": np.empty((0, 3), np.float32)})
+                   extras={**last.extras, "cloud": np.empty((0, 3), np.float32)})
     return [*views, freeze(blank), freeze(dark)]
 
 

@@ -28,17 +28,19 @@ def colour_alone(tmp_path):
 def test_the_stack_of_one_camera_leads_a_simulator_and_leaves_a_recording_alone():
     led = compose_config(["sensor=mono"]).source.settings
     assert (led.step_m, led.turn, led.turn_step_deg) == (0.125, "arc", 6.5)
-    assert compose_config(["sensor=mono", "source=replay", "source.path=x"]).odometry.name == "corridor_ekf"
+    assert compose_config(["sensor=mono"]).odometry.name == "corridor_ekf"
+    assert compose_config(["sensor=mono", "source=replay", "source.path=x"]).odometry.name == "monocular_vo"
 
 
 def test_a_camera_held_in_a_hand_is_refused_with_what_to_type(colour_alone):
     with pytest.raises(rhs.RhsError, match=r"how high this one is; type source.camera_mount=\[0,0,HEIGHT_M") as error:
-        rhs.run(words(colour_alone), quiet=True)
+        rhs.run(words(colour_alone, "odometry=corridor_ekf"), quiet=True)
     assert "\n" not in str(error.value)
 
 
 def test_a_folder_of_colour_alone_runs_when_the_camera_sits_on_a_robot(colour_alone):
-    row = rhs.run(words(colour_alone, "source.camera_mount=[0,0,0.8,0,0,0]", "odometry.motion=none"), quiet=True)
+    row = rhs.run(words(colour_alone, "source.camera_mount=[0,0,0.8,0,0,0]", "odometry=corridor_ekf",
+                        "odometry.motion=none"), quiet=True)
     assert row["status"] == "ok" and row["views"] == 3 and row["scale_from"] == "camera height"
     with pytest.raises(rhs.RhsError, match="needs depth, which source=replay does not provide"):
         rhs.run([*words(colour_alone)[:4], "sensor=rgbd"], quiet=True)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import BODY_FROM_OPTICAL
+from rhs.api.geometry import BODY_FROM_OPTICAL, inverse
+from rhs.api.stereo import camera_of
 from rhs_sources.replay_config import Replay
 
 K = [50.0, 50.0, 31.5, 23.5]
@@ -184,7 +185,7 @@ def kitti(folder, count=3, *, tr="0 -1 0 0 0 0 -1 0 1 0 0 -0.25"):
     for k in range(count):
         np.array([[10 + k, 2, 1, 0.5], [np.nan, 0, 0, 0]], "<f4").tofile(sequence / "velodyne" / f"{k:06d}.bin")
     (sequence / "times.txt").write_text("".join(f"{0.1 * k:e}\n" for k in range(count)))
-    (sequence / "calib.txt").write_text(f"P0: {P.format(0)}\nP2: {P.format(-25)}\nTr: {tr}\n")
+    (sequence / "calib.txt").write_text(f"P0: {P.format(0)}\nP2: {P.format(-25)}\nP3: {P.format(-50)}\nTr: {tr}\n")
     (folder / "poses").mkdir()
     (folder / "poses" / "00.txt").write_text("".join(f"1 0 0 0 0 1 0 0 0 0 1 {k}\n" for k in range(count)))
     return sequence
@@ -195,9 +196,10 @@ def test_a_kitti_sequence_gives_images_clouds_and_poses_in_one_body(tmp_path):
     sits 0.25 m behind it: a point 10 m before it is 9.75 m before the body."""
     source, seen = views(kitti(tmp_path), stereo=True)
     np.testing.assert_allclose(source.camera.body_from_camera[:3, 3], [0, -0.5, 0], atol=1e-12)
-    assert source.provides == {"image", "gray", "cloud", "right_image"}
+    assert source.provides == {"image", "gray", "cloud", "right_image", "right_camera"}
     capture, truth = seen[2]
     np.testing.assert_allclose(capture.extras["cloud"], [[11.75, 2.0, 1.0]], atol=1e-6)
+    np.testing.assert_allclose(camera_of(capture.extras["right_camera"]).body_from_camera[:3, 3], [0, -1.0, 0], atol=1e-12)
     assert capture.extras["right_image"][0, 0, 0] == 102 and capture.stamp_s == pytest.approx(0.2)
     np.testing.assert_allclose(truth[:3, 3], [0, 0, 2.0], atol=1e-12)  # the world is camera 0's first frame: z ahead
 
@@ -241,7 +243,7 @@ def euroc(folder):
     for camera, value in (("cam0", 10), ("cam1", 100)):
         images(mav0 / camera / "data", [f"{s}.png" for s in stamps], value=value)
         (mav0 / camera / "data.csv").write_text("#timestamp [ns],filename\n" + "".join(f"{s},{s}.png\n" for s in stamps))
-        (mav0 / camera / "sensor.yaml").write_text(SENSOR)
+        (mav0 / camera / "sensor.yaml").write_text(SENSOR.replace("0.0, 0.5,", "0.0, 0.6,") if camera == "cam1" else SENSOR)
     (mav0 / "imu0").mkdir()
     lines = [f"{T0 + 20_000_000 * k},{k},0,0,0,0,9.81\n" for k in range(7)]
     (mav0 / "imu0" / "data.csv").write_text("#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n" + "".join(lines))
@@ -254,9 +256,11 @@ def euroc(folder):
 def test_a_euroc_folder_gives_images_the_imu_between_them_and_the_cameras_true_poses(tmp_path):
     source, seen = views(euroc(tmp_path), stereo=True)
     assert source.camera.distortion == (-0.28, 0.07, 0.0002, 0.00002, 0.0) and source.camera.fy == 51.0
-    assert source.provides == {"image", "gray", "imu", "right_image"}
+    assert source.provides == {"image", "gray", "imu", "right_image", "right_camera"}
     assert [c.extras["imu"][:, 1].tolist() for c, _ in seen] == [[], [1.0, 2.0], [3.0, 4.0, 5.0]]  # 20, 40; 60, 80, 100 ms
     assert [int(c.extras["right_image"][0, 0, 0]) for c, _ in seen] == [100, 101, 102]
+    second = inverse(source.camera.body_from_camera) @ camera_of(seen[0][0].extras["right_camera"]).body_from_camera
+    np.testing.assert_allclose(second[:3, 3], [0, -0.1, 0], atol=1e-12)  # the IMU's x is cam0's -y
     np.testing.assert_allclose(seen[1][1][:3, 3], [1.5, 2, 3], atol=1e-12)  # T_BS puts cam0 half a metre along the IMU's x
     assert views(tmp_path / "MH_01")[0].provides == {"image", "gray", "imu"}
     _, every_second = views(tmp_path / "MH_01", stride=2)
@@ -281,7 +285,7 @@ def test_broken_euroc_folders_are_refused_in_one_line(tmp_path, file, text, word
 
 def test_what_a_format_has_no_use_for_is_refused(tmp_path):
     images(tmp_path / "rgb", ["1.png", "2.png"])
-    assert "source.stereo: a recording of the kind frames has no use for it" in refused(tmp_path, camera=K, stereo=True)
+    assert "of a recording of the kind frames no second camera is read" in refused(tmp_path, camera=K, stereo=True)
     assert "source.rate_hz: a recording of the kind euroc" in refused(euroc(tmp_path / "e"), rate_hz=5.0)
     sequence = kitti(tmp_path / "k")
     for k in range(3):

@@ -2,12 +2,14 @@
 
 Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 2016. The body of rhs is cam0's mount: the axes of EuRoC's own
 body, its IMU, do not point ahead and up. `imu` (M, 7): stamp_s and the readings since the view before, turn rates (rad/s)
-and accelerations (m/s^2) in the IMU's axes. `right_image`: cam1 at the nearest stamp, as it was recorded, not rectified.
+and accelerations (m/s^2) in the IMU's axes. `right_image`: cam1 at the nearest stamp, as it was recorded, not rectified;
+`right_camera`: its numbers (rhs.api.stereo).
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, rotation_of_quaternion, se3
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 
 from ..replay_cameras import check_pose, chosen_camera
 from ..replay_images import read_color
@@ -42,12 +45,14 @@ def open_euroc(path: Path, settings) -> Recording:
     imu = _imu(folder / "imu0" / "data.csv")
     truth = _truth(folder, sensor, settings)
     right = _right(folder, stamps, settings) if settings.stereo else {}
+    beside: dict[str, np.ndarray] = {}
     if right:
+        beside[RIGHT_CAMERA] = camera_numbers(_second(folder, sensor, camera))
         rejected = rejected + Counter(unpaired=len(stamps) - len(right))
         stamps, files, right = stamps[list(right)], [files[i] for i in right], dict(enumerate(right.values()))
 
     def read(i: int, before: int | None) -> dict:
-        extras = {"right_image": read_color(right[i])} if right else {}
+        extras = beside | ({RIGHT_IMAGE: read_color(right[i])} if right else {})
         if imu is not None:
             begin = stamps[before] if before is not None else -np.inf
             low, high = np.searchsorted(imu[:, 0], [begin, stamps[i]], side="right")
@@ -57,7 +62,7 @@ def open_euroc(path: Path, settings) -> Recording:
     def pose(i: int) -> np.ndarray | None:
         return None if truth is None else moved(truth.at(float(stamps[i])), inverse(camera.body_from_camera))
 
-    provides = {"image", "gray"} | ({"imu"} if imu is not None else set()) | ({"right_image"} if right else set())
+    provides = {"image", "gray"} | ({"imu"} if imu is not None else set()) | ({RIGHT_IMAGE, *beside} if right else set())
     if truth is not None:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
     return led(Listed(str(folder), stamps, read, camera, frozenset(provides), pose, rejected), settings)
@@ -137,7 +142,8 @@ def _truth(folder: Path, sensor: dict[str, Any], settings) -> Truth | None:
     file = folder / "state_groundtruth_estimate0" / "data.csv"
     if not file.is_file():
         return None
-    body_from_camera = _place(sensor, folder)
+    body_from_camera = _place(sensor, folder, "cam0", "the true poses are not the camera's; type source.truth=FILE of the "
+                              "camera's")
     stamps, poses = [], []
     for number, words in rows(file):
         where = f"{file.parent.name}/data.csv:{number}"
@@ -154,14 +160,25 @@ def _truth(folder: Path, sensor: dict[str, Any], settings) -> Truth | None:
     return Truth(np.array(stamps)[kept], np.array(poses).reshape(-1, 4, 4)[kept], settings.max_truth_gap_s, rejected)
 
 
-def _place(sensor: dict[str, Any], folder: Path) -> np.ndarray:
-    """4x4 T_BS: EuRoC's body (its IMU) from cam0."""
+def _second(folder: Path, sensor: dict[str, Any], camera: Camera) -> Camera:
+    """cam1, beside cam0 where both sensor.yaml put it."""
+    other = _sensor(folder / "cam1")
+    recorded = _camera(other, folder / "cam1")
+    if recorded is None:
+        raise ConfigError(f"{folder}/cam1: no sensor.yaml, which says which camera it is; leave out "
+                          "source.stereo, sensor=stereo")
+    places = [_place(said, folder, name, "where the two cameras sit is not known; leave out source.stereo, sensor=stereo")
+              for said, name in ((sensor, "cam0"), (other, "cam1"))]
+    return replace(recorded, body_from_camera=camera.body_from_camera @ inverse(places[0]) @ places[1])
+
+
+def _place(sensor: dict[str, Any], folder: Path, name: str, without: str) -> np.ndarray:
+    """4x4 T_BS: EuRoC's body (its IMU) from a camera. without: what cannot be said without it."""
     try:
         matrix = np.array(sensor["T_BS"]["data"], float).reshape(4, 4)
     except (KeyError, TypeError, ValueError):
-        raise ConfigError(f"{folder}/cam0/sensor.yaml: no T_BS with 16 numbers, without which the true poses are not the "
-                          "camera's; type source.truth=FILE of the camera's") from None
-    return check_pose(matrix, "cam0/sensor.yaml: T_BS")
+        raise ConfigError(f"{folder}/{name}/sensor.yaml: no T_BS with 16 numbers, without which {without}") from None
+    return check_pose(matrix, f"{name}/sensor.yaml: T_BS")
 
 
 def _right(folder: Path, stamps: np.ndarray, settings) -> dict[int, Path]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, se3, transform
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 
 from ..replay_cameras import check_pose
 from ..replay_carmen import NO_CAMERA
@@ -42,30 +43,34 @@ def open_kitti(path: Path, settings) -> Recording:
     clouds = numbered((path / "velodyne").glob("*.bin"))
     if not images and not clouds:
         raise ConfigError(f"{path}: no image_2/000000.png, image_0/000000.png or velodyne/000000.bin")
-    if settings.stereo and not (name and (path / RIGHT[name]).is_dir()):
+    if settings.stereo and not (images and (path / RIGHT[name]).is_dir()):
         raise ConfigError(f"source.stereo=true: {path} holds no {RIGHT.get(name, 'image_3')}; leave it out")
     numbers = [int(float(n)) for n, _ in images or clouds]
     stamps, repaired = _stamps(path, numbers, settings)
     mount = mount_of(settings.camera_mount, "camera_mount")
     body_from_0 = OPTICAL if mount is None else mount @ OPTICAL
     camera = _camera(images[0][1], _projection(calib, CAMERAS[name]), body_from_0, settings) if images else NO_CAMERA
+    beside: dict[str, np.ndarray] = {}
+    if settings.stereo:
+        second = _camera(images[0][1], _projection(calib, f"P{RIGHT[name][-1]}"), body_from_0, settings)
+        beside[RIGHT_CAMERA] = camera_numbers(second)
     body_from_cloud = body_from_0 @ _velodyne(calib, path) if clouds else None
     true, counts = truth_of(_truth(path), settings)
 
     def read(i: int, before: int | None) -> dict[str, Any]:
-        extras = {}
+        extras = dict(beside)
         if body_from_cloud is not None:
             points = read_cloud(path / "velodyne" / f"{numbers[i]:06d}.bin").astype(float)
             extras["cloud"] = transform(body_from_cloud, points).astype(np.float32)
         if settings.stereo:
-            extras["right_image"] = read_color(path / RIGHT[name] / images[i][1].name)
+            extras[RIGHT_IMAGE] = read_color(path / RIGHT[name] / images[i][1].name)
         return {"image": read_color(images[i][1]) if images else None, "extras": extras}
 
     def pose(i: int) -> np.ndarray | None:
         return moved(true(numbers[i], float(stamps[i])), inverse(body_from_0))
 
     provides = {word for word, there in (("image", images), ("gray", images), ("cloud", clouds),
-                                         ("right_image", settings.stereo)) if there}
+                                         (RIGHT_IMAGE, beside), (RIGHT_CAMERA, beside)) if there}
     return led(Listed(str(path), stamps, read, camera, frozenset(provides), pose, counts, repaired), settings)
 
 

@@ -1,0 +1,1 @@
+"""Monocular visual odometry over a local map of points: for recordings, wherever one camera is carried."""

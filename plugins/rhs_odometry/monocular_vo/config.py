@@ -1,0 +1,84 @@
+"""Settings of `odometry=monocular_vo`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from rhs.api.errors import check_range, check_ranges
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Odometry
+
+
+@dataclass
+class MonocularVoAdvanced:
+    """Thresholds of `odometry=monocular_vo`."""
+
+    gate_px: float = 3.0
+    """a point seen further than this from where it should be is no inlier, pixels"""
+    huber_px: float = 1.0
+    """beyond this a sighting pulls with constant force (Huber), pixels"""
+    start_share: float = 0.7
+    """a first pair of views is taken when this share of its points lies in front of both and fits"""
+    keep_share: float = 0.7
+    """a key frame is made when fewer of the last one's points are still followed"""
+    keep_parallax_px: float = 7.0
+    """and when points have moved by this much since the last key frame beyond what turning explains, pixels of an image 320
+    wide (median)"""
+    window: int = 7
+    """key frames that are refined together; the two oldest of them stay"""
+    rounds: int = 6
+    """steps of Levenberg-Marquardt at each key frame"""
+    new_parallax_deg: float = 1.0
+    """a point is added to the map when it was seen under at least this angle, degrees (ORB-SLAM: 1.1)"""
+    scale_frames: int = 20
+    """key frames whose way by the wheels gives the scale"""
+    give_up: int = 5
+    """after so many lost views on end a new map is begun"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, gate_px=(0.1, 100.0), huber_px=(0.01, 100.0), start_share=(0.1, 1.0), keep_share=(0.05, 1.0),
+                     keep_parallax_px=(1.0, 1000.0), window=(3, 50), rounds=(1, 100), new_parallax_deg=(0.05, 45.0),
+                     scale_frames=(1, 10_000), give_up=(0, 10_000))
+
+
+@dataclass
+class MonocularVo:
+    """One camera anywhere: points followed, essential matrix, a local map with bundle adjustment; scale of wheels or
+    command, else unknown."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+    provides: ClassVar[frozenset[str]] = frozenset({"scan"})
+
+    points: int = 300
+    """points followed at a time"""
+    window_px: int = 15
+    """side of the patch that Lucas-Kanade matches, pixels"""
+    pixel_sigma: float = 0.7
+    """deviation of one sighting, pixels"""
+    start_parallax_deg: float = 1.5
+    """the map is begun when the first points are seen under this angle, degrees (median): before it nobody knows how far
+    anything is"""
+    first_depth_m: float = 0.0
+    """median distance of what is seen at the start along the optical axis, metres, if somebody knows; 0: unknown"""
+    min_inliers: int = 20
+    """fewer points than this agree: lost"""
+    max_sigma_share: float = 0.05
+    """degenerate when a direction of the way since the last view is less sure than this share of the points' distance"""
+    advanced: MonocularVoAdvanced = field(default_factory=MonocularVoAdvanced)
+
+    def __post_init__(self) -> None:
+        owner = "odometry.monocular_vo"
+        check_range(owner, "points", self.points, low=30, high=5000)
+        check_range(owner, "window_px", self.window_px, low=5, high=61, unit="pixels")
+        check_range(owner, "pixel_sigma", self.pixel_sigma, low=0.05, high=20.0, unit="pixels")
+        check_range(owner, "start_parallax_deg", self.start_parallax_deg, low=0.05, high=45.0, unit="degrees")
+        check_range(owner, "first_depth_m", self.first_depth_m, low=0.0, high=1e4, unit="m")
+        check_range(owner, "min_inliers", self.min_inliers, low=8, high=1000)
+        check_range(owner, "max_sigma_share", self.max_sigma_share, low=1e-6, high=10.0)
+
+    def build(self, context: Context) -> Odometry:
+        from .odometry import MonocularVoOdometry
+
+        return MonocularVoOdometry(self, context)

@@ -1,0 +1,109 @@
+"""Settings of the sensor `stereo`: two colour cameras side by side on a robot with wheel encoders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from rhs.api.errors import ConfigError, check_range, check_ranges
+from rhs.estimation.scans.settings import BandSettings
+
+if TYPE_CHECKING:
+    from rhs.api.contracts import Context, Sensor
+
+
+@dataclass
+class StereoAdvanced:
+    """Thresholds of `sensor=stereo`."""
+
+    step_penalty: float = 8.0
+    """P1 of semi-global matching: of a disparity that differs by 1 from its neighbour's, grey levels times the block's
+    pixels (OpenCV's example)"""
+    jump_penalty: float = 32.0
+    """P2, of one that differs by more"""
+    speckle_px: int = 60
+    """smaller islands of disparity are unknown, pixels of an image 320 wide; grows with the image"""
+    texture_half_px: int = 4
+    """texture is measured in a square of this half side, pixels"""
+    obstacle: BandSettings = field(default_factory=lambda: BandSettings(floor_m=0.1, floor_per_m=0.05, range_m=3.0))
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, step_penalty=(0.0, 1e4), jump_penalty=(0.0, 1e4), speckle_px=(0, 100_000),
+                     texture_half_px=(0, 50))
+        if self.step_penalty >= self.jump_penalty:
+            raise ConfigError(f"step_penalty={self.step_penalty} is not below jump_penalty={self.jump_penalty}")
+
+
+@dataclass
+class Stereo:
+    """Two cameras side by side: depth from their disparity where there is texture, and the scans that a depth camera gives;
+    unknown is NaN."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "right_image"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
+
+    noise: bool = True
+    """false: an ideal sensor; views of recordings keep the noise they have, whatever is said here"""
+    image_sigma: float = 2.0
+    """noise of each colour channel of both images, grey levels of 255 (1 sigma)"""
+    disparity_sigma_px: float = 0.3
+    """how well a disparity is known, pixels (1 sigma): depth z is known to sigma_z = z^2 / (f b) of it, f pixels, b metres
+    from eye to eye. Only for how far depth is believed: see depth_error_share"""
+    depth_error_share: float = 0.1
+    """depth is unknown beyond where sigma_z is this share of it: z = depth_error_share f b / disparity_sigma_px"""
+    max_range_m: float = 0.0
+    """and beyond this, metres; 0: no other limit"""
+    min_range_m: float = 0.4
+    """nearer things are not looked for, metres; see search_share"""
+    search_share: float = 0.2
+    """disparities are looked for up to this share of the image's width at most: the time that takes grows with it"""
+    block_px: int = 5
+    """side of the block that is compared, pixels, odd"""
+    uniqueness_percent: int = 10
+    """a disparity is unknown unless it is better by this many per cent than any other"""
+    left_right_px: int = 1
+    """a disparity is unknown when the one found from the right image differs by more, pixels"""
+    texture: float = 1.5
+    """root mean square of the slope of grey along the row, grey levels a pixel, below which depth is unknown: a blank wall
+    has none to be found. Noise of image_sigma=2 alone makes 1.0"""
+    beams: int = 0
+    """beams of the scan, evenly spaced columns; 0 = one per image column"""
+    scan_rows: int = 5
+    """odd number of rows around the camera's height whose median is the scan"""
+    wheel_scale_sigma: float = 0.02
+    """each run's encoders count distance and turn too long by such a share (1 sigma)"""
+    wheel_distance_share: float = 0.02
+    """noise of one reading of distance, share of it since the last view (1 sigma)"""
+    wheel_turn_share: float = 0.03
+    """noise of one reading of turn, share of it since the last view (1 sigma)"""
+    wheel_slip_chance: float = 0.0
+    """chance per view that the wheels spin: they count wheel_slip_share too much"""
+    wheel_slip_share: float = 0.5
+    """share counted too much when the wheels spin"""
+    advanced: StereoAdvanced = field(default_factory=StereoAdvanced)
+
+    def __post_init__(self) -> None:
+        owner = "sensor.stereo"
+        check_range(owner, "image_sigma", self.image_sigma, low=0.0, high=255.0)
+        check_range(owner, "disparity_sigma_px", self.disparity_sigma_px, low=0.01, high=10.0, unit="px")
+        check_range(owner, "depth_error_share", self.depth_error_share, low=0.001, high=1.0)
+        check_range(owner, "max_range_m", self.max_range_m, low=0.0, high=1000.0, unit="m")
+        check_range(owner, "min_range_m", self.min_range_m, low=0.01, high=100.0, unit="m")
+        check_range(owner, "search_share", self.search_share, low=0.01, high=0.9)
+        check_range(owner, "uniqueness_percent", self.uniqueness_percent, low=0, high=99, unit="%")
+        check_range(owner, "left_right_px", self.left_right_px, low=0, high=100, unit="px")
+        check_range(owner, "texture", self.texture, low=0.0, high=255.0)
+        check_range(owner, "beams", self.beams, low=0, high=10_000)
+        for name, high in (("block_px", 31), ("scan_rows", 99)):
+            value = getattr(self, name)
+            check_range(owner, name, value, low=1, high=high)
+            if value % 2 == 0:
+                raise ConfigError(f"{owner}.{name}={value} is even; expected an odd number such as 3 or 5")
+        check_range(owner, "wheel_scale_sigma", self.wheel_scale_sigma, low=0.0, high=0.5)
+        for name in ("wheel_distance_share", "wheel_turn_share", "wheel_slip_chance", "wheel_slip_share"):
+            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
+
+    def build(self, context: Context) -> Sensor:
+        from .stereo_sensor import StereoSensor
+
+        return StereoSensor(self, context)

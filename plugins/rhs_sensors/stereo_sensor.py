@@ -1,0 +1,71 @@
+"""The sensor `stereo`: noise on both images, depth from their disparity (stereo_matching), the scans of a depth camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rhs.api.contracts import Context
+from rhs.api.errors import ContractError
+from rhs.api.records import Capture, Observation
+from rhs.api.spare import both
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_of
+from rhs.estimation.scans.obstacle_scan import ObstacleScanner
+
+from .degrade import Encoders, frozen, image_of, noisy_image, size
+from .rgbd_sensor import ScanRows
+from .stereo import Stereo
+from .stereo_matching import StereoPair, reach
+
+
+class StereoSensor:
+    """Each noise has its own random stream, so that one setting does not change another's numbers."""
+
+    senses_ahead = True
+
+    def __init__(self, settings: Stereo, context: Context) -> None:
+        self._settings = settings
+        self._camera = context.camera
+        self._left_rng, self._right_rng, wheel_rng = context.rng.spawn(3)
+        self._encoders = Encoders(settings, wheel_rng)
+        self._pair: StereoPair | None = None  # the second camera comes with the first capture
+        self._band: ObstacleScanner | None = None
+
+    def sense(self, capture: Capture) -> Observation:
+        clean, clean_right = image_of(capture, self._camera), self._right_of(capture)
+        pair = self._pair or self._meet(capture)
+        sigma = self._settings.image_sigma if self._settings.noise and not capture.sensed else 0.0
+        image, right = both(lambda: noisy_image(clean, sigma, self._left_rng),
+                            lambda: noisy_image(clean_right, sigma, self._right_rng))
+        depth = frozen(pair.depth(image, right))
+        return Observation(
+            capture.index,
+            capture.stamp_s,
+            self._camera,
+            image=image,
+            depth=depth,
+            scan=self._rows.scan(depth),
+            command=capture.command,
+            wheel=self._encoders.read(capture.travel, exact=capture.sensed),
+            extras={RIGHT_IMAGE: right},
+            obstacle=None if self._band is None else self._band.scan(depth),
+        )
+
+    def _right_of(self, capture: Capture) -> np.ndarray:
+        """The right image. Raises ContractError where there is none, or of another size."""
+        for name in (RIGHT_IMAGE, RIGHT_CAMERA):
+            if name not in capture.extras:
+                raise ContractError(f"capture {capture.index} has no {name}; sensor=stereo needs a source with two cameras")
+        right = capture.extras[RIGHT_IMAGE]
+        wanted = (self._camera.height, self._camera.width, 3)
+        if right.shape != wanted:
+            raise ContractError(f"capture {capture.index}: the right image is {size(right)}, the left one "
+                                f"{wanted[1]}x{wanted[0]}")
+        return right
+
+    def _meet(self, capture: Capture) -> StereoPair:
+        """Get to know the second camera."""
+        self._pair = pair = StereoPair(self._camera, camera_of(capture.extras[RIGHT_CAMERA]), self._settings)
+        self._rows = ScanRows(self._camera, reach(self._settings, pair))
+        if self._camera.height_m > 0.0:  # of a recording whose camera hangs nobody knows where, nobody knows the floor
+            self._band = ObstacleScanner(self._camera, self._settings.advanced.obstacle, max_range_m=pair.max_range_m)
+        return pair
