@@ -188,7 +188,7 @@ def test_the_readme_lists_every_world_and_its_format_is_read(tmp_path):
     assert all(f"| `{name}` |" in readme for name in world_names())
     text = readme.split("```yaml\n")[1].split("```")[0]
     text = text.replace("[[2, 1], [19, 1], ...]", "[[2, 1], [3, 1]]")
-    text = text.replace("[[0, 0], [20, 0], ...]", "[[0, 0], [20, 0], [20, 2], [0, 2], [0, 0]]")
+    text = text.replace("[[0, 0], [20, 0], ...]", "[[0, 0], [20, 0], [20, 8], [0, 8], [0, 0]]")
     assert load_world(write(tmp_path, text)).boxes[-1].name == "chest"
 
 
