@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rhs.base.errors import ConfigError
-from rhs.runfolder.row import KEYS
+from rhs.runfolder.row import CHOICES
 
 from .intervals import LEAST, holm, least_p, legend, mean_interval, mean_text, signed_rank_p, units
 from .observations import clusters, independent, judged, numbers
@@ -27,7 +27,7 @@ from .varied_settings import is_setting, settings_of
 if TYPE_CHECKING:
     import pandas
 
-PARTS = KEYS[1:-1]
+PARTS = tuple(name for name in CHOICES if name not in ("task", "world"))
 SIGNIFICANT = 0.05
 Chosen = dict[str, object]
 
@@ -93,7 +93,7 @@ def _choices(table: pandas.DataFrame, index: int, key: str) -> Chosen:
     import pandas as pd
 
     row = table.iloc[index]
-    named = [name for name in table.columns if name in ("task", *KEYS, key) or is_setting(name)]
+    named = [name for name in table.columns if name in (*CHOICES, "seed", key) or is_setting(name)]
     known = {name: getattr(row[name], "item", lambda value=row[name]: value)() for name in named if not pd.isna(row[name])}
     settings = {name.removesuffix(".name"): value for name, value in settings_of(str(table.index[index])).items()}
     return settings | known

@@ -15,7 +15,7 @@ import numpy as np
 
 from rhs.base.errors import ConfigError
 from rhs.metrics.success import success_of
-from rhs.runfolder.row import KEYS, machine_dependent
+from rhs.runfolder.row import CHOICES, machine_dependent
 from rhs.worlds.random.names import building_of
 
 from .varied_settings import is_setting
@@ -111,7 +111,7 @@ def problems(table: pandas.DataFrame) -> np.ndarray:
 
 def configurations(table: pandas.DataFrame) -> np.ndarray:
     """(N,) words for all that was chosen but the seed."""
-    names = [name for name in ("task", *KEYS[:-1]) if name in table.columns]
+    names = [name for name in CHOICES if name in table.columns]
     return _words(table, [*names, *(name for name in table.columns if is_setting(name))])
 
 

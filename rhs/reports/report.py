@@ -20,7 +20,7 @@ from rhs.api.files import replacing, write_whole
 from rhs.base.commands import INTERRUPTED, Arguments, answered, check_regular
 from rhs.base.errors import ConfigError, RhsError
 from rhs.plots import new_figure, save
-from rhs.runfolder.row import KEYS, read_row
+from rhs.runfolder.row import CHOICES, read_row
 from rhs.runfolder.run import Run
 
 from .charts import bars, errors_over_time, stage_times
@@ -141,7 +141,7 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     table = some_rows([folder], left_out)
     if unreadable is None and left_out:
         raise RhsError(left_out[0])
-    group = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
+    group = [name for name in CHOICES if name in table.columns and table[name].nunique(dropna=False) > 1]
     scored, summary = judged(table), summarise(table)
     charts = [figure for name in SHOWN if (figure := bars(scored, name, group)) is not None]
     runs = listing(table, [])

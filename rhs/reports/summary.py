@@ -14,7 +14,7 @@ import numpy as np
 
 from rhs.base.commands import plain
 from rhs.base.errors import ConfigError
-from rhs.runfolder.row import KEYS
+from rhs.runfolder.row import CHOICES, KEYS
 
 from .intervals import legend, mean_text, median_text, share_text
 from .observations import clusters, failures_told, independent, judged, numbers
@@ -52,7 +52,7 @@ def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Se
 def _swept(table: pandas.DataFrame) -> list[str]:
     """The columns in which the runs were made to differ: parts first, then settings that differ with the same parts too
     (two parts may have a setting of one name, with other defaults). Problems of a MovingAI file go by bucket."""
-    parts = [name for name in KEYS[:-1] if table[name].nunique(dropna=False) > 1]
+    parts = [name for name in CHOICES if name in table.columns and table[name].nunique(dropna=False) > 1]
     same_parts = table.groupby(parts, dropna=False) if parts else table.groupby(np.zeros(len(table)))
     settings = [name for name in table.columns if is_setting(name) and (same_parts[name].nunique(dropna=False) > 1).any()]
     if "planning.scenario" in settings and "bucket" in table.columns:
@@ -86,7 +86,8 @@ def listing(table: pandas.DataFrame, columns: Sequence[str]) -> pandas.DataFrame
     scored = judged(table)
     table = table.assign(**{name: scored[name] for name in SCORES if name in scored.columns})
     check_columns(table, columns)
-    names = list(columns) or ["status", "success", *KEYS, *SHOWN]
+    swept = [name for name in _swept(table) if name not in KEYS]
+    names = list(columns) or ["status", "success", *KEYS[:-1], *swept, "seed", *SHOWN]
     view = table[[name for name in names if name in table.columns]].reset_index()
     view.attrs["notes"] = [failures_told(table)]
     return view

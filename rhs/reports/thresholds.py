@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rhs.metrics.threshold import dial_between, fit, in_words
-from rhs.runfolder.row import KEYS
+from rhs.runfolder.row import CHOICES
 
 if TYPE_CHECKING:
     import pandas
@@ -35,7 +35,7 @@ def thresholds(table: pandas.DataFrame) -> list[str]:
 
 def _groups(table: pandas.DataFrame, setting: str) -> Iterator[tuple[str, pandas.DataFrame]]:
     """The rows of each combination of parts, worlds and other settings; seeds together."""
-    keys = [name for name in table.columns if (name in KEYS[:-1] or "." in name) and name != setting
+    keys = [name for name in table.columns if (name in CHOICES or "." in name) and name != setting
             and table[name].nunique(dropna=False) > 1]
     if not keys:
         yield "", table

@@ -26,6 +26,7 @@ from .folders import is_in_use
 RUNNING, KILLED = "running", "killed"
 LONGEST_TEXT = 4000  # characters of a text in a row
 KEYS = ("world", "source", "sensor", "odometry", "loop_closer", "mapper", "planner", "localiser", "seed")
+CHOICES = ("task", *KEYS[:-1], "replan", "slam", "degrade")  # all that is chosen by name but the seed; a table may lack some
 LAST = 1_000_000  # after every column that somebody described
 LARGEST_BYTES = 4 << 20
 LARGEST_WHOLE = 2**63 - 1

@@ -13,7 +13,7 @@ from pathlib import Path
 from rhs.base.errors import ConfigError, RhsError
 from rhs.config.overrides import Word
 from rhs.metrics.success import with_success
-from rhs.runfolder.row import KEYS, read_row, sound
+from rhs.runfolder.row import CHOICES, read_row, sound
 from rhs.runfolder.shards import Line, Shard, words_key
 
 from .jobs import Job
@@ -83,7 +83,7 @@ def line_of(job: Job, row: dict[str, object]) -> Line:
 
 def refused(words: Sequence[Word], swept: Sequence[str], error: ConfigError) -> Line:
     """What a shard holds of a job whose words do not fit each other."""
-    columns = {word.key: word.value for word in words if word.key in (*KEYS, "task") and isinstance(word.value, str | int)}
+    columns = {word.key: word.value for word in words if word.key in (*CHOICES, "seed") and isinstance(word.value, str | int)}
     row = sound(with_success({**columns, "status": "refused", "reason": str(error)}))
     told = ",".join(word.text for word in words if word.key in swept)
     key = words_key([word.text for word in words])

@@ -161,3 +161,14 @@ def test_settings_group_the_runs_only_where_they_differ_with_the_same_parts(tmp_
     assert list(summarise(rows([tmp_path])).columns[:2]) == ["planner", "runs"]  # the default of each
     run(tmp_path, "c", seed=0, planner="rrt", **{"planner.step_m": 0.1})
     assert list(summarise(rows([tmp_path])).columns[:3]) == ["planner", "planner.step_m", "runs"]
+
+
+def test_whatever_was_chosen_by_name_has_a_line_of_its_own(tmp_path):
+    for kind, names in {"replan": ("go_round", "wait"), "degrade": (None, "blur"), "slam": (None, "mine"),
+                        "task": ("survey", "patrol")}.items():
+        folder = tmp_path / kind
+        for name in names:
+            for seed in (0, 1):
+                run(folder, f"{name}_{seed}", seed=seed, **({} if name is None else {kind: name}))
+        view = summarise(rows([folder]))
+        assert list(view["runs"]) == [2, 2] and view[kind].nunique(dropna=False) == 2
