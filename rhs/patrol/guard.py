@@ -28,7 +28,8 @@ class GuardSettings:
     """least distance of the robot's side to anything seen, metres: half the margin of the plans, so that a path planned with
     it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
     look_s: float = 15.0
-    """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in"""
+    """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in.
+    What is low and was out of view for so long, while something moves, is not counted on either"""
     look_moving_s: float = 1.5
     """the same while something has been seen to move, in the last remember_s: who walks 0.8 m/s is elsewhere after 2 s"""
     fade_s: float = 4.0
@@ -59,7 +60,8 @@ class Guard:
 
     def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings) -> None:
         self.radius_m, self.pace, self.settings = radius_m, pace, settings
-        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s)
+        self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s,
+                                   low_s=settings.look_s)
         self.touched = False
         self.given: Twist | None = None
         self._still = 0
@@ -78,7 +80,7 @@ class Guard:
     @property
     def moves(self) -> bool:
         """Whether something was seen to move lately."""
-        return self.around.now_s - self.around.moved_s < self.settings.remember_s
+        return self.around.moves
 
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""

@@ -23,10 +23,13 @@ CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
 class Surroundings:
     """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
-    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float, fade_s: float = np.inf) -> None:
+    def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float, fade_s: float = np.inf,
+                 low_s: float = np.inf) -> None:
+        """Seconds: what was seen is remembered; what came is, when it is seen no more; what is low and came unnoticed, while
+        something moves."""
         from rhs.estimation.scans.votes import Votes  # compiled code
 
-        self.radius_m, self.remember_s, self.fade_s = radius_m, remember_s, fade_s
+        self.radius_m, self.remember_s, self.fade_s, self.low_s = radius_m, remember_s, fade_s, low_s
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
         self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
@@ -34,6 +37,7 @@ class Surroundings:
         self.pose, self.now_s = np.eye(4), -np.inf
         self.moved_s = -np.inf  # when something was last seen where nothing had been
         self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
+        self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.sight: Scan | None = None  # the widest measured scan of the last view
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
@@ -67,6 +71,8 @@ class Surroundings:
                 self._note_what_came(layer.votes, votes, cells, (looked_s, things))
             looked_s[cells[:, 0], cells[:, 1]] = self.now_s
             self._saw(cells)
+            if layer is self.below:
+                self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._stand()
 
     def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
@@ -98,11 +104,16 @@ class Surroundings:
             self.moved_s = self.now_s
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
 
+    @property
+    def moves(self) -> bool:
+        """Whether something was seen to move lately."""
+        return self.now_s - self.moved_s < self.remember_s
+
     def forget(self) -> None:
         """Nothing was seen yet."""
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
-        self.seen_s[:] = -np.inf
+        self.seen_s[:] = self.below_s[:] = -np.inf
         self.came_s[:] = np.inf
         for looked_s in self.looked_s:
             looked_s[:] = -np.inf
@@ -125,8 +136,8 @@ class Surroundings:
         if np.abs(off).max() < KEPT_M:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.seen_s, -np.inf),
-                             (self.came_s, np.inf), (self.looked_s[0], -np.inf), (self.looked_s[1], -np.inf)):
+        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, *self.looked_s)]
+        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.came_s, np.inf), *times):
             kept = np.full_like(array, empty)
             height, width = array.shape
             to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
@@ -147,8 +158,11 @@ class Surroundings:
         reach = round(NEAR_M / CELL_M)
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
-        there = (self.at_eye.votes[near] >= THING) | (self.below.votes[near] >= THING)
+        at_eye = self.at_eye.votes[near] >= THING
+        there = at_eye | (self.below.votes[near] >= THING)
         there &= self.came_s[near] >= self.now_s - self.fade_s  # what came may have gone unseen
+        if self.moves:  # so may a trail of votes that a pet left too near to be seen cleared
+            there &= at_eye | (self.below_s[near] >= self.now_s - self.low_s)
         rows, columns = np.nonzero(there & (self.seen_s[near] >= self.now_s - self.remember_s))
         points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
         body = self.in_body(points)
@@ -160,6 +174,7 @@ class Surroundings:
         points = (self.radius_m + CELL_M) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         cells = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3])
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
+        self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._saw(cells)
         return points
 

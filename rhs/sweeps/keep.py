@@ -83,7 +83,8 @@ def line_of(job: Job, row: dict[str, object]) -> Line:
 
 def refused(words: Sequence[Word], swept: Sequence[str], error: ConfigError) -> Line:
     """What a shard holds of a job whose words do not fit each other."""
-    columns = {word.key: word.value for word in words if word.key in (*CHOICES, "seed") and isinstance(word.value, str | int)}
+    chosen = [word for word in words if word.key in (*CHOICES, "seed")]
+    columns = {word.key: word.value for word in chosen if isinstance(word.value, str | int)}
     row = sound(with_success({**columns, "status": "refused", "reason": str(error)}))
     told = ",".join(word.text for word in words if word.key in swept)
     key = words_key([word.text for word in words])

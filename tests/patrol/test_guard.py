@@ -104,6 +104,19 @@ def test_a_low_box_under_the_camera_is_remembered_until_its_floor_is_seen():
     assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == pytest.approx(0.65, abs=0.06)
 
 
+def test_a_trail_too_near_to_be_seen_cleared_is_forgotten_while_something_moves():
+    watched = guard()
+    low = Scan(BEARINGS, wall_at(1.0), 5.0, (0.0, 0.0), 3.0)
+    over = Scan(BEARINGS, wall_at(4.0), 5.0, (0.0, 0.0), 3.0)
+    watched.observe(seen(1, wall_at(4.0), obstacle=low), STILL)
+    seconds = round(GuardSettings().look_s)
+    for index in range(2, 2 * seconds + 4):  # two views a second
+        watched.observe(seen(index, wall_at(4.0), obstacle=over), STILL)
+        watched.around.moved_s = watched.around.now_s
+        blocked = watched.around.free_way_m(AHEAD, 0.05, 1.5) < 1.0
+        assert blocked == (0.5 * (index - 1) <= seconds)
+
+
 def test_commands_that_do_not_move_the_robot_are_a_touch_without_any_bumper():
     watched = guard()
     for index in range(1, 4):

@@ -106,46 +106,13 @@ def _gauss_newton(points, centres, rho, sigma_rho, rays, inverse_depth, rows, st
 
     Returns pose, twist, information of the pose alone, Mahalanobis distance and pixel residual per sighting.
     """
-    n = points.shape[0]
     pose, twist = start.copy(), expected.copy()
-    distance, pixels = np.empty(n), np.empty(n)
+    distance, pixels = np.empty(points.shape[0]), np.empty(points.shape[0])
     h, g = np.zeros((12, 12)), np.zeros(12)
-    jacobian, wj, w = np.zeros((3, 6)), np.zeros((3, 6)), np.zeros((3, 3))
-    one = np.zeros((6, 6))
-    r = np.zeros(3)
     last = False
     for iteration in range(iterations + 1):
-        h[:] = 0.0
-        g[:] = 0.0
-        for i in range(n):
-            squared = _residual(
-                points[i], centres[i], rho[i], sigma_rho[i], rays[i], inverse_depth[i], rows[i],
-                pose, twist, scales, r, w, jacobian,
-            )
-            distance[i] = np.sqrt(squared)
-            pixels[i] = np.sqrt(r[0] * r[0] + r[1] * r[1])
-            if not np.isfinite(squared):
-                continue
-            student = (scales[3] + 3.0) / (scales[3] + squared)
-            s = rows[i]
-            for k in range(3):
-                for j in range(6):
-                    wj[k, j] = student * (w[k, 0] * jacobian[0, j] + w[k, 1] * jacobian[1, j] + w[k, 2] * jacobian[2, j])
-            for j in range(6):
-                slope = wj[0, j] * r[0] + wj[1, j] * r[1] + wj[2, j] * r[2]
-                g[j] += slope
-                g[6 + j] += s * slope
-                for k in range(j, 6):
-                    value = jacobian[0, j] * wj[0, k] + jacobian[1, j] * wj[1, k] + jacobian[2, j] * wj[2, k]
-                    h[j, k] += value
-                    h[j, 6 + k] += s * value
-                    h[6 + j, 6 + k] += s * s * value
-        for j in range(6):
-            for k in range(j):
-                h[j, k] = h[k, j]
-                h[j, 6 + k] = h[k, 6 + j]
-                h[6 + j, 6 + k] = h[6 + k, 6 + j]
-        h[6:, :6] = h[:6, 6:].T
+        _normal_equations(points, centres, rho, sigma_rho, rays, inverse_depth, rows, pose, twist, scales, h, g, distance,
+                          pixels)
         for j in range(6):
             h[6 + j, 6 + j] += prior[j]
             g[6 + j] += prior[j] * (twist[j] - expected[j])
@@ -164,6 +131,42 @@ def _gauss_newton(points, centres, rho, sigma_rho, rays, inverse_depth, rows, st
     cross = np.ascontiguousarray(h[:6, 6:])
     one = h[:6, :6] - cross @ np.linalg.solve(np.ascontiguousarray(h[6:, 6:]), np.ascontiguousarray(cross.T))
     return pose, twist, one, distance, pixels
+
+
+@compiled
+def _normal_equations(points, centres, rho, sigma_rho, rays, inverse_depth, rows, pose, twist, scales, h, g, distance,
+                      pixels):
+    """Fill h (12, 12) and g (12,) from all sightings, and distance and pixels (N,) of each."""
+    jacobian, wj, w, r = np.zeros((3, 6)), np.zeros((3, 6)), np.zeros((3, 3)), np.zeros(3)
+    h[:] = 0.0
+    g[:] = 0.0
+    for i in range(points.shape[0]):
+        squared = _residual(points[i], centres[i], rho[i], sigma_rho[i], rays[i], inverse_depth[i], rows[i], pose, twist,
+                            scales, r, w, jacobian)
+        distance[i] = np.sqrt(squared)
+        pixels[i] = np.sqrt(r[0] * r[0] + r[1] * r[1])
+        if not np.isfinite(squared):
+            continue
+        student = (scales[3] + 3.0) / (scales[3] + squared)
+        s = rows[i]
+        for k in range(3):
+            for j in range(6):
+                wj[k, j] = student * (w[k, 0] * jacobian[0, j] + w[k, 1] * jacobian[1, j] + w[k, 2] * jacobian[2, j])
+        for j in range(6):
+            slope = wj[0, j] * r[0] + wj[1, j] * r[1] + wj[2, j] * r[2]
+            g[j] += slope
+            g[6 + j] += s * slope
+            for k in range(j, 6):
+                value = jacobian[0, j] * wj[0, k] + jacobian[1, j] * wj[1, k] + jacobian[2, j] * wj[2, k]
+                h[j, k] += value
+                h[j, 6 + k] += s * value
+                h[6 + j, 6 + k] += s * s * value
+    for j in range(6):
+        for k in range(j):
+            h[j, k] = h[k, j]
+            h[j, 6 + k] = h[k, 6 + j]
+            h[6 + j, 6 + k] = h[6 + k, 6 + j]
+    h[6:, :6] = h[:6, 6:].T
 
 
 @compiled
