@@ -8,7 +8,7 @@ import numpy as np
 from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import features
-from rhs.estimation.views.motion_consistency import Continuity, continuity, scan_continuity
+from rhs.estimation.views.motion_consistency import Continuity, continuity, scan_continuity, scan_share
 from rhs.estimation.views.settings import ContinuitySettings
 
 USUAL = ContinuitySettings()
@@ -32,15 +32,22 @@ class ContinuityWatch:
         """Whether this view can be one motion after the last, which put the robot at `expected` (3,), None if unknown.
 
         Where the key-points cannot tell, measured scans do: they break where one cannot follow the other, and go on where
-        the new one lies on the walls of the map as well."""
+        the new one lies on the walls of the map as well. Key-points that break while half of the scan goes on are those of
+        somebody who passes close by, and tell nothing."""
         last, scan = self._features, self._scan
         self._features, self._scan = features(observation, self._settings), observation.scan
         seen = continuity(last, self._features, observation.camera, motion.previous_from_body, self._rules)
+        if seen is Continuity.BROKEN and self._passer_by(scan, motion):
+            return Continuity.UNKNOWN
         if seen is not Continuity.UNKNOWN:
             return seen
         if scan_continuity(scan, self._scan, motion.previous_from_body, self._rules) is Continuity.BROKEN:
             return Continuity.BROKEN
         return Continuity.GOES_ON if self._on_walls(expected) else seen
+
+    def _passer_by(self, last: Scan | None, motion: Motion) -> bool:
+        share = scan_share(last, self._scan, motion.previous_from_body, self._rules, fine=True)
+        return share >= self._rules.passer_by_share
 
     def _on_walls(self, pose: np.ndarray | None) -> bool:
         if self._scan is None or self._walls is None or pose is None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.geometry import planar, wrap
-from rhs.api.records import Twist
+from rhs.api.records import Path, Twist
 
 TURN_RATE_MAX_RADPS = 1.0  # of any command; a sharper bend is driven slower
 
@@ -60,6 +60,25 @@ def ahead_on_path(points_m: np.ndarray, at_m: np.ndarray, length_m: float) -> np
     total = float(np.linalg.norm(np.diff(points_m, axis=0), axis=1).sum())
     stations = np.arange(arc, min(arc + length_m, total) + 1e-9, 0.05)
     return np.array([point_at(points_m, s) for s in stations]).reshape(-1, 2)
+
+
+def closest_gap(path: Path, pose: np.ndarray) -> float:
+    """Distance in metres from the pose to the path."""
+    _, near = closest_on_path(path.points_m, pose[:2])
+    return float(np.linalg.norm(near - pose[:2]))
+
+
+def first_on_way(way: Path, things_m: np.ndarray, at_m: np.ndarray, near_m: float) -> np.ndarray:
+    """(2,) of the things (K, 2) the first that lies within near_m of the way ahead of `at_m`; where there is no way, or none
+    lies on it, the one nearest to `at_m`."""
+    if way.found and len(way.points_m) >= 2:
+        gaps = np.linalg.norm(things_m[:, None] - ahead_on_path(way.points_m, at_m, np.inf)[None], axis=2)
+        barred = gaps.min(axis=0) < near_m
+        if barred.any():
+            first: np.ndarray = things_m[gaps[:, np.argmax(barred)].argmin()]
+            return first
+    nearest: np.ndarray = things_m[np.argmin(np.linalg.norm(things_m - at_m, axis=1))]
+    return nearest
 
 
 def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:

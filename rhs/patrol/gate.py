@@ -7,6 +7,8 @@ Kirubarajan 2001, section 5.4) is replaced by the wheel travel, status `lost`. A
 with the wheels by their information, so that each direction comes from whoever knows it. Without wheels only a leap is
 refused: a speed that differs from what was believed last and from what vision itself said last.
 Where wheels contradict for many views on end they are the ones in doubt (a bag with another frame), and vision is kept.
+Somebody who walks by close to the camera has most of the picture, not all of the scan: where the view before, moved as the
+wheels say, is seen again and moved as vision says is not, the wheels are not only taken but known to be right.
 """
 
 from __future__ import annotations
@@ -17,13 +19,16 @@ import numpy as np
 
 from rhs.api.contracts import Odometry
 from rhs.api.geometry import exp_se3, inverse, log_se3, se2
-from rhs.api.records import Motion, Observation, Revision, Tracking
+from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs.api.validate import MOST_REASON, check_motion
 from rhs.estimation.filters.kalman import gate as chi_square
+from rhs.estimation.views.motion_consistency import scan_share
 
 from .tasks import Gate
 
 FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
+# Scans decide between the two: the least share of the last one's beams seen again, and how much more than as vision says
+LEAST_SHARE, MORE_SHARE = 0.4, 0.2
 FLOOR_SIGMA = 0.05  # of z, roll and pitch where the wheels alone are believed: metres, radians
 
 
@@ -40,12 +45,15 @@ class GatedOdometry:
         self._lost = 0  # views since vision last knew: what it says next may put right its own guesses over all of them
         self._contradicted = 0
         self._replaced = 0
+        self._scan: Scan | None = None  # of the view before
+        self._now: Scan | None = None
 
     def update(self, observation: Observation) -> Motion:
         """The odometry's motion, or what the wheels say where it contradicts them."""
         said = check_motion(self._odometry.update(observation), who=self._who)
         elapsed_s = observation.stamp_s - self._stamp_s
         self._stamp_s = observation.stamp_s
+        self._scan, self._now = self._now, observation.scan
         if not np.isfinite(elapsed_s):  # the first view: nothing moved
             return said
         if said.status is Tracking.LOST:
@@ -71,14 +79,23 @@ class GatedOdometry:
         if apart <= self._limit:
             self._contradicted = 0
             return joined(said, wheel, spread) if said.status is Tracking.DEGENERATE else said
-        self._contradicted += 1
+        known = self._seen_again(se2(*wheel)) > self._seen_again(said.previous_from_body) + MORE_SHARE
+        self._contradicted += not known
         both = f"vision {_words(said.previous_from_body)} and wheels {_words(se2(*wheel))}"
         what = f"{both} are {np.sqrt(apart):.1f} sigmas apart"
         if self._contradicted > self._settings.patience:
             return replace(said, reason=_with(said.reason, f"{what}: wheels doubted"))
         covariance = np.diag([0.0, 0.0, FLOOR_SIGMA**2, FLOOR_SIGMA**2, FLOOR_SIGMA**2, 0.0])
         covariance[np.ix_(FREE, FREE)] = spread
+        if known:
+            return replace(_instead(said, se2(*wheel), covariance, f"{what}; the scan agrees with wheel"),
+                           status=Tracking.DEGENERATE)
         return _instead(said, se2(*wheel), covariance, f"{what}; took wheel")
+
+    def _seen_again(self, previous_from_body: np.ndarray) -> float:
+        """Share of the beams of the view before that this one sees again after such a motion; 0 below LEAST_SHARE."""
+        share = scan_share(self._scan, self._now, previous_from_body, fine=True)
+        return share if share >= LEAST_SHARE else 0.0
 
     def _without_wheels(self, said: Motion, elapsed_s: float) -> Motion:
         """Refuse a leap: no body changes its speed so much between two views."""

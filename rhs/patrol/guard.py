@@ -12,9 +12,10 @@ from rhs.api.records import Event, Motion, Observation, Tracking, Twist
 from rhs.estimation.scans.settings import VoteSettings
 
 from .control import TURN_RATE_MAX_RADPS, Pace, turn
-from .surroundings import Surroundings
+from .surroundings import NOTHING, Surroundings
 
 CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of the arcs tried when the wished one is barred
+BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and what it sees of it is some time ago
 LEAST_M = 0.08  # a shorter way is none
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
 EDGE_RAD = np.radians(4.0)  # this near the edge of the view a patch is not looked at yet
@@ -91,14 +92,15 @@ class Guard:
             self._still = self._still + 1 if moved_m < self.settings.still_share * wished_m else 0
         self.touched = bool(observation.contact) or self._still >= self.settings.still_views
 
-    def back_off(self) -> Twist | None:
-        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room."""
+    def back_off(self, walls_m: np.ndarray = NOTHING) -> Twist | None:
+        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room.
+        walls_m (K, 2): of the map, in the body frame."""
         self.touched, self._still = False, 0
         came = self.given
         if came is None or came.forward_mps == 0.0:
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
         back = Twist(-came.forward_mps, -came.turn_radps, came.duration_s)
-        way_m = self.around.free_way_m(back, 0.0, self.settings.back_off_m)
+        way_m = self.around.free_way_m(back, BEHIND_M, self.settings.back_off_m, walls_m=walls_m)
         return _cut(back, way_m) if way_m >= LEAST_M else None
 
     def bump(self) -> np.ndarray:

@@ -24,6 +24,13 @@ def scan_points(map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
     return np.stack([x + c * bx - s * by, y + s * bx + c * by], axis=1)
 
 
+def in_map(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """(K, 2) points of the body frame, in the map; pose (3,): x, y, yaw."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    moved: np.ndarray = points_m @ np.array([[c, s], [-s, c]]) + pose[:2]
+    return moved
+
+
 class ObstacleWatch:
     """Compares scans with the finished map and keeps what the map does not know until it is seen through or forgotten.
 
@@ -42,6 +49,7 @@ class ObstacleWatch:
         settings = votes or VoteSettings()
         self.least_votes = confirm - settings.clear
         walls = grid.occupied()
+        self._walls_m = grid.centres(np.argwhere(walls))
         gap_cells = distance_transform_edt(~walls) if walls.any() else np.full(grid.shape, np.inf)
         self.gap_m = np.where(free, gap_cells * grid.resolution_m, 0.0)  # to the nearest wall; 0 where nothing is known
         self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
@@ -83,6 +91,13 @@ class ObstacleWatch:
         cells = np.clip(self.grid.cells(points), 0, np.array(self.grid.shape) - 1)
         far: np.ndarray = known & self.grid.inside(points) & (self.gap_m[cells[:, 0], cells[:, 1]] > near_m)
         return far
+
+    def walls_near(self, pose: np.ndarray, within_m: float = 1.0) -> np.ndarray:
+        """(K, 2) the map's walls so near to the pose (3,), in its body frame."""
+        walls = self._walls_m[np.linalg.norm(self._walls_m - pose[:2], axis=1) < within_m] - pose[:2]
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        near: np.ndarray = walls @ np.array([[c, -s], [s, c]])
+        return near
 
     def bump(self, points_m: np.ndarray) -> None:
         """Something was touched at these map points (K, 2)."""

@@ -26,12 +26,12 @@ from rhs.api.task import Parts
 from rhs.api.validate import check_blocked, check_capture
 from rhs.estimation.survey import known_free
 
-from .control import Pace, ahead_on_path, closest_on_path, steer, target_on, turn
+from .control import Pace, ahead_on_path, closest_gap, first_on_way, steer, target_on, turn
 from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import Logbook, MissionSettings
-from .obstacles import ObstacleWatch
+from .obstacles import ObstacleWatch, in_map
 from .planning import RoomyPlanner
 from .relocate import Search, clear_ahead_m
 
@@ -40,6 +40,7 @@ WAIT_S = 0.5  # one view of waiting
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_M = 0.5  # places put off may be tried again from so far away
 MOST_BACK = 2  # times on the way to one place that the robot goes back because no way leads on from where it stands
+MOST_BACK_TO_SEE = 5  # or that it has to see what it waits for
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
@@ -156,11 +157,15 @@ class Sentinel:
         self.path = None
         points = self.guard.bump()
         self.search.turn_away()
-        if belief.status is BeliefStatus.TRACKING:
-            x, y, yaw = planar(belief.map_from_body)
-            c, s = np.cos(yaw), np.sin(yaw)
-            self.watch.bump(points @ np.array([[c, s], [-s, c]]) + (x, y))
-        return self.guard.back_off()
+        if belief.status is not BeliefStatus.TRACKING:
+            return self.guard.back_off()
+        pose = planar(belief.map_from_body)
+        self.watch.bump(in_map(points, pose))
+        return self._back(pose)
+
+    def _back(self, pose: np.ndarray) -> Twist | None:
+        """A little back the way the robot came, if the map and what it has seen leave room there."""
+        return self.guard.back_off(self.watch.walls_near(pose))
 
     def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[Event]) -> Twist | None:
         """The next command of the current mission, or None when it has just ended."""
@@ -191,9 +196,9 @@ class Sentinel:
             return self._with_room(command, scan, events)
         target = target_on(self.path.points_m, pose[:2], self.pace) - pose[:2]
         c, s = np.cos(pose[2]), np.sin(pose[2])
-        return self._safely(command, np.array([[c, s], [-s, c]]) @ target, events)
+        return self._safely(command, np.array([[c, s], [-s, c]]) @ target, pose, events)
 
-    def _safely(self, command: Twist, target_m: np.ndarray, events: list[Event]) -> Twist:
+    def _safely(self, command: Twist, target_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist:
         """The command as far as what was seen allows it; a robot without room plans anew, and goes back if that does not
         help. target_m (2,): where it shall lead, in the body frame."""
         allowed, why = self.guard.allow(command, target_m)
@@ -203,7 +208,7 @@ class Sentinel:
             self.barred = 0
             return allowed
         self.path, self.barred = None, self.barred + 1
-        if self.barred % 3 == 0 and (back := self.guard.back_off()) is not None:
+        if self.barred % 3 == 0 and (back := self._back(pose)) is not None:
             return back
         side = 1.0 if target_m[1] > 0 else -1.0
         return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
@@ -235,9 +240,10 @@ class Sentinel:
         return self.path is not None
 
     def _near_things(self, pose: np.ndarray) -> np.ndarray:
-        """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map."""
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        points = self.guard.around.things() @ np.array([[c, s], [-s, c]]) + pose[:2]
+        """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map. Where things
+        move, what it has not looked at for a while may have gone."""
+        lately_s = self.settings.advanced.guard.fade_s if self.guard.moves else np.inf
+        points = in_map(self.guard.around.things(lately_s), pose)
         near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
         return near
 
@@ -245,16 +251,15 @@ class Sentinel:
         """A robot that stands too near to things to set off goes back a little. Where something seen bars every way, ask the
         replan part. Else, or if it wants to go on: forget what was seen and look again once; then give the place up, with
         the planner's reason."""
-        if self.barred and self.backed < MOST_BACK and (back := self.guard.back_off()) is not None:
+        if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
         seen = self.grid.centres(np.argwhere(self.watch.cells))
         if self.barred:
             seen = np.concatenate([seen, self._near_things(pose)])
         if len(seen):
-            nearest = seen[np.argmin(np.linalg.norm(seen - pose[:2], axis=1))]
             mission = self.book.current
-            command = self._answer(self._told(nearest, known=True, no_way=True), pose, events)
+            command = self._answer(self._told(self._in_the_way(seen, pose), known=True, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
@@ -265,6 +270,12 @@ class Sentinel:
         touched = f" (touches: {self.contacts})" if self.contacts else ""
         self._finish(MissionStatus.GAVE_UP, f"no path: {self.last_reason}{touched}", events)
         return None
+
+    def _in_the_way(self, seen_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """(2,) that of the things seen (K, 2) which bars the way that the map alone leaves."""
+        way = self.roads.plan(pose[:2], np.array(self.book.missions[-1].goal_m), squeeze=self.guard.sees,
+                              obstacles=np.zeros(self.grid.shape, bool), things_m=np.zeros((0, 2)))
+        return first_on_way(way, seen_m, pose[:2], self.radius_m + self.settings.margin_m)
 
     def _blockage(self, pose: np.ndarray) -> Blockage | None:
         """What the map does not know and stands on the path ahead."""
@@ -315,7 +326,13 @@ class Sentinel:
         return None
 
     def _watching(self, at_m: np.ndarray, pose: np.ndarray) -> Twist:
-        """Stand still for a view, turned to what is waited for: else nobody sees it go."""
+        """Stand still for a view, turned to what is waited for, and back from it as far as the camera sees the floor there:
+        else nobody sees it go."""
+        blind_m = 0.0 if self.obstacle is None else self.obstacle.blind_m
+        if np.linalg.norm(at_m - pose[:2]) < blind_m and self.backed < MOST_BACK_TO_SEE and (
+                back := self._back(pose)) is not None:
+            self.backed += 1
+            return back
         bearing = float(wrap(np.arctan2(at_m[1] - pose[1], at_m[0] - pose[0]) - pose[2]))
         if abs(bearing) > WATCH_RAD and self.guard.sees and not self.pace.arc_radius_m:
             return turn(bearing, self.pace)
@@ -373,9 +390,3 @@ class Sentinel:
             self.search.turn_away()
             command = self.search.next(belief, sight)
         return Decision(command, None, tuple(events), mission.mission)
-
-
-def closest_gap(path: Path, pose: np.ndarray) -> float:
-    """Distance in metres from the pose to the path."""
-    _, near = closest_on_path(path.points_m, pose[:2])
-    return float(np.linalg.norm(near - pose[:2]))

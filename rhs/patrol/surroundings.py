@@ -14,6 +14,7 @@ KEPT_M = 2.0  # the robot stays this near its middle
 THING = 0.75  # votes from which a cell holds a thing: one beam that ended there and none that passed
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
+NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
@@ -48,7 +49,7 @@ class Surroundings:
         replaced it: wheels spun, or somebody carried the robot) makes what was seen before worthless."""
         from rhs.estimation.scans.votes import low_only
 
-        if motion.replaced:
+        if motion.replaced and motion.status is Tracking.LOST:
             self.forget()
         if motion.status is not Tracking.OK:
             for looked_s in self.looked_s:
@@ -153,17 +154,18 @@ class Surroundings:
         column_row = np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)
         return np.clip(column_row[:, ::-1], 0, len(self.seen_s) - 1)
 
-    def things(self) -> np.ndarray:
-        """(K, 2) things near the robot, metres in its body frame."""
+    def things(self, within_s: float = np.inf) -> np.ndarray:
+        """(K, 2) things near the robot that were looked at in the last within_s seconds, metres in its body frame."""
         reach = round(NEAR_M / CELL_M)
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
-        at_eye = self.at_eye.votes[near] >= THING
-        there = at_eye | (self.below.votes[near] >= THING)
-        there &= self.came_s[near] >= self.now_s - self.fade_s  # what came may have gone unseen
-        if self.moves:  # so may a trail of votes that a pet left too near to be seen cleared
-            there &= at_eye | (self.below_s[near] >= self.now_s - self.low_s)
-        rows, columns = np.nonzero(there & (self.seen_s[near] >= self.now_s - self.remember_s))
+        there = self.came_s[near] >= self.now_s - self.fade_s  # what came may have gone unseen
+        there &= self.seen_s[near] >= self.now_s - self.remember_s
+        at_eye = (self.at_eye.votes[near] >= THING) & (self.seen_s[near] >= self.now_s - within_s)
+        # so may a trail of votes that a pet left too near to be seen cleared
+        lately_s = min(within_s, self.low_s) if self.moves else within_s
+        below = (self.below.votes[near] >= THING) & (self.below_s[near] >= self.now_s - lately_s)
+        rows, columns = np.nonzero(there & (at_eye | below))
         points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
         body = self.in_body(points)
         return body[np.hypot(*body.T) < NEAR_M]
@@ -178,10 +180,10 @@ class Surroundings:
         self._saw(cells)
         return points
 
-    def free_way_m(self, command: Twist, margin_m: float, up_to_m: float) -> float:
+    def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
-        nearer to; at most up_to_m."""
-        things = self.things()
+        nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame."""
+        things = np.concatenate([self.things(), walls_m])
         at, way = _arc(command, up_to_m)
         if not len(things):
             return up_to_m

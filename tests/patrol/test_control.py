@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rhs.api.geometry import se2
-from rhs.patrol.control import Pace, ahead_on_path, closest_on_path, point_at, steer, turn
+from rhs.api.records import Path, PlanReason
+from rhs.patrol.control import Pace, ahead_on_path, closest_on_path, first_on_way, point_at, steer, turn
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
 CORNER = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0]])
@@ -58,3 +59,11 @@ def test_following_a_corner_stays_close_to_it():
             pose = pose @ se2(command.forward_mps * dt, 0.0, command.turn_radps * dt)
         worst = max(worst, float(np.linalg.norm(closest_on_path(CORNER, pose[:2, 3])[1] - pose[:2, 3])))
     assert np.linalg.norm(pose[:2, 3] - CORNER[-1]) < 0.1 and worst < 0.25
+
+
+def test_the_first_thing_on_the_way_is_not_the_nearest_one():
+    """The way leads round a corner; a thing behind the wall is nearer than the one in the way."""
+    way, here = Path(PlanReason.OK, CORNER), np.array([0.5, 0.0])
+    things = np.array([[0.5, 1.0], [3.1, 2.5], [2.9, 1.0]])
+    assert np.array_equal(first_on_way(way, things, here, 0.3), things[2])
+    assert np.array_equal(first_on_way(way, things[:1], here, 0.3), things[0]), "none is on it: the nearest"

@@ -10,7 +10,7 @@ import pytest
 from rhs.api.contracts import Odometry, complete
 from rhs.api.errors import ContractError
 from rhs.api.geometry import Camera, planar, se2
-from rhs.api.records import Motion, Observation, Revision, Tracking
+from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs.patrol.gate import GatedOdometry, contradiction, gated, joined
 from rhs.patrol.tasks import Gate
 
@@ -62,6 +62,32 @@ def test_a_confident_contradiction_is_replaced_by_the_wheels(wrong: tuple) -> No
     # 0.02 m and a tenth of 0.25 m; 0.02 rad
     assert np.sqrt(np.diag(motion.covariance))[[0, 1, 5]] == pytest.approx([0.045, 0.045, 0.02])
     assert np.linalg.eigvalsh(motion.covariance).min() > 0.0
+
+
+def _room(x: float, y: float, yaw: float, mover_m: float) -> Scan:
+    """In a room of 4 by 3 m, the left third of the fan on something mover_m away."""
+    bearings = np.linspace(-0.5, 0.5, 100)
+    way = np.stack([np.cos(bearings + yaw), np.sin(bearings + yaw)])
+    walls = np.where(way > 0.0, [[2.0 - x], [1.5 - y]], [[-2.0 - x], [-1.5 - y]])
+    ranges = (walls / way).min(axis=0)
+    ranges[67:] = mover_m
+    return Scan(bearings, ranges, 8.0)
+
+
+def test_wheels_that_two_thirds_of_the_scan_agree_with_are_known_to_be_right():
+    """A robot turns on the spot by 0.2 rad while somebody walks off: vision has it that the robot moved back."""
+    wheel, wrong = np.array([0.0, 0.0, 0.2]), said(-0.16, 0.0, 0.2)
+
+    def through_scans(*scans):
+        part = GatedOdometry(Told(wrong), Gate())
+        part.update(Observation(0, 5.0, CAMERA, scan=scans[0]))
+        return part.update(Observation(1, 5.1, CAMERA, wheel=wheel, scan=scans[1]))
+
+    motion = through_scans(_room(0.0, 0.0, 0.0, 0.9), _room(0.0, 0.0, 0.2, 1.1))
+    assert motion.status is Tracking.DEGENERATE and motion.replaced and "the scan agrees with wheel" in motion.reason
+    assert planar(motion.previous_from_body) == pytest.approx(wheel)
+    carried = through_scans(_room(0.0, 0.0, 0.0, 0.9), _room(-1.0, 0.5, 2.0, 1.1))
+    assert carried.status is Tracking.LOST and carried.reason.endswith("took wheel")
 
 
 def test_an_unsure_motion_is_not_refused_for_the_same_difference() -> None:

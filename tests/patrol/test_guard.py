@@ -90,7 +90,9 @@ def test_what_went_away_is_cleared_by_looking_through_it_and_a_motion_nobody_kno
     assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == 1.5
     watched.observe(seen(11, wall_at(1.0)), STILL)
     assert watched.around.free_way_m(AHEAD, 0.05, 1.5) < 1.0
-    watched.observe(seen(12, np.nan), replace(STILL, replaced=True))
+    watched.observe(seen(12, np.nan), replace(STILL, replaced=True))  # by wheels that the scan agrees with
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.5) < 1.0
+    watched.observe(seen(13, np.nan), replace(STILL, status=Tracking.LOST, replaced=True))
     assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == 1.5
 
 
@@ -115,6 +117,29 @@ def test_a_trail_too_near_to_be_seen_cleared_is_forgotten_while_something_moves(
         watched.around.moved_s = watched.around.now_s
         blocked = watched.around.free_way_m(AHEAD, 0.05, 1.5) < 1.0
         assert blocked == (0.5 * (index - 1) <= seconds)
+
+
+def test_the_robot_goes_back_no_further_than_the_map_and_what_it_saw_leave_room():
+    watched = guard()
+    watched.observe(seen(1, wall_at(1.0)), STILL)
+    watched.given = AHEAD
+    back = watched.back_off()
+    assert back.forward_mps * back.duration_s == pytest.approx(-0.2)
+    behind = np.stack([np.full(21, -0.45), np.linspace(-0.5, 0.5, 21)], axis=1)  # 0.15 m behind a robot of 0.3 m
+    back = watched.back_off(behind)
+    assert back.forward_mps * back.duration_s == pytest.approx(-0.1, abs=0.03)
+
+
+def test_things_not_looked_at_lately_can_be_left_out():
+    watched = guard()
+    low = Scan(BEARINGS, wall_at(1.0), 5.0, (0.0, 0.0), 3.0)
+    watched.observe(seen(1, wall_at(1.5), obstacle=low), STILL)
+    for index in range(2, 8):
+        watched.observe(seen(index, wall_at(1.5)), STILL)
+    x = watched.around.things()[:, 0]
+    assert (x < 1.2).any() and (x > 1.3).any()
+    lately = watched.around.things(2.0)[:, 0]
+    assert (lately > 1.3).all() and len(lately), "the wall is still looked at, what stands low before it no more"
 
 
 def test_commands_that_do_not_move_the_robot_are_a_touch_without_any_bumper():

@@ -1,5 +1,7 @@
 """What it takes to be sure again, and what to be sure no longer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from painted_survey import FEATURES, SMALL, context, look, ring, survey
@@ -163,6 +165,22 @@ def test_without_key_points_scans_tell_whether_a_view_goes_on():
     assert seen(_facing(2.95), NEARER) is UNKNOWN and seen(_facing(2.95), None) is UNKNOWN
     assert seen(_facing(2.95), MIDDLE, before=_facing(1.5)) is BROKEN
     assert seen(None, MIDDLE) is UNKNOWN
+
+
+def test_key_points_of_somebody_close_by_do_not_outvote_half_of_a_scan():
+    """The picture changes altogether; the wall stands where it stood in two thirds of the fan, or nowhere."""
+    def seen(after):
+        part = ContinuityWatch(FEATURES, None)
+        for angle, scan in ((0.1, _facing(2.0)), (3.2, after)):
+            view = look(_round(angle))
+            out = part.goes_on(replace(view, scan=scan), Motion(STILL, SMALL, Tracking.OK), None)
+        return out
+
+    somebody = _facing(2.0)
+    ranges = somebody.ranges_m.copy()
+    ranges[:7] = 0.8
+    assert seen(replace(somebody, ranges_m=ranges)) is UNKNOWN
+    assert seen(_facing(2.5)) is BROKEN and seen(None) is BROKEN
 
 
 def test_a_belief_that_no_place_confirms_any_longer_loses_half_its_chance_every_two_metres():

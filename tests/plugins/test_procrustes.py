@@ -9,8 +9,9 @@ import pytest
 from painted_room import observe, paintings
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2
-from rhs.api.records import FeatureSettings, Observation, Tracking, Twist
+from rhs.api.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2, transform
+from rhs.api.records import Features, FeatureSettings, Observation, Tracking, Twist
+from rhs.estimation.views.features import share
 from rhs_odometry.features.floor import on_floor
 from rhs_odometry.features.procrustes_config import Procrustes
 
@@ -45,6 +46,33 @@ def test_motion_of_the_body_is_found(refine, move):
     assert motion.status is Tracking.OK
     assert np.abs(error[:3]).max() < 0.005
     assert np.abs(error[3:]).max() < 0.002
+
+
+def test_the_wheels_tell_the_room_from_somebody_who_fills_most_of_the_picture():
+    """60 key-points move by themselves, 25 stand still: alone, vision says what most of them say."""
+    rng = np.random.default_rng(0)
+    first = np.column_stack([rng.uniform(-1.0, 1.0, (85, 2)), rng.uniform(1.5, 4.0, 85)])
+    names = rng.normal(size=(85, 128))
+    names /= np.linalg.norm(names, axis=1, keepdims=True)
+    move, others = se2(0.05, 0.0, 0.1), se2(0.05, -0.15, 0.1)
+    mount = CAMERA.body_from_camera
+
+    def views(wheel):
+        for index in range(2):
+            points = first.copy()
+            for rows, motion in ((slice(0, 60), others), (slice(60, 85), move)):
+                to_now = inverse(motion @ mount) @ mount if index else np.eye(4)
+                points[rows] = transform(to_now, first[rows])
+            seen = blank(wheel=wheel if index else None)
+            pixels = 100.0 * points[:, :2] / points[:, 2:] + 100.0
+            share(seen, FeatureSettings(), Features(pixels, names.astype(np.float32), points))
+            yield seen
+
+    for wheel, right, count in ((None, others, 60), (np.array([0.05, 0.0, 0.1]), move, 25)):
+        odometry = build()
+        motion = [odometry.update(seen) for seen in views(wheel)][-1]
+        off = log_se3(inverse(right) @ motion.previous_from_body)
+        assert motion.status is Tracking.OK and motion.details["inliers"] == count and np.abs(off).max() < 1e-6
 
 
 def test_motion_out_of_the_plane_is_found_when_not_planar():

@@ -7,13 +7,14 @@ covariance, and says when it is degenerate or lost.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import adjoint, compose_covariance, inverse
+from rhs.api.geometry import adjoint, compose_covariance, inverse, log_se3
 from rhs.api.records import Features, Motion, Observation, Revision, Tracking
+from rhs.estimation.filters.kalman import gate
 from rhs.estimation.views import features as vision
 from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_measured
 from rhs.estimation.views.settings import RansacSettings
@@ -55,6 +56,7 @@ class ProcrustesOdometry(Odometry):
         self._ransac = RansacSettings(settings.hypotheses, settings.gate_sigma)
         self._reference: Reference | None = None
         self._last = np.eye(4)
+        self._disagrees = gate(6, settings.advanced.wheels_probability)
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation: match, find the rigid motion, refine, judge."""
@@ -62,7 +64,8 @@ class ProcrustesOdometry(Odometry):
         if self._reference is None:
             self._reference = Reference(current)
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, reason="first view")
-        found, details = self._estimate(self._reference.features, current)
+        expected = self._expected(observation)
+        found, details = self._estimate(self._reference.features, current, expected)
         motion = self._judge(observation, found, details)
         self._reference = self._next_reference(current, motion)
         self._last = motion.previous_from_body
@@ -88,16 +91,48 @@ class ProcrustesOdometry(Odometry):
     def _ratio(self) -> float:
         return self._feature_settings.ratio
 
-    def _estimate(self, previous: Features, current: Features) -> tuple[Rigid | None, dict[str, float]]:
-        """The motion between two views, and how many matches, pairs with depth it is from."""
+    def _expected(self, observation: Observation) -> tuple[np.ndarray, np.ndarray] | None:
+        """Camera motion (4x4) since the last view and its information (6x6) by the wheels; None without them."""
+        if observation.wheel is None or self._reference is None or self._reference.age:
+            return None
+        name, pose, covariance = guess_motion(observation, self._last, self._settings.advanced.guess)
+        if name != "wheel":
+            return None
+        camera_from_body = inverse(self._body_from_camera)
+        move = adjoint(camera_from_body)
+        return camera_from_body @ pose @ self._body_from_camera, np.linalg.inv(move @ covariance @ move.T)
+
+    def _estimate(self, previous: Features, current: Features, expected: tuple[np.ndarray, np.ndarray] | None
+                  ) -> tuple[Rigid | None, dict[str, float]]:
+        """The motion between two views, and how many matches, pairs with depth it is from. expected: see _expected."""
         rows = vision.match(current, previous, self._ratio)
         matches = len(rows)
         rows = rows[np.isfinite(current.points[rows[:, 0], 2]) & np.isfinite(previous.points[rows[:, 1], 2])]
         p, q = current.points[rows[:, 0]].astype(float), previous.points[rows[:, 1]].astype(float)
         found = ransac_rigid(p, q, noise=self._noise, rng=self._rng, settings=self._ransac)
+        if found is not None and expected is not None:
+            found = self._of_the_robot(found, p, q, expected)
         if found is not None:
             found = self._refined(found, p, q, (previous, current, rows))
         return found, {"matches": float(matches), "pairs": float(len(p))}
+
+    def _of_the_robot(self, found: Rigid, p: np.ndarray, q: np.ndarray, expected: tuple[np.ndarray, np.ndarray]) -> Rigid:
+        """The motion found, or where the wheels say another, the next one that enough of the other pairs agree on and the
+        wheels too: somebody who walks by close to the camera has more of the picture than what stands still."""
+        tried, others = found, np.ones(len(p), bool)
+        for _ in range(self._settings.advanced.movers + 1):
+            off = log_se3(inverse(expected[0]) @ tried.a_from_b)
+            if off @ expected[1] @ off < self._disagrees:
+                return tried
+            others &= ~tried.inliers
+            rows = np.flatnonzero(others)
+            next_best = ransac_rigid(p[rows], q[rows], noise=self._noise, rng=self._rng, settings=self._ransac)
+            if next_best is None or next_best.count < self._settings.min_inliers:
+                break
+            inliers = np.zeros(len(p), bool)
+            inliers[rows[next_best.inliers]] = True
+            tried = replace(next_best, inliers=inliers)
+        return found
 
     def _refined(self, found: Rigid, p: np.ndarray, q: np.ndarray, seen: tuple[Features, Features, np.ndarray]) -> Rigid:
         """A better motion from the one the pairs agree on. seen: the previous and the current view, and the rows (M, 2)

@@ -19,11 +19,15 @@ class ProcrustesAdvanced:
 
     reference_age: int = 5
     """a reference view is given up after so many lost views: by then the robot looks at something else"""
+    wheels_probability: float = 0.999999
+    """a motion that the wheels contradict so surely (chi-square test) is held against those that the other pairs agree on"""
+    movers: int = 2
+    """so many motions of things that move before the camera are set aside at most"""
     guess: GuessNoise = field(default_factory=GuessNoise)
     sway: SwaySettings = field(default_factory=SwaySettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, reference_age=(0, 10_000))
+        check_ranges("", self, reference_age=(0, 10_000), wheels_probability=(0.5, 1.0 - 1e-12), movers=(0, 100))
 
 
 @dataclass

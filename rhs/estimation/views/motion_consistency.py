@@ -49,8 +49,22 @@ def scan_continuity(
     last: Scan | None, seen: Scan | None, previous_from_body: np.ndarray, s: ContinuitySettings = USUAL
 ) -> Continuity:
     """Whether a scan can have been taken one motion (4x4, body) after the last, whose ends are drawn into this one."""
-    if last is None or seen is None:
+    share = scan_share(last, seen, previous_from_body, s)
+    if np.isnan(share):
         return Continuity.UNKNOWN
+    if share < s.scan_broken_share:
+        return Continuity.BROKEN
+    return Continuity.GOES_ON if share >= s.scan_goes_on_share else Continuity.UNKNOWN
+
+
+def scan_share(
+    last: Scan | None, seen: Scan | None, previous_from_body: np.ndarray, s: ContinuitySettings = USUAL, *,
+    fine: bool = False
+) -> float:
+    """Share of the ends of the last scan that this one sees again after a motion (4x4, body), of those that both views hold;
+    NaN where they are too few to tell. fine: by the narrow limits."""
+    if last is None or seen is None:
+        return float("nan")
     known = np.isfinite(last.ranges_m) & (last.ranges_m < last.max_range_m)
     reach, bearing = last.ranges_m[known, None].astype(float), last.bearings_rad[known].astype(float)
     ends = reach * np.stack([np.cos(bearing), np.sin(bearing)], axis=1) + last.origin_xy_m
@@ -60,14 +74,11 @@ def scan_continuity(
     inside = (bearing >= seen.bearings_rad.min(initial=0.0)) & (bearing <= seen.bearings_rad.max(initial=0.0))
     beside = np.searchsorted(seen.bearings_rad, bearing)[:, None] + np.arange(-2, 2)  # edges: one of the beams there
     if inside.sum() < s.telling_beams:
-        return Continuity.UNKNOWN
+        return float("nan")
     there = seen.ranges_m[np.clip(beside, 0, len(seen.bearings_rad) - 1)]
     known = inside & np.isfinite(there).all(axis=1)
     if known.sum() < s.telling_beams:
-        return Continuity.UNKNOWN
+        return float("nan")
     there, reach = there[known], np.hypot(drawn[known, 0], drawn[known, 1])
-    slack = s.beam_m + s.beam_share * reach
-    share = np.mean((reach > there.min(axis=1) - slack) & (reach < there.max(axis=1) + slack))
-    if share < s.scan_broken_share:
-        return Continuity.BROKEN
-    return Continuity.GOES_ON if share >= s.scan_goes_on_share else Continuity.UNKNOWN
+    slack = s.fine_beam_m + s.fine_beam_share * reach if fine else s.beam_m + s.beam_share * reach
+    return float(np.mean((reach > there.min(axis=1) - slack) & (reach < there.max(axis=1) + slack)))
