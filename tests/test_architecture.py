@@ -34,6 +34,23 @@ FLOORS = [
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
 PUBLIC = {"api", "estimation", "plots", "worlds", "recording", "testing"}  # what plugins may import
 COMMANDS = {"__main__", "table", "report", "evaluate", "convert", "planner_arena"}  # `python -m rhs.NAME`: two lines each
+# Modules of less than SHORT lines that at most one other module imports, and why each is not a piece of that one.
+SHORT = 60
+SHALLOW = {
+    "cli.blame": "a command", "cli.check": "a command",
+    "estimation.views.thumbnail_kernels": "compiled code, imported when needed",
+    "metrics.recording": "a provider of columns, found by its entry point",
+    "reports.blame_picture": "a picture of its own; the report is full",
+    "reports.frames": "the truth laid into the belief's frame: geometry, not a report",
+    "reports.thresholds": "reads a table and fits; its importer only prints",
+    "reports.world_pictures": "draws; its importer only prints",
+    "sweeps.face": "the public function, light; the sweep behind it is not",
+    "sweeps.held_out": "promises, apart from the suites they are made for",
+    "sweeps.server": "what the forking process imports, and no other",
+    "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",
+    "worlds.clearance": "grids, where tours are proposed on them", "worlds.round_trip": "the travelling salesman, apart",
+    "worlds.random.hall": "one family of buildings each",
+}
 HEAVY = {"cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "kiss_icp", "gtsam",
          "small_gicp", "hydra", "omegaconf", "networkx", "imageio", "rerun"}
 
@@ -176,3 +193,19 @@ def test_importing_every_settings_class_loads_nothing_heavy():
             f"    print(kind, sorted({HEAVY!r} & set(sys.modules)))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert [line.split(" ", 1)[1] for line in done.stdout.splitlines()] == ["[]"] * len(KINDS), done.stdout
+
+
+def test_a_short_module_that_one_other_imports_has_a_reason():
+    importers = {module_of(path): set() for path in CORE}
+    for path in CORE + PLUGINS:
+        package = ".".join(path.relative_to(ROOT if path in CORE else ROOT / "plugins").parent.parts)
+        for used in modules_used(ast.parse(path.read_text(encoding="utf-8")), package):
+            if used in importers and path != ROOT / (used.replace(".", "/") + ".py"):
+                importers[used].add(path)
+    short = {name.removeprefix("rhs.") for name, who in importers.items() if len(who) <= 1 and is_short(name)}
+    assert short == set(SHALLOW) | COMMANDS - {"__main__"}
+
+
+def is_short(name: str) -> bool:
+    path = ROOT / (name.replace(".", "/") + ".py")
+    return path.stem not in ("__init__", "__main__") and len(path.read_text(encoding="utf-8").splitlines()) < SHORT

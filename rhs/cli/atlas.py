@@ -77,7 +77,7 @@ def _searched(atlas: Atlas, folder: Path, limits: Limits) -> None:
 def _publish(atlas: Atlas, folder: Path) -> None:
     """atlas.json, atlas.csv, atlas.png; a line for each search."""
     from rhs.api.files import replacing
-    from rhs.reports.atlas_picture import atlas_picture
+    from rhs.reports.dial_pictures import atlas_picture
     from rhs.sweeps.atlas import accounts, csv_of
 
     if not (told := accounts(atlas)):

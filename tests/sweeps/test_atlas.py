@@ -12,7 +12,7 @@ from rhs.api.errors import ConfigError
 from rhs.base.data_dirs import data_dir
 from rhs.cli.main import main
 from rhs.metrics.threshold import fit
-from rhs.reports.atlas_picture import atlas_picture
+from rhs.reports.dial_pictures import atlas_picture
 from rhs.sweeps import atlas, break_point
 from rhs.sweeps.jobs import Limits
 
