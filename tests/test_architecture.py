@@ -196,7 +196,7 @@ def test_importing_every_settings_class_loads_nothing_heavy():
 
 
 def test_a_short_module_that_one_other_imports_has_a_reason():
-    importers = {module_of(path): set() for path in CORE}
+    importers = {module_of(path): set() for path in CORE if path.stem != "__init__"}
     for path in CORE + PLUGINS:
         package = ".".join(path.relative_to(ROOT if path in CORE else ROOT / "plugins").parent.parts)
         for used in modules_used(ast.parse(path.read_text(encoding="utf-8")), package):
