@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rhs.api.contracts import Blockage, Blocked, Source
-from rhs.api.geometry import planar, wrap
+from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import (
     Belief,
@@ -38,7 +38,7 @@ from .relocate import Search, clear_ahead_m
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
-ELSEWHERE_M = 0.5  # places put off may be tried again from so far away
+ELSEWHERE_M, ELSEWHERE_RAD = 0.5, 0.5  # so far off is elsewhere: places put off may be tried again, things seen are not here
 MOST_BACK = 2  # times on the way to one place that the robot goes back because no way leads on from where it stands
 MOST_BACK_TO_SEE = 5  # or that it has to see what it waits for
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -63,6 +63,7 @@ class Sentinel:
         self.guard = Guard(radius_m, self.pace, settings.advanced.guard)
         self.obstacle: Scan | None = None  # of the last view
         self.lost_in_all = 0
+        self.expected = np.eye(4)  # map_from_body by the last belief that was sure, and the motions since
         self.plans: list[tuple[int, Path]] = []
         self.put_off: tuple[np.ndarray, list[tuple[str, float, float]]] = (np.zeros(2), [])  # places, and where it was done
         self.kidnapper: Kidnapper | None = None
@@ -103,7 +104,15 @@ class Sentinel:
     def locate(self, observation: Observation, motion: Motion) -> Belief:
         self.guard.observe(observation, motion)
         self.obstacle = observation.obstacle
-        return self.localiser.update(observation, motion)
+        belief = self.localiser.update(observation, motion)
+        self.expected = self.expected @ motion.previous_from_body
+        if belief.status is BeliefStatus.TRACKING:
+            off = planar(inverse(self.expected) @ belief.map_from_body)
+            if np.hypot(*off[:2]) > ELSEWHERE_M or abs(off[2]) > ELSEWHERE_RAD:  # what was seen was seen elsewhere
+                self.guard.around.forget()
+                self.watch.forget()
+            self.expected = belief.map_from_body
+        return belief
 
     def note(self, belief: Belief, scan: Scan) -> None:
         if belief.status is BeliefStatus.TRACKING:

@@ -40,17 +40,22 @@ class Surroundings:
         self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
         self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
+        self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
 
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view; scans that an odometry only believes in do not count as sight. A motion that nobody knows (the gate
-        replaced it: wheels spun, or somebody carried the robot) makes what was seen before worthless."""
+        replaced it, or no scan can follow the last by it: wheels spun, or somebody carried the robot) makes what was seen
+        before worthless."""
         from rhs.estimation.scans.votes import low_only
+        from rhs.estimation.views.motion_consistency import Continuity, scan_continuity
 
-        if motion.replaced and motion.status is Tracking.LOST:
+        if motion.status is Tracking.LOST and (motion.replaced or scan_continuity(
+                self.scan, observation.scan, motion.previous_from_body) is Continuity.BROKEN):
             self.forget()
+        self.scan = observation.scan
         if motion.status is not Tracking.OK:
             for looked_s in self.looked_s:
                 looked_s[:] = -np.inf
