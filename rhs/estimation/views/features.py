@@ -47,7 +47,7 @@ def features(observation: Observation, settings: FeatureSettings) -> Features:
 
 def share(observation: Observation, settings: FeatureSettings, known: Features) -> None:
     """Let `features` answer with key-points that are known already: those of a recording that kept no images."""
-    _shared.setdefault(observation, {})[settings] = lambda: known
+    _shared.setdefault(observation, {}).setdefault(settings, lambda: known)
 
 
 def orb_features(observation: Observation, count: int = 500) -> Features:
