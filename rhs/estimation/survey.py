@@ -12,6 +12,7 @@ from rhs.api.contracts import LoopCloser, Mapper, Odometry
 from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Features, FeatureSettings, Observation, Step, View, Wall
+from rhs.api.spare import later
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
 from rhs.estimation.scans.settings import VoteSettings
 from rhs.estimation.scans.wall_rays import lift_on_walls
@@ -40,19 +41,27 @@ class ViewCollector:
         self.own_stamps_s: list[float] = []  # of a recording whose stamps were repaired: those it came with
 
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
+        settled = None  # the view before, once its features are known
         for step in steps:
+            if settled is not None:
+                self.views[-1] = settled()
             stored = len(self.views) % self.every == 0 and step.observation.image is not None
-            features = freeze(self.features(step.observation, self.settings)) if stored else None
             belief = step.belief
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
-                                   belief.map_from_body, belief.covariance, step.scan, features,
+                                   belief.map_from_body, belief.covariance, step.scan, None,
                                    step.observation.obstacle))
+            settled = self._with_features(self.views[-1], step.observation) if stored else None
             self.last = step.observation
             if "log_stamp_s" in step.observation.extras:
                 self.own_stamps_s.append(float(step.observation.extras["log_stamp_s"][0]))
             yield step
-        if self.views and self.views[-1].features is None and self.last is not None and self.last.image is not None:
-            self.views[-1] = replace(self.views[-1], features=freeze(self.features(self.last, self.settings)))
+        if settled is None and self.views and self.last is not None and self.last.image is not None:
+            settled = self._with_features(self.views[-1], self.last)
+        if settled is not None:
+            self.views[-1] = settled()
+
+    def _with_features(self, view: View, seen: Observation) -> Callable[[], View]:
+        return later(lambda: replace(view, features=freeze(self.features(seen, self.settings))))
 
 
 def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",

@@ -13,6 +13,7 @@ from rhs.api.contracts import Sensor, Source
 from rhs.api.frozen import freeze
 from rhs.api.records import Capture, Observation
 from rhs.api.validate import check_capture, check_observation, check_pose
+from rhs.estimation.views.features import foresee
 
 
 class Stopwatch:
@@ -67,6 +68,7 @@ class Eyes:
         with clock("sense"):
             observation = with_extras(self.sensor.sense(capture), capture)
             observation = check_observation(observation, capture, who=self._who["sensor"])
+        foresee(observation)
         return Looked(capture, observation, self._judged, clock)
 
     def _judged(self) -> Judged:

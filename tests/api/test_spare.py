@@ -30,5 +30,19 @@ def test_what_either_raises_comes_out_the_first_ones_first(granted):
             spare.both(first, second)
 
 
+def test_later_gives_the_value_or_raises_each_time_it_is_asked(granted):
+    value = spare.later(lambda: [1])
+    assert value() is value() and value() == [1]
+
+    def refused():
+        raise ValueError("no")
+
+    def asked():
+        spare.later(refused)()
+
+    with pytest.raises(ValueError, match="no"):
+        asked()
+
+
 def test_nothing_is_granted_unless_somebody_says_so():
     assert not spare.granted()

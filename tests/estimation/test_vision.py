@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
+from dataclasses import replace
+
 import numpy as np
 from painted_room import observe, paintings
 
@@ -26,16 +29,50 @@ def test_features_are_computed_once_per_observation_and_settings():
     assert not first.points.flags.writeable
 
 
-def test_key_points_are_the_same_however_many_threads_describe_them():
-    one = vision.features(view(), SETTINGS)
+def test_key_points_asked_of_every_view_are_foreseen_and_the_same():
+    views = [replace(view(), index=i) for i in range(4)]
+    alone = vision.features(replace(views[3]), SETTINGS)
     grant(True)
     try:
-        two = vision.features(view(), SETTINGS)
+        for i in (0, 1):
+            vision.foresee(views[i])
+            assert views[i] not in vision._shared  # nothing was asked of two views in a row before
+            vision.features(views[i], SETTINGS)
+        vision.foresee(views[3])
+        assert list(vision._shared[views[3]]) == [SETTINGS]
+        foreseen = vision.features(views[3], SETTINGS)
     finally:
         grant(False)
-    assert len(one.pixels) > 50
-    assert np.array_equal(one.pixels, two.pixels) and np.array_equal(one.descriptors, two.descriptors)
-    assert vision._cv2().getNumThreads() == 1
+    assert vision.features(views[3], SETTINGS) is foreseen
+    assert len(alone.pixels) > 50
+    assert np.array_equal(alone.pixels, foreseen.pixels) and np.array_equal(alone.descriptors, foreseen.descriptors)
+
+
+def test_key_points_asked_of_every_third_view_are_not_foreseen():
+    grant(True)
+    try:
+        for i in (10, 13, 16):
+            vision.features(replace(view(), index=i), SETTINGS)
+        later = replace(view(), index=17)
+        vision.foresee(later)
+        assert later not in vision._shared
+    finally:
+        grant(False)
+
+
+def test_a_view_that_is_forgotten_takes_its_foreseen_key_points_along():
+    for i in (20, 21):
+        vision.features(replace(view(), index=i), SETTINGS)
+    seen = replace(view(), index=22)
+    grant(True)
+    try:
+        vision.foresee(seen)
+        vision.features(seen, SETTINGS)
+    finally:
+        grant(False)
+    gone = weakref.ref(seen)
+    del seen
+    assert gone() is None
 
 
 def test_descriptors_have_unit_length():

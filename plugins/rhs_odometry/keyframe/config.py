@@ -24,6 +24,9 @@ class KeyframeAdvanced:
     trusted_share: float = 0.25
     """a fit is believed at once when this share of the followed points (and twice min_inliers) agrees; else features are
     matched"""
+    found_share: float = 0.8
+    """patches are looked for where the guess puts them; when fewer than this share of those that ought to be in view agree,
+    Lucas-Kanade brings the points near first"""
     rescue_features: int = 600
     """ORB key-points compared when following fails"""
     rescue_ratio: float = 0.85
@@ -72,7 +75,7 @@ class KeyframeAdvanced:
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, gate=(0.5, 1000.0), student_dof=(0.5, 1e6), trusted_share=(0.0, 1.0),
+        check_ranges("", self, gate=(0.5, 1000.0), student_dof=(0.5, 1e6), trusted_share=(0.0, 1.0), found_share=(0.0, 10.0),
                      rescue_features=(20, 100_000), rescue_ratio=(0.1, 1.0), rescue_px=(0.05, 100.0),
                      rescue_hypotheses=(1, 100_000), rescue_gate_sigma=(0.5, 100.0), min_edge=(6, 100_000),
                      relocate_tries=(1, 1000), relocate_views=(0, 1_000_000), relocate_every=(1, 1000),

@@ -2,7 +2,8 @@
 
 Per view (compare Klein and Murray, PTAM, ISMAR 2007; Kerl et al., DVO-SLAM, IROS 2013):
 1. guess the motion from wheels, the command or the last motion;
-2. follow the points and fit the pose (keyframe_tracker.py, patches.py, reprojection.py);
+2. look their patches up where the guess puts them, or follow them there, and fit the pose (tracker.py, patches.py,
+   reprojection.py);
 3. when too few fit, match ORB features with the last view and try again from there; else the view is lost;
 4. sharpen the points that fit, forget the others;
 5. when little of the last key frame is left, make a new one; look for old ones that are in view again, measure the

@@ -16,7 +16,7 @@ from .config import Keyframe
 from .culling import Edge, spare, without
 from .pictures import Pictures
 from .reprojection import Sightings, at_middle
-from .surface import warps
+from .surface import placed, warps
 
 
 class KeyframeMap:
@@ -76,9 +76,10 @@ class KeyframeMap:
         self.pictures.drop(serial)
         self.poses, self.serials = np.delete(self.poses, k, axis=0), np.delete(self.serials, k)
         stay = self.anchor != k
-        self.anchor = self.anchor[stay] - (self.anchor[stay] > k)
+        rows = np.flatnonzero(stay)
+        self.anchor = self.anchor[rows] - (self.anchor[rows] > k)
         for name in ("pixels", "rays", "rho", "sigma", "slopes"):
-            setattr(self, name, getattr(self, name)[stay])
+            setattr(self, name, np.take(getattr(self, name), rows, axis=0))
         number: np.ndarray = np.maximum(np.cumsum(stay) - 1, 0)
         return number
 
@@ -118,6 +119,10 @@ class KeyframeMap:
         local = self.rays[ids] / self.rho[ids, None]
         poses = self.poses[self.anchor[ids]]
         return np.einsum("nij,nj->ni", poses[:, :3, :3], local) + poses[:, :3, 3]
+
+    def seen_from(self, ids: np.ndarray, camera_from_map: np.ndarray) -> np.ndarray:
+        """(N, 3) positions in a camera."""
+        return placed(self.rays, self.rho, self.anchor, ids, camera_from_map @ self.poses)
 
     def warps(self, ids: np.ndarray, camera_from_map: np.ndarray, camera) -> np.ndarray:
         """(N, 2, 2) d pixel in the anchor / d pixel in a camera, the surface taken to be flat around the point."""
@@ -172,11 +177,12 @@ class KeyframeMap:
 
     def visible(self, ids: np.ndarray, camera_from_map: np.ndarray, look, camera) -> np.ndarray:
         """(N,) bool: projects into the image, at about the depth measured there (or where none is)."""
-        local = self.points(ids) @ camera_from_map[:3, :3].T + camera_from_map[:3, 3]
+        local = self.seen_from(ids, camera_from_map)
         pixels = camera.project(local)
-        depth = look.depth_at(pixels)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            inside = (pixels[:, 0] > 8) & (pixels[:, 1] > 8)
+        with np.errstate(invalid="ignore"):
+            inside = (pixels[:, 0] > 8) & (pixels[:, 1] > 8) & (local[:, 2] > 0.1)
             inside &= (pixels[:, 0] < camera.width - 8) & (pixels[:, 1] < camera.height - 8)
-            agrees = ~(np.abs(1.0 / local[:, 2] - 1.0 / depth) > self._advanced.visible_per_m)
-        return inside & agrees & (local[:, 2] > 0.1)
+        rows = np.flatnonzero(inside)
+        apart = np.abs(1.0 / local[rows, 2] - 1.0 / look.depth_at(pixels[rows]))
+        inside[rows[apart > self._advanced.visible_per_m]] = False
+        return inside

@@ -4,9 +4,13 @@ Forster et al., "SVO: fast semi-direct monocular visual odometry", ICRA 2014, se
 from the key frame that anchors the point, so that errors do not add up from view to view. Here the warp also knows the
 slope of the surface, and brightness may change by gain and offset. Inverse compositional Gauss-Newton (Baker and
 Matthews, IJCV 2004).
+
+Sums run by column of the patch first: the columns of a row side by side in the processor, whose width does not change them.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -24,47 +28,61 @@ def find_patches(
 
     Pyramids are [full, half, ...] (H, W) uint8, coarse first used. warps (N, 2, 2): d pixel then / d pixel now.
     guess (N, 2): start; to be within a patch of the truth."""
-    where = np.asarray(guess, float).copy()
-    pixels = np.asarray(pixels, float)
+    return find_patches_in(lambda _: then, np.zeros(len(pixels), int), now, pixels=pixels, warps=warps, guess=guess, s=s)
+
+
+def find_patches_in(
+    picture: Callable[[int], Sequence[np.ndarray]], of: np.ndarray, now, *, pixels: np.ndarray, warps: np.ndarray,
+    guess: np.ndarray, s: PatchSearch = USUAL
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same for points of many pictures: picture(k) is the pyramid of picture k, of (N,) says whose each point is."""
+    where = np.array(guess, float)
     found = np.isfinite(where).all(axis=1) & np.isfinite(warps).all(axis=(1, 2))
     where[~found] = -1e3
-    for level in reversed(range(len(now))):
-        scale = 0.5**level
-        # pyrDown keeps pixel (0, 0) on (0, 0): coordinates scale without an offset
-        limits = s.half_px, s.iterations, s.longest_step_px
-        moved, likeness = _align(then[level], now[level], pixels * scale, warps, where * scale, limits)
-        good = likeness > s.least_likeness
-        where = np.where(good[:, None], moved / scale, where)
-        if level == 0:
-            found &= good
+    pixels, warps = np.ascontiguousarray(pixels, float), np.ascontiguousarray(warps, float)
+    rules = s.half_px, s.iterations, s.longest_step_px, s.least_likeness
+    for k in np.unique(of[found]):
+        then, rows = picture(int(k)), np.flatnonzero(found & (of == k))
+        for level in reversed(range(len(now))):
+            # pyrDown keeps pixel (0, 0) on (0, 0): coordinates scale without an offset
+            _align(then[level], now[level], rows, pixels, warps, where, found, 0.5**level, rules)
     return where, found
 
 
 @compiled
-def _align(then, now, pixels, warps, guess, limits):
-    """Where the patches are, and their normalised correlation there; 0 where there was nothing to follow."""
-    half, iterations, longest_px = limits
-    n, side = pixels.shape[0], 2 * half + 1
-    where = guess.copy()
-    likeness = np.zeros(n)
-    warped = np.empty((side + 2, side + 2))
-    template, gx, gy = np.empty((side, side)), np.empty((side, side)), np.empty((side, side))
-    patch = np.empty((side, side))
-    for i in range(n):
-        if not _sample_warped(then, pixels[i, 0], pixels[i, 1], warps[i], half + 1, warped):
+def _align(then, now, rows, pixels, warps, where, found, scale, rules):
+    """Move those points whose patches are found to where they are, and say which are."""
+    half, iterations, longest_px, least = rules
+    side = 2 * half + 1
+    wide = (side + 7) // 8 * 8  # columns beyond the side stay zero
+    warped = np.empty((side + 2, side + 2), np.float32)
+    seen, sums = np.empty((side, wide), np.float32), np.empty(wide, np.float32)
+    learnt = np.zeros((3, side, wide), np.float32)
+    template, gx, gy = learnt[0], learnt[1], learnt[2]
+    for i in rows:
+        found[i] = False
+        if not _sample_warped(then, pixels[i, 0] * scale, pixels[i, 1] * scale, warps[i], half + 1, warped):
             continue
-        energy, hxx, hxy, hyy = _learn(warped, template, gx, gy)
+        mean = _learn(warped, template, gx, gy, sums)
+        energy, hxx = _dot(template, template, sums), _dot(gx, gx, sums)
+        hxy, hyy = _dot(gx, gy, sums), _dot(gy, gy, sums)
         determinant = hxx * hyy - hxy * hxy
         if energy < side * side * 9.0 or determinant < 1e-4 * (hxx + hyy) ** 2:
             continue
-        x, y = guess[i, 0], guess[i, 1]
+        tx, ty = _dot(template, gx, sums), _dot(template, gy, sums)
+        likeness, x0, y0 = 0.0, where[i, 0] * scale, where[i, 1] * scale
+        x, y = x0, y0
         for _ in range(iterations):
-            if not _sample(now, x, y, half, patch):
-                likeness[i] = 0.0
+            inside = _sample(now, x, y, half, mean, seen)
+            cross = _dot(seen, template, sums) if inside else 0.0
+            if cross <= 0.0:
+                likeness = 0.0
                 break
-            likeness[i], gain, bx, by = _compare(patch, template, energy, gx, gy)
-            if likeness[i] <= 0.0:
-                break
+            total = _sum(seen, sums)
+            power = _dot(seen, seen, sums) - total * total / (side * side)
+            likeness = cross / np.sqrt(energy * power + 1e-9)
+            gain = cross / energy
+            bx, by = _dot(seen, gx, sums) - gain * tx, _dot(seen, gy, sums) - gain * ty
             dx = (hyy * bx - hxy * by) / (determinant * gain)
             dy = (hxx * by - hxy * bx) / (determinant * gain)
             size = np.sqrt(dx * dx + dy * dy)
@@ -74,100 +92,110 @@ def _align(then, now, pixels, warps, guess, limits):
             y -= dy
             if size < 0.01:
                 break
-        if (x - guess[i, 0]) ** 2 + (y - guess[i, 1]) ** 2 > side * side:
-            likeness[i] = 0.0
-        where[i, 0] = x
-        where[i, 1] = y
-    return where, likeness
+        if likeness > least and (x - x0) ** 2 + (y - y0) ** 2 <= side * side:
+            found[i] = True
+            where[i, 0], where[i, 1] = x / scale, y / scale
 
 
 @compiled
-def _learn(warped, template, gx, gy):
+def _dot(a, b, sums):
+    """Sum of the products of two (side, wide) patches, by column first (sums (wide,) is room for that)."""
+    sums[:] = np.float32(0.0)
+    for r in range(a.shape[0]):
+        for c in range(a.shape[1]):
+            sums[c] += a[r, c] * b[r, c]
+    total = 0.0
+    for c in range(a.shape[1]):
+        total += sums[c]
+    return total
+
+
+@compiled
+def _sum(a, sums):
+    """The same of one patch."""
+    sums[:] = np.float32(0.0)
+    for r in range(a.shape[0]):
+        for c in range(a.shape[1]):
+            sums[c] += a[r, c]
+    total = 0.0
+    for c in range(a.shape[1]):
+        total += sums[c]
+    return total
+
+
+@compiled
+def _learn(warped, template, gx, gy, sums):
     """Fill template and slopes, each less its mean since brightness may be offset, from a patch with a rim of one pixel.
-    Returns the template's energy and the three sums of products of the slopes."""
+    Returns the template's mean."""
     side = template.shape[0]
-    mean, sx, sy = 0.0, 0.0, 0.0
+    half = np.float32(0.5)
     for r in range(side):
         for c in range(side):
             template[r, c] = warped[r + 1, c + 1]
-            mean += template[r, c]
-            gx[r, c] = 0.5 * (warped[r + 1, c + 2] - warped[r + 1, c])
-            gy[r, c] = 0.5 * (warped[r + 2, c + 1] - warped[r, c + 1])
-            sx += gx[r, c]
-            sy += gy[r, c]
+        for c in range(side):
+            gx[r, c] = half * (warped[r + 1, c + 2] - warped[r + 1, c])
+        for c in range(side):
+            gy[r, c] = half * (warped[r + 2, c + 1] - warped[r, c + 1])
     count = side * side
-    mean, sx, sy = mean / count, sx / count, sy / count
-    energy, hxx, hxy, hyy = 0.0, 0.0, 0.0, 0.0
+    mean = np.float32(_sum(template, sums) / count)
+    sx, sy = np.float32(_sum(gx, sums) / count), np.float32(_sum(gy, sums) / count)
     for r in range(side):
         for c in range(side):
             template[r, c] -= mean
-            energy += template[r, c] ** 2
+        for c in range(side):
             gx[r, c] -= sx
+        for c in range(side):
             gy[r, c] -= sy
-            hxx += gx[r, c] ** 2
-            hxy += gx[r, c] * gy[r, c]
-            hyy += gy[r, c] ** 2
-    return energy, hxx, hxy, hyy
+    return mean
 
 
 @compiled
-def _compare(patch, template, energy, gx, gy):
-    """Likeness of a patch to the template (0 when it is its negative), the gain of brightness, and the sums of the
-    slopes times what differs."""
-    side = template.shape[0]
-    mean = 0.0
-    for r in range(side):
-        for c in range(side):
-            mean += patch[r, c]
-    mean /= side * side
-    cross, power = 0.0, 0.0
-    for r in range(side):
-        for c in range(side):
-            p = patch[r, c] - mean
-            cross += p * template[r, c]
-            power += p * p
-    if cross <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    gain, bx, by = cross / energy, 0.0, 0.0
-    for r in range(side):
-        for c in range(side):
-            e = (patch[r, c] - mean) - gain * template[r, c]
-            bx += gx[r, c] * e
-            by += gy[r, c] * e
-    return cross / np.sqrt(energy * power + 1e-9), gain, bx, by
-
-
-@compiled
-def _sample(image, x, y, half, out):
-    """Fill out with the patch centred at (x, y); False when it leaves the image. One sub-pixel shift serves all."""
+def _sample(image, x, y, half, less, out):
+    """Fill out with the patch centred at (x, y), less an offset; False when it leaves the image. One sub-pixel shift serves
+    all."""
     height, width = image.shape
     if not (x - half >= 0 and y - half >= 0 and x + half < width - 1 and y + half < height - 1):
         return False
     u, v = int(np.floor(x)), int(np.floor(y))
     fu, fv = x - u, y - v
-    a, b, c, d = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
-    for row in range(2 * half + 1):
-        for col in range(2 * half + 1):
-            r, s = v - half + row, u - half + col
-            out[row, col] = a * image[r, s] + b * image[r, s + 1] + c * image[r + 1, s] + d * image[r + 1, s + 1]
+    a, b = np.float32((1 - fu) * (1 - fv)), np.float32(fu * (1 - fv))
+    c, d = np.float32((1 - fu) * fv), np.float32(fu * fv)
+    side, wide = out.shape
+    across = wide if u - half + wide < width else side
+    for row in range(side):
+        upper = image[v - half + row, u - half :]
+        lower = image[v - half + row + 1, u - half :]
+        for col in range(across):
+            out[row, col] = a * np.float32(upper[col]) + b * np.float32(upper[col + 1]) + (
+                c * np.float32(lower[col]) + d * np.float32(lower[col + 1])) - less
+        for col in range(side, wide):
+            out[row, col] = np.float32(0.0)
     return True
 
 
 @compiled
 def _sample_warped(image, x, y, warp, half, out):
-    """The same with every offset taken through the 2x2 warp."""
+    """Fill out with the patch centred at (x, y), every offset taken through the 2x2 warp; False when it leaves the image.
+    Positions are counted in whole 65536ths of a pixel."""
     height, width = image.shape
-    reach_x = half * (abs(warp[0, 0]) + abs(warp[0, 1]))
-    reach_y = half * (abs(warp[1, 0]) + abs(warp[1, 1]))
+    reach_x = half * (abs(warp[0, 0]) + abs(warp[0, 1])) + 0.001
+    reach_y = half * (abs(warp[1, 0]) + abs(warp[1, 1])) + 0.001
     if not (x - reach_x >= 0 and y - reach_y >= 0 and x + reach_x < width - 1 and y + reach_y < height - 1):
         return False
+    pixels = image.reshape(-1)
+    one, below = np.uint64(1), np.uint64(width)  # unsigned: no index counts from the end
+    across_x, across_y = np.int64(warp[0, 0] * 65536.0), np.int64(warp[1, 0] * 65536.0)
+    part = np.float32(1.0 / 65536.0)
     for row in range(2 * half + 1):
+        px = np.int64((x + warp[0, 1] * (row - half) - warp[0, 0] * half) * 65536.0)
+        py = np.int64((y + warp[1, 1] * (row - half) - warp[1, 0] * half) * 65536.0)
         for col in range(2 * half + 1):
-            px = x + warp[0, 0] * (col - half) + warp[0, 1] * (row - half)
-            py = y + warp[1, 0] * (col - half) + warp[1, 1] * (row - half)
-            u, v = int(np.floor(px)), int(np.floor(py))
-            fu, fv = px - u, py - v
-            out[row, col] = (1 - fv) * ((1 - fu) * image[v, u] + fu * image[v, u + 1]) + fv * (
-                (1 - fu) * image[v + 1, u] + fu * image[v + 1, u + 1]
-            )
+            fu, fv = np.float32(np.int32(px & 65535)) * part, np.float32(np.int32(py & 65535)) * part
+            i = np.uint64((py >> 16) * width + (px >> 16))
+            a, b = np.float32(pixels[i]), np.float32(pixels[i + one])
+            c, d = np.float32(pixels[i + below]), np.float32(pixels[i + below + one])
+            upper, lower = a + fu * (b - a), c + fu * (d - c)
+            out[row, col] = upper + fv * (lower - upper)
+            px += across_x
+            py += across_y
     return True

@@ -75,11 +75,28 @@ def _fit(depth, pixels, half, least_known, rough, out):
                 srr += r * r
         if n < least:
             continue
-        normal = np.array([[n, su, sv], [su, suu, suv], [sv, suv, svv]])
-        right = np.array([sr, sur, svr])
-        if np.linalg.det(normal) < 1e-6 * n**3:
+        # the plane through them by cofactors of the symmetric normal matrix
+        a, b, c = suu * svv - suv * suv, sv * suv - su * svv, su * suv - sv * suu
+        determinant = n * a + su * b + sv * c
+        if determinant < 1e-6 * n**3:
             continue
-        plane = np.linalg.solve(normal, right)
-        off = max(srr - plane @ right, 0.0)
-        if plane[0] > 1e-3 and off < (n - 3.0) * rough**2:
-            out[i, 0], out[i, 1], out[i, 2] = plane[0], plane[1], plane[2]
+        d, e, f = n * svv - sv * sv, su * sv - n * suv, n * suu - su * su
+        rho = (a * sr + b * sur + c * svr) / determinant
+        along_u = (b * sr + d * sur + e * svr) / determinant
+        along_v = (c * sr + e * sur + f * svr) / determinant
+        off = max(srr - (rho * sr + along_u * sur + along_v * svr), 0.0)
+        if rho > 1e-3 and off < (n - 3.0) * rough**2:
+            out[i, 0], out[i, 1], out[i, 2] = rho, along_u, along_v
+
+
+@compiled
+def placed(rays, rho, anchor, ids, poses):
+    """(N, 3) points `ids` where poses (K, 4, 4) of their anchors put them: on rays (M, 3) at inverse depths rho (M,)."""
+    out = np.empty((len(ids), 3))
+    for row in range(len(ids)):
+        i = ids[row]
+        pose, z = poses[anchor[i]], 1.0 / rho[i]
+        x, y, w = rays[i, 0] * z, rays[i, 1] * z, rays[i, 2] * z
+        for k in range(3):
+            out[row, k] = pose[k, 0] * x + pose[k, 1] * y + pose[k, 2] * w + pose[k, 3]
+    return out

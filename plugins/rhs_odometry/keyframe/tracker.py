@@ -16,7 +16,7 @@ from rhs_odometry.tracks import tracks
 
 from ..advanced import SurfaceSettings
 from .keyframe_map import KeyframeMap
-from .patches import find_patches
+from .patches import find_patches_in
 from .reprojection import Noise, PoseFit, at_middle, fit_pose
 from .surface import surfaces
 
@@ -63,8 +63,13 @@ class Tracker:
         return PreparedView(picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0, self._advanced.surface)
 
     def follow(self, look: PreparedView, guess: np.ndarray) -> PoseFit:
-        """Follow the points into the view from a guess of its map_from_camera, and fit its pose."""
+        """Follow the points into the view from a guess of its map_from_camera, and fit its pose: by their patches alone
+        where the guess puts them near enough."""
         assert self.look is not None
+        if self._camera.readout_s == 0.0:
+            fit = self._look_up(look, guess)
+            if fit is not None:
+                return fit
         shift = self._project(self.ids, guess) - self._project(self.ids, self.pose)
         pixels, found = tracks.follow(
             self.look.picture[0], look.picture[0], self.pixels, self.pixels + np.nan_to_num(shift),
@@ -74,6 +79,19 @@ class Tracker:
         self._expect(look, guess)
         rough = self.fit(look, ids, pixels, inverse(guess))
         return self._settle(look, ids, pixels, rough)
+
+    def _look_up(self, look: PreparedView, guess: np.ndarray) -> PoseFit | None:
+        """The pose by patches alone; None where too few are found of the points that ought to be in view."""
+        self._expect(look, guess)
+        due = self._project(self.ids, guess)
+        ids, pixels = self._patches(look, self.ids, due, inverse(guess))
+        fit = self.fit(look, ids, pixels, inverse(guess))
+        with np.errstate(invalid="ignore"):
+            in_view = ((due > 8.0) & (due < [self._camera.width - 8.0, self._camera.height - 8.0])).all(axis=1).sum()
+        if fit.inliers.sum() < self._advanced.found_share * in_view:
+            return None
+        self.ids, self.pixels = ids, pixels
+        return fit
 
     def find(self, look: PreparedView, guess: np.ndarray) -> PoseFit:
         """The same without Lucas-Kanade, from a guess good to a few pixels: patches alone."""
@@ -158,19 +176,13 @@ class Tracker:
     def _patches(self, look: PreparedView, ids: np.ndarray, guess: np.ndarray, camera_from_map: np.ndarray):
         """Of the points `ids`, those whose patch is found near the guess (N, 2), and where."""
         warps = self._map.warps(ids, camera_from_map, self._camera)
-        pixels, found = np.zeros((len(ids), 2)), np.zeros(len(ids), bool)
-        for a in np.unique(self._map.anchor[ids]):
-            mine = self._map.anchor[ids] == a
-            pixels[mine], found[mine] = find_patches(
-                self._map.picture(a), look.picture,
-                pixels=self._map.pixels[ids[mine]], warps=warps[mine], guess=guess[mine],
-                s=self._advanced.patches,
-            )
+        pixels, found = find_patches_in(
+            self._map.picture, self._map.anchor[ids], look.picture, pixels=self._map.pixels[ids], warps=warps, guess=guess,
+            s=self._advanced.patches)
         return ids[found], pixels[found].astype(np.float32)
 
     def _project(self, ids: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        t = inverse(pose)
-        return self._camera.project(self._map.points(ids) @ t[:3, :3].T + t[:3, 3])
+        return self._camera.project(self._map.seen_from(ids, inverse(pose)))
 
     def _rows(self, pixels: np.ndarray) -> np.ndarray:
         """(N,) rows of pixels, from the middle in image heights."""

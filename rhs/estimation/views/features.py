@@ -7,10 +7,9 @@ This module is OpenCV's home in the core; OpenCV is imported at the first call a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -20,7 +19,7 @@ import numpy as np
 from rhs.api.files import replacing
 from rhs.api.frozen import freeze
 from rhs.api.records import FeatureAdvanced, Features, FeatureSettings, Observation, Thumbnail
-from rhs.api.spare import granted
+from rhs.api.spare import granted, later
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 
@@ -32,7 +31,10 @@ USUAL = FeatureAdvanced()
 
 ORB_RATIO = 1.2  # of the sizes of two levels of ORB's pyramid
 
-_shared: WeakKeyDictionary[Observation, dict[Any, Features]] = WeakKeyDictionary()
+AHEAD = 8  # views that may lie between one whose key-points were asked for and one for which they are foreseen
+
+_shared: WeakKeyDictionary[Observation, dict[Any, Callable[[], Features]]] = WeakKeyDictionary()
+_asked: dict[Any, tuple[int, int]] = {}  # index of the view last asked about, how many in a row were
 
 
 def features(observation: Observation, settings: FeatureSettings) -> Features:
@@ -40,17 +42,28 @@ def features(observation: Observation, settings: FeatureSettings) -> Features:
 
     The same observation and settings give the same object. A view without key-points, or without an image, has N = 0.
     """
-    return _remember(observation, settings, lambda: _sift(observation, settings))
+    return _remember(observation, settings)
 
 
 def share(observation: Observation, settings: FeatureSettings, known: Features) -> None:
     """Let `features` answer with key-points that are known already: those of a recording that kept no images."""
-    _remember(observation, settings, lambda: known)
+    _shared.setdefault(observation, {}).setdefault(settings, lambda: known)
 
 
 def orb_features(observation: Observation, count: int = 500) -> Features:
     """ORB key-points (Rublee 2011) with binary descriptors (N, 32) uint8: about five times faster than SIFT."""
-    return _remember(observation, ("orb", count), lambda: _orb(observation, count))
+    return _remember(observation, ("orb", count))
+
+
+def foresee(observation: Observation) -> None:
+    """Where a processor is to spare, begin to find the key-points that were asked for of one view after the other."""
+    if not granted():
+        return
+    for key, (last, row) in list(_asked.items()):
+        if row >= 2 and 0 < observation.index - last <= AHEAD:
+            known = _shared.setdefault(observation, {})
+            if key not in known:
+                known[key] = later(partial(_found, observation, key))
 
 
 def match(a: Features, b: Features, ratio: float, *, mutual: bool = True) -> np.ndarray:
@@ -158,11 +171,19 @@ def _distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return distances
 
 
-def _remember(observation: Observation, key: Any, compute: Callable[[], Features]) -> Features:
+def _remember(observation: Observation, key: Any) -> Features:
+    last, row = _asked.get(key, (-1, 0))
+    if observation.index != last:
+        _asked[key] = observation.index, row + 1 if observation.index == last + 1 else 1
     known = _shared.setdefault(observation, {})
     if key not in known:
-        known[key] = compute()
-    return known[key]
+        found = _found(observation, key)
+        known[key] = lambda: found
+    return known[key]()
+
+
+def _found(observation: Observation, key: Any) -> Features:
+    return _sift(observation, key) if isinstance(key, FeatureSettings) else _orb(observation, key[1])
 
 
 def _sift(observation: Observation, settings: FeatureSettings) -> Features:
@@ -189,8 +210,7 @@ def _detect(
     empty = np.empty((0, 2), np.float32), np.empty(0), none
     if observation.image is None:
         return empty
-    with _threads():
-        key_points, descriptors = detector.detectAndCompute(gray(observation.image), None)
+    key_points, descriptors = detector.detectAndCompute(gray(observation.image), None)
     if not key_points:  # KeyPoint_convert returns a tuple then, and the descriptors are None
         return empty
     pixels = _cv2().KeyPoint_convert(key_points)
@@ -216,20 +236,6 @@ def _lifted(
     for array in (pixels, descriptors, points):
         array.setflags(write=False)
     return Features(pixels, descriptors, points)
-
-
-@contextmanager
-def _threads() -> Iterator[None]:
-    """OpenCV describes key-points on two processors where one is to spare: the same ones, sooner. Its threads end with the
-    view."""
-    if not granted():
-        yield
-        return
-    _cv2().setNumThreads(2)
-    try:
-        yield
-    finally:
-        _cv2().setNumThreads(1)
 
 
 @cache
