@@ -7,7 +7,7 @@ share: truth there makes it worse, because another link had got used to the erro
 
 Which link is named: the truth in a late link (a localiser that is always right) covers for an error that an early one made,
 so that both get a like share. Of links whose truth alone saves nearly all, the earliest in the chain is named; where no link
-does, the one with the largest share.
+does, the one with the largest share. How the robot moved, and what its wheels counted, comes before what it sees.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from statistics import fmean
 
 from rhs.api.metric import RunFiles, columns_of
 
+CAUSAL = ("drive", "sense", "odometry", "closing", "map", "localise", "plan")  # an error goes on to those after
 LINKS = ("sense", "odometry", "closing", "map", "localise", "plan", "drive")
 # measure -> (unit, what is lost)
 MEASURES = {"places": ("", "places missed"), "belief": ("m", "error of the belief in the patrol"),
@@ -107,7 +108,7 @@ def measure_of(losses: Mapping[str, Losses], links: Collection[str]) -> str:
 def named_link(shares: Mapping[str, float], losses: Losses) -> str:
     """The earliest link whose truth alone saves nearly all; if there is none, that with the largest share; empty where no
     share is positive."""
-    order = sorted(shares, key=LINKS.index)
+    order = sorted(shares, key=CAUSAL.index)
     most = max(shares.values())
     if not most > 0:
         return ""

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -156,6 +156,44 @@ class QuietSensor(Plain):
 class Silent:
     def standard_normal(self, count):
         return np.zeros(count)
+
+
+@dataclass
+class Spun(Plain):
+    """Wheels that count two thirds too much, and nothing else."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
+
+    def told(self, camera):
+        return camera
+
+    def degrade(self, capture, previous_from_body):
+        return replace(capture, travel=5 / 3 * np.asarray(capture.travel))
+
+
+@dataclass
+class Spoilt(Spun):
+    """The same of a degradation that spoils what is seen as well, and tells another camera."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "wheel"})
+
+    def told(self, camera):
+        return replace(camera, fx=2 * camera.fx)
+
+
+@pytest.mark.parametrize(("cls", "link"), [(Spun, "drive"), (Spoilt, "sense")])
+def test_a_degradation_is_taken_away_with_the_link_that_it_is_a_fault_of(cls, link, tmp_path):
+    rhs.register("degrade", "spoilt", cls)
+    rhs.register("source", "carried", CarriedSource)
+    rhs.register("sensor", "quiet", QuietSensor)
+    words = [word for word in CHOICE if word.partition("=")[0] not in ("source", "sensor")]
+    row = rhs.run(["task=blame", *words, "source=carried", "sensor=quiet", "degrade=spoilt", "gate.act=off",
+                   "links=[sense,drive]", "mission.views_max=60", f"output={tmp_path / 'run'}"], quiet=True)
+    assert row["status"] == "ok", row["reason"]
+    told = json.loads((tmp_path / "run" / "blame.json").read_text())
+    other = "sense" if link == "drive" else "drive"
+    assert row["blame_link"] == link and told["shares"]["ate"][link] > 0.2
+    assert abs(told["shares"]["ate"][other]) < 0.01 and told["rest"]["ate"] < 0.01
 
 
 def test_more_than_five_links_are_sampled_with_their_errors(tmp_path):
