@@ -179,10 +179,10 @@ def _number(value: object) -> float:
 def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
     source = "rhs.metrics.blame (Shapley 1953)"
     return [("blame", "", "which link cost what, and since when, in one sentence", source),
-            ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, else that "
-             "which cost most; empty where nothing worth a verdict was lost", source),
-            ("blame_measure", "", "what it cost: places where the truth saves any; else belief, ate or way, whichever lost more "
-             "of what is worth a verdict (0.1 m, 0.1 m, 1 m)", source),
+            ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, "
+             "else that which cost most; empty where nothing worth a verdict was lost", source),
+            ("blame_measure", "", "what it cost: places where the truth saves any; else belief, ate or way, whichever lost "
+             "more of what is worth a verdict (0.1 m, 0.1 m, 1 m)", source),
             ("blame_off_since", "", "first view of the patrol after which the belief never came back within 0.5 m of the "
              "truth; -1: it did", "steps.csv, truth"),
             ("blame_runs", "", "counterfactual patrols that the shares rest on", source),

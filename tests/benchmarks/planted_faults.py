@@ -31,9 +31,9 @@ from rhs.sweeps.kept import Row, kept_rows
 from rhs.sweeps.sweep import job_of
 
 LINKS = tuple(planted.FAULTS)
-WORLDS = ("square_small", "random:office/18", "random:loop/32")
-COMMON = ("source.image_width=160", "recording=off", "pictures=off", "planner=astar", "mission.views_max=100",
-          "mission.lost_views=40", "mission.lost_views_total=80")
+WORLDS = ("random:office/18", "random:loop/32", "random:non_manhattan/10")
+COMMON = ("source.image_width=160", "recording=off", "pictures=off", "planner=astar", "mission.views_max=60",
+          "mission.lost_views=20", "mission.lost_views_total=40")
 Case = tuple[str, str, int]  # link ("": none), world, seed
 
 

@@ -82,8 +82,8 @@ LINKS = ["sense", "odometry", "map", "localise", "plan"]
 
 def test_the_sentence_names_links_by_what_they_cost():
     told = chain(["map", "localise"], places=[(2, ["localise"]), (1, ["map"])], since=12)
-    assert told == {"measure": "places", "link": "localise", "verdict": "of 3 missed places localise cost 2, map cost 1; from "
-                    "view 12 on the belief was more than 0.5 m off"}
+    assert told == {"measure": "places", "link": "localise", "verdict": "of 3 missed places localise cost 2, map cost 1; "
+                    "from view 12 on the belief was more than 0.5 m off"}
 
 
 @pytest.mark.parametrize("link", LINKS)
