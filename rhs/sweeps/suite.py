@@ -1,4 +1,4 @@
-"""corridor-v1, home-v1, recordings-v1 (recorded.py): frozen buildings, seeds, questions and scores; a table of rows that anyone makes again.
+"""corridor-v1, home-v1, recordings-v1 (recorded.py): frozen buildings, questions and scores; rows that anyone makes again.
 
 Frozen: the buildings as they are drawn, the words of every run, the columns (`Suite.frozen` is their hash; a change is
 another version). Buildings were not chosen: they are the first of their families from number 10000 on, which nothing was
@@ -129,8 +129,8 @@ def told(value: Any) -> Any:
 
 
 def jobs_of(words: str, buildings: Sequence[tuple[str, int]], data: Path | None = None) -> list[Job]:
-    """The runs of a combination, composed. data: where recordings lie. Raises ConfigError in one line for words that are none
-    of an entry's."""
+    """The runs of a combination, composed. data: where recordings lie. Raises ConfigError in one line for words that are
+    none of an entry's."""
     typed = plain_words(parse(words.split()))
     stray = [word.text for word in typed if word.key.partition(".")[0] not in OPEN or word.key.startswith("sensor.")]
     if stray:

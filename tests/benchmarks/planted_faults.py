@@ -97,7 +97,8 @@ def table(found: Sequence[dict[str, Any]]) -> list[str]:
     """What was named, link by link, of the runs that their fault cost something."""
     lines = [f"{one['planted']:<9} {one['fault']:<9} {one['world']:<18} {one['seed']:>3}  cost {one['cost'] or '-':<22} "
              f"named {one['named'] or '-':<9} {one['blame']}" for one in found]
-    lines += ["", "| planted | runs | cost something | cost places | named | no loss: nobody named |", "|---|---|---|---|---|---|"]
+    lines += ["", "| planted | runs | cost something | cost places | named | no loss: nobody named |",
+              "|---|---|---|---|---|---|"]
     for link in (*dict.fromkeys(one["planted"] for one in found), "all"):
         runs = [one for one in found if link in ("all", one["planted"])]
         cost = [one for one in runs if one["cost"] and one["status"] == "ok"]
