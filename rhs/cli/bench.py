@@ -10,6 +10,7 @@
         --ours NAME,NAME      of ours only these; --quick: one building of each family, no entry
         --jobs N              processes at a time (one per core); --timeout S: of one run (3600)
         --entry FOLDER        also what an entry needs: the rows, and the configurations that `rhs verify` runs again
+        --blame               also which link it was, in the runs that lost something (16 patrols each), and idleness
         --held-out FILE       the buildings that were promised by a hash, once they are shown
         output=FOLDER         where the runs go (results/sweeps/NAME); killed, the same command goes on
     python -m rhs bench recordings-v1 --data FOLDER                   estimators on frozen recordings, known by their hash
@@ -51,8 +52,9 @@ def main(words: Sequence[str]) -> int:
         from . import suite
 
         return suite.main(chosen, words)
-    if chosen.quick or chosen.ours or chosen.entry or chosen.held_out or chosen.data:
-        raise ConfigError(f"bench {SETS[0]}: --quick, --ours, --entry, --held-out and --data are for {', '.join(SETS[1:])}")
+    if chosen.quick or chosen.ours or chosen.entry or chosen.held_out or chosen.data or chosen.blame:
+        raise ConfigError(f"bench {SETS[0]}: --quick, --ours, --entry, --held-out, --data and --blame are for "
+                          f"{', '.join(SETS[1:])}")
     planners, folder = _planners(chosen, bench.PLANNERS)
     questions = bench.frozen_questions()
     if (digest := bench.digest(questions)) != bench.FROZEN:
@@ -109,6 +111,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--entry", default="")
     parser.add_argument("--held-out", default="")
     parser.add_argument("--data", default="")
+    parser.add_argument("--blame", action="store_true")
     parser.add_argument("--jobs", type=int, default=0)
     parser.add_argument("--timeout", type=float, default=3600.0)
     return parser

@@ -38,13 +38,15 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     jobs = {name: _jobs(typed, suite, data) for name, typed in combinations.items()}
     combinations = {name: typed for name, typed in combinations.items() if jobs[name]}
     with claim_sweep(folder) as claim:
-        rows, made = _made(suite, combinations, jobs, folder=claim.folder,
-                           limits=Limits(chosen.jobs or processes(), chosen.timeout))
+        limits = Limits(chosen.jobs or processes(), chosen.timeout)
+        rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
         for name, told in made.items():
             told |= {"words": combinations[name], "command": " ".join(["python -m rhs bench", *words])}
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
         text = _published(suite, table, [claim.folder, *([HOME] if whole and not output else [])], note, mine)
+        if chosen.blame:
+            text += "\n" + _blamed(suite, combinations, jobs, folder=claim.folder, limits=limits)
         if chosen.entry:
             _entry(jobs, claim.folder, Path(chosen.entry))
     sys.stdout.write(f"{text}\nfiles: {claim.folder}\n")
@@ -101,8 +103,8 @@ def _data(suite: Suite, chosen: argparse.Namespace, combinations: Mapping[str, s
         if chosen.data:
             raise ConfigError(f"bench {suite.name}: --data is for recordings-v1")
         return None
-    if chosen.held_out:
-        raise ConfigError(f"bench {suite.name}: no list is held out of it")
+    if chosen.held_out or chosen.blame:
+        raise ConfigError(f"bench {suite.name}: --held-out and --blame are for buildings")
     data = Path(chosen.data or os.environ.get("RHS_DATA", "data"))
     check_data(data, list(dict.fromkeys(name for words in combinations.values() for name, _ in suite.asked(words))))
     return data
@@ -134,6 +136,30 @@ def _made(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
                         else cells_of(name, building, row))
         made[name] = times_of([row for _, row in some])
     return rows, made
+
+
+def _blamed(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequence[Job]], *, folder: Path,
+            limits: Limits) -> str:
+    """NAME_blame.csv and NAME_blame.md beside the runs; the page. Blamed are the runs that lost something."""
+    from rhs.api.files import replacing
+    from rhs.sweeps import suite_blame
+    from rhs.sweeps.kept import any_row, kept_rows
+    from rhs.sweeps.suite import jobs_of
+
+    from .progress import running
+
+    runs = [(name, building, any_row(folder / job.name)) for name, words in combinations.items()
+            for building, job in zip(suite.asked(words), jobs[name], strict=True)]
+    again = {(name, building): jobs_of(combinations[name], [building], more="task=blame processes=1")[0]
+             for name, building, row in runs if suite_blame.lost(row)}
+    with running(len(again)) as tell:
+        found = dict(zip(again, kept_rows(list(again.values()), folder / "blame", limits, tell=tell), strict=True))
+    rows = [suite_blame.cells_of(name, building, row, found.get((name, building))) for name, building, row in runs]
+    text = suite_blame.page(suite.name, rows)
+    for suffix, content in {"csv": suite_blame.csv_of(rows), "md": text}.items():
+        with replacing(folder / f"{suite.name}_blame.{suffix}") as file:
+            file.write(content)
+    return text
 
 
 def _kept(suite: Suite) -> Path | None:

@@ -128,9 +128,9 @@ def told(value: Any) -> Any:
     return round(value, 6) + 0.0 if isinstance(value, float) else value
 
 
-def jobs_of(words: str, buildings: Sequence[tuple[str, int]], data: Path | None = None) -> list[Job]:
-    """The runs of a combination, composed. data: where recordings lie. Raises ConfigError in one line for words that are
-    none of an entry's."""
+def jobs_of(words: str, buildings: Sequence[tuple[str, int]], data: Path | None = None, *, more: str = "") -> list[Job]:
+    """The runs of a combination, composed. data: where recordings lie. more: words of the question's own. Raises ConfigError
+    in one line for words that are none of an entry's."""
     typed = plain_words(parse(words.split()))
     stray = [word.text for word in typed if word.key.partition(".")[0] not in OPEN or word.key.startswith("sensor.")]
     if stray:
@@ -139,7 +139,7 @@ def jobs_of(words: str, buildings: Sequence[tuple[str, int]], data: Path | None 
     keys = [word.key for word in typed]
     for world, seed in buildings:
         if data is None:
-            chosen = [*plain_words(parse(COMMON)), *typed, Word("world", world, f"world={world}"),
+            chosen = [*plain_words(parse([*COMMON, *more.split()])), *typed, Word("world", world, f"world={world}"),
                       Word("seed", seed, f"seed={seed}")]
         else:
             read = plain_words(parse(recorded.BY_NAME[world].typed(data).split()))

@@ -234,3 +234,16 @@ def test_a_counterfactual_that_fails_is_named(tmp_path):
     row = rhs.run(["task=blame", *words, "localiser=raises", f"output={tmp_path / 'run'}"], quiet=True)
     assert row["status"] == "failed" and "nothing replaced" in row["reason"] and "out of luck" in row["reason"]
     assert read_row(tmp_path / "run" / "row.json")["status"] == "failed"
+
+
+def test_people_walk_in_the_counterfactuals_too(monkeypatch):
+    from types import SimpleNamespace
+
+    from rhs.blame import job
+    from rhs.blame.settings import Blame
+    from rhs.worlds.world import load_world
+
+    monkeypatch.setattr(job, "BlameJob", lambda settings, context, world: world)
+    context = SimpleNamespace(floor_plan=lambda: load_world("square_small"))
+    world = Blame(people=[[3.0, 1.0, 6.0, 1.0]], obstacles=[[5.0, 6.6, 0.3, 0.3]]).build(context)
+    assert len(world.moving.people) == 1 and len(world.obstacles) == 1

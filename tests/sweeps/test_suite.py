@@ -14,7 +14,7 @@ from rhs.api.floorplan import Light
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.cli.bench import main
 from rhs.cli.main import main as rhs
-from rhs.sweeps import held_out, recorded, suite
+from rhs.sweeps import held_out, recorded, suite, suite_blame
 from rhs.sweeps.suite_page import page, rank, scores
 from rhs.worlds.world import load_world
 
@@ -172,3 +172,28 @@ def test_the_page_of_recordings():
     assert "| mine | 2 of 2 | 1 of 2 | 0.5 | - | - | - | aces 0.04 |" in text
     assert "- mine, mit_csail: failed; no scan" in text
     assert suite.read_csv(suite.csv_of(rows, recorded.CELLS), recorded.CELLS) == rows
+
+
+# --- why ------------------------------------------------------------------------------------------------------------
+
+def test_blamed_are_the_runs_that_ended_without_all_of_their_mission():
+    assert [suite_blame.lost(row) for row in (ROW, {**ROW, "success": 0.0}, {"status": "failed"}, {"status": "ok"})] == [
+        False, True, False, True]
+
+
+def test_the_page_of_blame_by_hand():
+    idle = {"idleness_worst_s": 30.0, "idleness_bound_s": 20.0}
+    why = {"status": "ok", "blame_link": "map", "blame_measure": "places", "blame": "of 2 missed places map cost 2"}
+    rows = [suite_blame.cells_of("mine", SQUARE, {**ROW, **idle}, None),
+            suite_blame.cells_of("mine", SQUARE, {**ROW, **idle, "idleness_worst_s": 50.0}, why),
+            suite_blame.cells_of("mine", SQUARE, ROW, {"status": "failed", "reason": "out of luck"}),
+            suite_blame.cells_of("mine", SQUARE, ROW, {**why, "blame_link": "", "blame": "nothing worth blaming"})]
+    assert rows[0]["blame"] == rows[0]["link"] == "" and rows[2]["blame"] == "out of luck"
+    text = suite_blame.page("corridor-v1", rows)
+    assert "| mine | 4 | 2, 2.5 | 3 | nobody 2, map 1 |" in text and "- mine, square_small: of 2 missed places" in text
+    assert suite_blame.csv_of(rows).splitlines()[1] == "mine,square_small,10000,30,20,,,"
+
+
+def test_recordings_are_not_blamed():
+    with pytest.raises(ConfigError, match="are for buildings"):
+        main(["recordings-v1", "--mine", "odometry=orb", "--blame"])
