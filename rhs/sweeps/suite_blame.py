@@ -44,7 +44,7 @@ def csv_of(rows: Rows) -> str:
 def page(name: str, rows: Rows) -> str:
     """NAME_blame.md."""
     lines = [f"# Why: {name}", "", "`idleness`: longest time that a place went without a visit, over the exact bound: "
-             "the shortest way through all places that can be reached, in any order, at the highest speed commanded: median, "
+             "the shortest way through all places that can be reached, in any order, at the highest speed: median, "
              "largest.",
              "`named`: runs that did not do all of their mission, by the link that `task=blame` names (`rhs/blame`).", "",
              "| combination | runs | idleness | lost something | named |", "|---|---|---|---|---|"]

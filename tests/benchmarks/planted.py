@@ -104,7 +104,8 @@ def _fat(grid: OccupancyGrid) -> OccupancyGrid:
 
     reach = round(0.6 / grid.resolution_m)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    return replace(grid, probability=cv2.dilate(np.array(grid.probability, np.float32), disc).astype(grid.probability.dtype))
+    stands = cv2.dilate((np.array(grid.probability) > 0.5).astype(np.uint8), disc) > 0
+    return replace(grid, probability=np.where(stands, 0.98, grid.probability))
 
 
 def _aside(grid: OccupancyGrid) -> OccupancyGrid:
@@ -181,19 +182,34 @@ def _faint(problem: PlanningProblem, plan: Plan, count: int) -> Path:
     return NO_PATH if far else plan(problem)
 
 
-def _straight(problem: PlanningProblem, plan: Plan, count: int) -> Path:
-    """Whatever stands in the way."""
-    return Path(PlanReason.OK, np.array([problem.start_m, problem.goal_m], float), keep_shape=True)
+def _timid(problem: PlanningProblem, plan: Plan, count: int) -> Path:
+    """Keeps half a metre more away from everything than was asked."""
+    import cv2
+
+    reach = round(0.5 / problem.resolution_m)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return plan(replace(problem, blocked=cv2.dilate(np.array(problem.blocked, np.uint8), disc).astype(bool)))
 
 
-def _short(problem: PlanningProblem, plan: Plan, count: int) -> Path:
-    """Ends 1.2 m before the goal."""
+def _wary(problem: PlanningProblem, plan: Plan, count: int) -> Path:
+    """Goes round no corner."""
     path = plan(problem)
-    if not path.found:
-        return path
-    left = np.linalg.norm(path.points_m - np.asarray(problem.goal_m), axis=1)
-    kept = path.points_m[left > 1.2]
-    return replace(path, points_m=np.vstack([path.points_m[:1], kept]), keep_shape=True)
+    straight = np.hypot(*(np.asarray(problem.goal_m) - problem.start_m))
+    return path if path.found and _length_m(path) <= 1.1 * straight else NO_PATH
+
+
+def _detour(problem: PlanningProblem, plan: Plan, count: int) -> Path:
+    """By way of the free cell that is furthest from here."""
+    free = (np.argwhere(~problem.blocked)[:, ::-1] + 0.5) * problem.resolution_m + problem.origin_m
+    over = free[np.argmax(np.hypot(*(free - problem.start_m).T))]
+    there, on = plan(replace(problem, goal_m=over)), plan(replace(problem, start_m=over))
+    if not there.found or not on.found:
+        return plan(problem)
+    return Path(PlanReason.OK, np.vstack([there.points_m, on.points_m[1:]]), keep_shape=True)
+
+
+def _length_m(path: Path) -> float:
+    return float(np.linalg.norm(np.diff(path.points_m, axis=0), axis=1).sum())
 
 
 def _fickle(problem: PlanningProblem, plan: Plan, count: int) -> Path:
@@ -201,14 +217,7 @@ def _fickle(problem: PlanningProblem, plan: Plan, count: int) -> Path:
     return plan(problem) if count <= 2 else NO_PATH
 
 
-def _back(problem: PlanningProblem, plan: Plan, count: int) -> Path:
-    """To the place that is as far on the other side, if there is a way."""
-    start = np.asarray(problem.start_m)
-    other = plan(replace(problem, goal_m=2 * start - problem.goal_m))
-    return other if other.found else NO_PATH
-
-
-PLANS = {"faint": _faint, "straight": _straight, "short": _short, "fickle": _fickle, "back": _back}
+PLANS = {"faint": _faint, "timid": _timid, "wary": _wary, "fickle": _fickle, "detour": _detour}
 
 
 class FaultyPlanner(Faulty):
