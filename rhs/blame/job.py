@@ -16,16 +16,16 @@ from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.task import Value
+from rhs.config.degraded import Degraded
 from rhs.metrics.blame import (
     MEASURES,
     Losses,
+    judged,
     losses_of,
     off_since,
     shapley,
     shapley_of_orders,
     subsets,
-    verdict,
-    worst_link,
 )
 from rhs.patrol.observers import write_json
 from rhs.patrol.run import RunContext
@@ -33,7 +33,7 @@ from rhs.runfolder.run import Run
 
 from .oracles import Watched
 from .settings import MOST_EXACT, Blame
-from .trials import Chain, label, run_trials
+from .trials import Chain, label, run_trials, spoiling
 
 
 class BlameJob:
@@ -43,12 +43,14 @@ class BlameJob:
     def __init__(self, settings: Blame, context: RunContext, world: World) -> None:
         if "slam" in context.config.parts:
             raise ConfigError("task=blame takes the chain apart; slam= is one part: blame has nothing to replace")
-        if "sense" in settings.links and not hasattr(context.settings("sensor"), "noise"):
+        self.world, self.settings, self.context = world, settings, context
+        self.spoiling = spoiling(context)
+        noisy = hasattr(context.settings("sensor"), "noise") or "sense" in self.spoiling
+        if "sense" in settings.links and not noisy:
             raise ConfigError(f"links: sensor={context.config.parts['sensor'].name} has no setting `noise` to switch off; "
                               f"leave out sense")
         if "drive" in settings.links and "teleport" not in context.config.parts["source"].settings.provides:
             raise ConfigError(f"links: source={context.config.parts['source'].name} cannot teleport; leave out drive")
-        self.settings, self.context, self.world = settings, context, world
         self.parts = context.parts(world=world)
         self.orders = [] if len(settings.links) <= MOST_EXACT else self._orders()
 
@@ -61,8 +63,11 @@ class BlameJob:
         """The columns follow from blame.json and from the files of the patrol with nothing replaced."""
         folder, links = self.context.folder, self.settings.links
         wanted = subsets(links) if not self.orders else list(dict.fromkeys(
-            frozenset(order[:place]) for order in self.orders for place in range(len(order) + 1)))
-        chain = Chain(self.settings, self.context, self.world, self.parts, Watched(self.parts.source),
+            [frozenset(), *(frozenset([link]) for link in links),
+             *(frozenset(order[:place]) for order in self.orders for place in range(len(order) + 1))]))
+        source = self.parts.source
+        bare = source.source if isinstance(source, Degraded) else source
+        chain = Chain(self.settings, self.context, self.world, self.parts, Watched(bare), self.spoiling,
                       folder / "counterfactuals")
         if any(truth is None for _, truth, _ in chain.source.taken):
             raise ConfigError("task=blame needs a source that knows the truth")
@@ -92,10 +97,9 @@ class BlameJob:
             else:
                 shares[measure] = shapley(known, links)
         nothing, everything = frozenset[str](), frozenset(links)
-        measure = "places" if losses["places"][nothing] > 0 else "belief"
         return known_or_none({
-            "links": links, "runs": len(columns), "off_since": since, "link": worst_link(shares[measure]),
-            "verdict": verdict(shares, losses, since), "shares": shares, "standard_errors": errors,
+            "links": links, "runs": len(columns), "off_since": since,
+            **judged(losses, links, since=since, shares=shares), "shares": shares, "standard_errors": errors,
             "loss": {name: losses[name][nothing] for name in MEASURES},
             "rest": {name: losses[name][everything] for name in MEASURES},
             "losses": {label(known): found for known, found in lost.items()}})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,8 @@ SURE = 1e-6 * np.eye(6)  # metres^2, radians^2
 
 
 class Watched(Source):
-    """A source whose survey has been taken once and is shown again, view by view; then the source itself goes on."""
+    """A source whose survey has been taken once, without its degradations, and is shown again, view by view; then the source
+    itself goes on."""
 
     def __init__(self, source: Source) -> None:
         self.source, self.camera, self.facts = source, source.camera, source.facts
@@ -115,12 +116,13 @@ class TrueOdometry:
 class TrueClosing:
     """The true poses of the survey, from where it began."""
 
-    def __init__(self, truths: Sequence[np.ndarray]) -> None:
+    def __init__(self, truths: Mapping[float, np.ndarray]) -> None:
+        """truths: stamp in seconds -> true pose; of views that never arrived too."""
         self._truths = truths
 
     def close(self, views: Sequence[View]) -> Closure:
-        begun = views[0].map_from_body @ inverse(self._truths[0])
-        return Closure(np.array([begun @ truth for truth in self._truths[:len(views)]]))
+        begun = views[0].map_from_body @ inverse(self._truths[views[0].stamp_s])
+        return Closure(np.array([begun @ self._truths[view.stamp_s] for view in views]))
 
 
 class TrueMap:

@@ -45,11 +45,11 @@ class Blame(Patrol):
         check_range("", "processes", self.processes, low=0, high=1024)
 
     def build(self, context: RunContext) -> BlameJob:  # type: ignore[override]
-        from rhs.patrol.job import with_obstacles
+        from rhs.patrol.job import with_obstacles, with_people
 
         from .job import BlameJob
 
         world = context.floor_plan()
         if world is None:
             raise ConfigError("task=blame needs a world that can be driven in again; a recording cannot")
-        return BlameJob(self, context, with_obstacles(world, self.obstacles))
+        return BlameJob(self, context, with_people(with_obstacles(world, self.obstacles), self.people))

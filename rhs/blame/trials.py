@@ -13,16 +13,18 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from rhs.api.contracts import Context
+from rhs.api.contracts import DEGRADE, KINDS, Context, Source
 from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.task import Parts
 from rhs.base.processes import die_with_parent
 from rhs.config import registry
-from rhs.config.parts import Chosen, build_part
+from rhs.config.composed import members_of
+from rhs.config.degraded import Degraded, fault_of
+from rhs.config.parts import Chosen, build, build_part
 from rhs.estimation.survey import ViewCollector
 from rhs.metrics.evaluate import evaluate
 from rhs.patrol.gate import gated
@@ -33,7 +35,7 @@ from rhs.patrol.run import RunContext
 from .oracles import TrueClosing, TrueDrive, TrueLocaliser, TrueMap, TrueOdometry, Watched
 from .settings import Blame
 
-SURVEYED = frozenset({"sense", "odometry"})  # links that the survey's estimate depends on
+SURVEYED = ("sense", "odometry")  # links that the survey's estimate depends on; drive where wheels are spoiled
 OF = multiprocessing.get_context("fork")
 
 
@@ -45,8 +47,27 @@ class Chain:
     context: RunContext
     world: World
     parts: Parts
-    source: Watched
+    source: Watched  # without its degradations
+    spoiling: tuple[str, ...]  # the link that each degradation is a fault of
     folder: Path  # of the counterfactuals; the patrol with nothing replaced goes to the run folder
+
+    @property
+    def surveyed(self) -> frozenset[str]:
+        """Links that the survey's estimate depends on."""
+        return frozenset({*SURVEYED, *self.spoiling})
+
+    def spoiled(self, state: frozenset[str]) -> Source:
+        """The source behind the degradations of all links but those that were given the truth."""
+        if not isinstance(self.parts.source, Degraded):
+            return self.source
+        kept = [one for one, link in zip(self.parts.source.chain, self.spoiling, strict=True) if link not in state]
+        return cast(Source, Degraded(self.source, kept)) if kept else self.source
+
+
+def spoiling(context: RunContext) -> tuple[str, ...]:
+    """The link that each degradation of the run is a fault of."""
+    chosen = context.config.parts.get(DEGRADE)
+    return () if chosen is None else tuple(fault_of(one) for one in members_of(chosen.settings))
 
 
 def run_trials(chain: Chain, wanted: Sequence[frozenset[str]], processes: int, done: Callable[[int], None],
@@ -54,8 +75,8 @@ def run_trials(chain: Chain, wanted: Sequence[frozenset[str]], processes: int, d
     """Links that were given the truth -> columns of the patrol. done(n): how many have ended. `status` and `reason`
     stand among the columns."""
     at_once = OF.Semaphore(processes)
-    states = {state: [links for links in wanted if links & SURVEYED == state]
-              for state in sorted({links & SURVEYED for links in wanted}, key=sorted)}
+    states = {state: [links for links in wanted if links & chain.surveyed == state]
+              for state in sorted({links & chain.surveyed for links in wanted}, key=sorted)}
     groups = [OF.Process(target=_survey, args=(chain, state, resting, at_once)) for state, resting in states.items()]
     sys.stdout.flush()
     sys.stderr.flush()
@@ -110,42 +131,48 @@ def _patrol(chain: Chain, parts: Parts, collected: ViewCollector, led: RunLog, l
 
 
 def _estimating(chain: Chain, state: frozenset[str]) -> Parts:
-    """The parts with the truth in sense and odometry where it was asked for."""
-    parts, context = replace(chain.parts, source=chain.source), chain.context
-    settings = context.settings("odometry")
+    """The parts with the truth in what the survey's estimate depends on, where it was asked for."""
+    parts, context = replace(chain.parts, source=chain.spoiled(state)), chain.context
     if "sense" in state:
-        chosen = context.config.parts["sensor"]
-        ideal = Chosen(chosen.name, replace(chosen.settings, noise=False))
-        parts.sensor = build_part("sensor", ideal, _given(chain, "sensor"))
+        parts = _built_for_clean_views(chain, parts)
     if "odometry" in state:
         scans = "scan" not in context.settings("sensor").provides
         parts.odometry = TrueOdometry(parts.odometry, chain.source, scans=scans)
     else:
-        parts.odometry = gated(parts.odometry, settings.needs, chain.settings.gate, parts.who["odometry"])
+        needs = context.settings("odometry").needs
+        parts.odometry = gated(parts.odometry, needs, chain.settings.gate, parts.who["odometry"])
     return parts
+
+
+def _built_for_clean_views(chain: Chain, parts: Parts) -> Parts:
+    """All parts anew, since they are told of the camera: behind a sensor without noise, before the parts' source."""
+    run, chosen = chain.context, dict(chain.context.config.parts)
+    chosen.pop(DEGRADE, None)
+    sensor = chosen["sensor"]
+    if hasattr(sensor.settings, "noise"):
+        chosen["sensor"] = Chosen(sensor.name, replace(sensor.settings, noise=False))
+    nobody: dict[str, Any] = dict.fromkeys((kind for kind in KINDS if kind != "source"), None)
+    return build(chosen, seed=run.seed, world=chain.world, folder=run.folder, features=run.features,
+                 made=replace(parts, **nobody))
 
 
 def _patrolling(chain: Chain, parts: Parts, links: frozenset[str]) -> Parts:
     """The parts with the truth in the links that come after the survey."""
-    parts = replace(parts)
+    parts, run = replace(parts), chain.context
     if "closing" in links:
-        parts.loop_closer = TrueClosing([truth for _, truth, _ in chain.source.taken if truth is not None])
+        parts.loop_closer = TrueClosing({capture.stamp_s: truth for capture, truth, _ in chain.source.taken
+                                         if truth is not None})
     if "map" in links:
         parts.mapper = TrueMap(parts.mapper, chain.world)
     if "localise" in links:
         parts.localiser = TrueLocaliser(parts.localiser, parts.source)
     if "plan" in links:
         exact = Chosen("astar", registry.load("planner", "astar")())
-        parts.planner = build_part("planner", exact, _given(chain, "planner"))
-    if "drive" in links:
-        parts.source = TrueDrive(parts.source)  # type: ignore[assignment]
+        told = Context(generator(run.seed, "planner"), parts.source.camera, parts.source.facts, run.folder, run.features)
+        parts.planner = build_part("planner", exact, told)
+    if "drive" in links:  # below the degradations, in this process
+        chain.source.source = TrueDrive(chain.source.source)  # type: ignore[assignment]
     return parts
-
-
-def _given(chain: Chain, kind: str) -> Context:
-    """What build of a part gets in this run."""
-    run, source = chain.context, chain.source
-    return Context(generator(run.seed, kind), source.camera, source.facts, run.folder, run.features)
 
 
 def _log(chain: Chain, parts: Parts, folder: Path) -> RunLog:

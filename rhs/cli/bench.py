@@ -10,8 +10,11 @@
         --ours NAME,NAME      of ours only these; --quick: one building of each family, no entry
         --jobs N              processes at a time (one per core); --timeout S: of one run (3600)
         --entry FOLDER        also what an entry needs: the rows, and the configurations that `rhs verify` runs again
+        --blame               also which link it was, in the runs that lost something (16 patrols each), and idleness
         --held-out FILE       the buildings that were promised by a hash, once they are shown
         output=FOLDER         where the runs go (results/sweeps/NAME); killed, the same command goes on
+    python -m rhs bench recordings-v1 --data FOLDER                   estimators on frozen recordings, known by their hash
+        --mine sensor=laser odometry=x                                options as above; the folder: RHS_DATA, or data
 
 planning-v1: 60 questions with three seeds each. Files: NAME.csv (a row for each answer or run, no time in it), NAME.md
 (scores, hashes of rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused; 3 when a run left no row.
@@ -33,7 +36,7 @@ from rhs.config import registry
 from .card import asked, say
 
 HOME = Path("results") / "bench"
-SETS = ("planning-v1", "corridor-v1", "home-v1")
+SETS = ("planning-v1", "corridor-v1", "home-v1", "recordings-v1")
 
 
 def main(words: Sequence[str]) -> int:
@@ -49,8 +52,9 @@ def main(words: Sequence[str]) -> int:
         from . import suite
 
         return suite.main(chosen, words)
-    if chosen.quick or chosen.ours or chosen.entry or chosen.held_out:
-        raise ConfigError(f"bench {SETS[0]}: --quick, --ours, --entry and --held-out are for {' and '.join(SETS[1:])}")
+    if chosen.quick or chosen.ours or chosen.entry or chosen.held_out or chosen.data or chosen.blame:
+        raise ConfigError(f"bench {SETS[0]}: --quick, --ours, --entry, --held-out, --data and --blame are for "
+                          f"{', '.join(SETS[1:])}")
     planners, folder = _planners(chosen, bench.PLANNERS)
     questions = bench.frozen_questions()
     if (digest := bench.digest(questions)) != bench.FROZEN:
@@ -106,6 +110,8 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--ours", default="")
     parser.add_argument("--entry", default="")
     parser.add_argument("--held-out", default="")
+    parser.add_argument("--data", default="")
+    parser.add_argument("--blame", action="store_true")
     parser.add_argument("--jobs", type=int, default=0)
     parser.add_argument("--timeout", type=float, default=3600.0)
     return parser

@@ -1,9 +1,10 @@
-"""`python -m rhs bench corridor-v1 | home-v1`: whole chains in frozen buildings; `rhs.cli.bench` comes here."""
+"""`python -m rhs bench corridor-v1 | home-v1 | recordings-v1`: frozen buildings or recordings (`rhs.cli.bench`)."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -33,14 +34,19 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     suite, note = _part(suite, chosen)
     output = next((word.partition("=")[2] for word in chosen.overrides if word.startswith("output=")), "")
     folder = output or str(RUNS / "_".join([suite.name, *(["mine"] if mine else []), *(["quick"] if chosen.quick else [])]))
-    jobs = {name: _jobs(typed, suite) for name, typed in combinations.items()}
+    data = _data(suite, chosen, combinations)
+    jobs = {name: _jobs(typed, suite, data) for name, typed in combinations.items()}
+    combinations = {name: typed for name, typed in combinations.items() if jobs[name]}
     with claim_sweep(folder) as claim:
-        rows, made = _made(suite, jobs, claim.folder, Limits(chosen.jobs or processes(), chosen.timeout))
+        limits = Limits(chosen.jobs or processes(), chosen.timeout)
+        rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
         for name, told in made.items():
             told |= {"words": combinations[name], "command": " ".join(["python -m rhs bench", *words])}
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
         text = _published(suite, table, [claim.folder, *([HOME] if whole and not output else [])], note, mine)
+        if chosen.blame:
+            text += "\n" + _blamed(suite, combinations, jobs, folder=claim.folder, limits=limits)
         if chosen.entry:
             _entry(jobs, claim.folder, Path(chosen.entry))
     sys.stdout.write(f"{text}\nfiles: {claim.folder}\n")
@@ -70,7 +76,7 @@ def _combinations(suite: Suite, chosen: argparse.Namespace) -> tuple[dict[str, s
     names = [name for name in chosen.ours.split(",") if name] or list(suite.ours)
     if unknown := [name for name in names if name not in suite.ours]:
         raise ConfigError(f"bench --ours {unknown[0]}: there is {', '.join(suite.ours)}")
-    good, bad = usable({name: suite.ours[name] for name in names})
+    good, bad = usable({name: suite.ours[name] for name in names}, suite)
     for name, why in bad.items():
         sys.stderr.write(f"rhs: {name} is left out: {why}\n")
     return good, ""
@@ -89,14 +95,31 @@ def _part(suite: Suite, chosen: argparse.Namespace) -> tuple[Suite, str]:
     return suite, ""
 
 
-def _jobs(words: str, suite: Suite) -> list[Job]:
+def _data(suite: Suite, chosen: argparse.Namespace, combinations: Mapping[str, str]) -> Path | None:
+    """Where the recordings lie that the combinations are asked about; None for buildings. Raises ConfigError."""
+    from rhs.sweeps.recorded import check_data
+
+    if not suite.recorded:
+        if chosen.data:
+            raise ConfigError(f"bench {suite.name}: --data is for recordings-v1")
+        return None
+    if chosen.held_out or chosen.blame:
+        raise ConfigError(f"bench {suite.name}: --held-out and --blame are for buildings")
+    data = Path(chosen.data or os.environ.get("RHS_DATA", "data"))
+    check_data(data, list(dict.fromkeys(name for words in combinations.values() for name, _ in suite.asked(words))))
+    return data
+
+
+def _jobs(words: str, suite: Suite, data: Path | None) -> list[Job]:
     from rhs.sweeps.suite import jobs_of
 
-    return jobs_of(words, suite.buildings)
+    return jobs_of(words, suite.asked(words), data)
 
 
-def _made(suite: Suite, jobs: Mapping[str, Sequence[Job]], folder: Path, limits: Limits) -> Table:
+def _made(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequence[Job]], *, folder: Path,
+          limits: Limits) -> Table:
     """Run what has not ended yet, under one progress bar."""
+    from rhs.sweeps import recorded
     from rhs.sweeps.kept import kept_rows
     from rhs.sweeps.suite import cells_of, times_of
 
@@ -105,13 +128,38 @@ def _made(suite: Suite, jobs: Mapping[str, Sequence[Job]], folder: Path, limits:
     every = [job for several in jobs.values() for job in several]
     with running(len(every)) as tell:
         found = kept_rows(every, folder, limits, tell=tell)
-    rows, made = [], {}
-    for number, name in enumerate(jobs):
-        count = len(suite.buildings)
-        some = found[number * count:(number + 1) * count]
-        rows += [cells_of(name, building, row) for building, row in zip(suite.buildings, some, strict=True)]
-        made[name] = times_of(some)
+    rows, made, left = [], {}, iter(zip(every, found, strict=True))
+    for name, words in combinations.items():
+        some = [next(left) for _ in jobs[name]]
+        for building, (job, row) in zip(suite.asked(words), some, strict=True):
+            rows.append(recorded.cells_of(name, building[0], row, folder / job.name) if suite.recorded
+                        else cells_of(name, building, row))
+        made[name] = times_of([row for _, row in some])
     return rows, made
+
+
+def _blamed(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequence[Job]], *, folder: Path,
+            limits: Limits) -> str:
+    """NAME_blame.csv and NAME_blame.md beside the runs; the page. Blamed are the runs that lost something."""
+    from rhs.api.files import replacing
+    from rhs.sweeps import suite_blame
+    from rhs.sweeps.kept import any_row, kept_rows
+    from rhs.sweeps.suite import jobs_of
+
+    from .progress import running
+
+    runs = [(name, building, any_row(folder / job.name)) for name, words in combinations.items()
+            for building, job in zip(suite.asked(words), jobs[name], strict=True)]
+    again = {(name, building): jobs_of(combinations[name], [building], more="task=blame processes=1")[0]
+             for name, building, row in runs if suite_blame.lost(row)}
+    with running(len(again)) as tell:
+        found = dict(zip(again, kept_rows(list(again.values()), folder / "blame", limits, tell=tell), strict=True))
+    rows = [suite_blame.cells_of(name, building, row, found.get((name, building))) for name, building, row in runs]
+    text = suite_blame.page(suite.name, rows)
+    for suffix, content in {"csv": suite_blame.csv_of(rows), "md": text}.items():
+        with replacing(folder / f"{suite.name}_blame.{suffix}") as file:
+            file.write(content)
+    return text
 
 
 def _kept(suite: Suite) -> Path | None:
@@ -129,7 +177,7 @@ def _beside(suite: Suite, rows: list[dict[str, str]], made: dict[str, dict[str, 
     if (folder := _kept(suite)) is None:
         return rows, made
     try:
-        old = read_csv((folder / f"{suite.name}.csv").read_text("utf-8"))
+        old = read_csv((folder / f"{suite.name}.csv").read_text("utf-8"), suite.cells)
         old_made = json.loads((folder / f"{suite.name}.json").read_text("utf-8"))
     except (OSError, ValueError) as error:
         raise ConfigError(f"{folder}/{suite.name}.csv, .json: {error}") from error
@@ -149,7 +197,8 @@ def _published(suite: Suite, table: Table, folders: Sequence[Path], note: str, m
     text = page(suite, rows, made, note=note, mine=mine)
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
-        for suffix, content in {"csv": csv_of(rows), "json": json.dumps(made, indent=1) + "\n", "md": text}.items():
+        told = {"csv": csv_of(rows, suite.cells), "json": json.dumps(made, indent=1) + "\n", "md": text}
+        for suffix, content in told.items():
             with replacing(folder / f"{suite.name}.{suffix}") as file:
                 file.write(content)
     return text

@@ -57,11 +57,19 @@ def _owner(key: str) -> str:
     raise ConfigError(f"unknown key {DEGRADE}.{key}{hint}")
 
 
+def fault_of(settings: Any) -> str:
+    """The link of the chain that a degradation is a fault of: `drive` where all it spoils is what wheels count, else
+    `sense`."""
+    return "drive" if settings.needs and settings.needs <= {"wheel", "command"} else "sense"
+
+
 class Degraded:
-    """A source behind its degradations. The truth, the facts and the floor pass by; so does whatever else it offers."""
+    """A source behind its degradations. The truth, the facts and the floor pass by; so does whatever else it offers.
+
+    chain: (name, degradation), the first of them sees the source's own captures."""
 
     def __init__(self, source: Source, chain: Sequence[tuple[str, Degradation]]) -> None:
-        self._source, self._chain = source, chain
+        self.source, self.chain = source, chain
         self._previous: np.ndarray | None = None  # true pose at the capture before, where somebody knows it
         self._begun = False
         self._lost: list[Capture] = []  # since the last view that arrived
@@ -70,15 +78,15 @@ class Degraded:
             self.camera = one.told(self.camera)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._source, name)
+        return getattr(self.source, name)
 
     def lead(self) -> Capture | None:
-        return self._arriving(iter(self._source.lead, None))
+        return self._arriving(iter(self.source.lead, None))
 
     def drive(self, command: Twist) -> Capture:
         def held() -> Iterator[Capture]:
             for _ in range(MOST_LOST):
-                yield self._source.drive(command)
+                yield self.source.drive(command)
 
         arrived = self._arriving(held())
         if arrived is None:
@@ -86,7 +94,7 @@ class Degraded:
         return arrived
 
     def teleport(self, world_from_body: np.ndarray) -> None:
-        self._source.teleport(world_from_body)
+        self.source.teleport(world_from_body)
         self._previous = None  # nobody drove that way
 
     def _arriving(self, captures: Iterator[Capture | None]) -> Capture | None:
@@ -105,7 +113,7 @@ class Degraded:
         """The capture as the last degradation leaves it, and whether it arrives."""
         moved = self._moved(capture)
         freeze(capture)
-        for who, one in self._chain:
+        for who, one in self.chain:
             spoiled = one.degrade(capture, moved)
             if spoiled is None:
                 return capture, False
@@ -114,7 +122,7 @@ class Degraded:
 
     def _moved(self, capture: Capture) -> np.ndarray | None:
         """True previous_from_body; by the wheels where there is no truth."""
-        truth, previous = self._source.truth(), self._previous
+        truth, previous = self.source.truth(), self._previous
         self._previous, begun = truth, self._begun
         self._begun = True
         if not begun:

@@ -4,6 +4,10 @@ A loss is known for sets of links that were given the truth; L() is that of the 
 giving it the truth takes off the loss, averaged over the orders in which links can be given it (Shapley, "A value for
 n-person games", 1953). Shares sum to L() - L(all links); what is left over with every link true is nobody's. A negative
 share: truth there makes it worse, because another link had got used to the error.
+
+Which link is named: the truth in a late link (a localiser that is always right) covers for an error that an early one made,
+so that both get a like share. Of links whose truth alone saves nearly all, the earliest in the chain is named; where no link
+does, the one with the largest share. How the robot moved, and what its wheels counted, comes before what it sees.
 """
 
 from __future__ import annotations
@@ -15,10 +19,15 @@ from statistics import fmean
 
 from rhs.api.metric import RunFiles, columns_of
 
+CAUSAL = ("drive", "sense", "odometry", "closing", "map", "localise", "plan")  # an error goes on to those after
 LINKS = ("sense", "odometry", "closing", "map", "localise", "plan", "drive")
 # measure -> (unit, what is lost)
 MEASURES = {"places": ("", "places missed"), "belief": ("m", "error of the belief in the patrol"),
             "ate": ("m", "error of the survey's trajectory"), "way": ("m", "way driven beyond the shortest")}
+# what is worth a verdict: half a place; a fifth of the distance within which a place is visited; two steps of the robot
+WORTH = {"places": 0.5, "belief": 0.1, "ate": 0.1, "way": 1.0}
+ALONE = 0.8  # of what all truths together save: a link saves nearly all
+HALF = 0.5  # of the largest share: less, and what a link saves alone is chance
 OFF_M = 0.5  # the belief is somewhere else: the distance within which a place counts as visited
 SMALL = 0.05  # of the loss: a link that cost less is not named
 NAN = float("nan")
@@ -78,31 +87,69 @@ def off_since(steps: Sequence[Mapping[str, str]]) -> int:
     return since
 
 
-def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Losses], since: int) -> str:
-    """One sentence: which link cost most of what was lost, and from which view on the robot was somewhere else."""
+def judged(losses: Mapping[str, Losses], links: Sequence[str], *, since: int,
+           shares: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, str]:
+    """measure: what the run is judged by; link: who is named; verdict: a sentence. Nothing worth a verdict: measure and link
+    are empty. shares: sampled ones, where not every set of links is known."""
+    if shares is None:
+        shares = {name: shapley(known, links) for name, known in losses.items()}
+    measure = measure_of(losses, links)
+    link = named_link(shares[measure], losses[measure]) if measure else ""
+    return {"measure": measure, "link": link, "verdict": verdict(shares, losses, since, measure=measure, link=link)}
+
+
+def measure_of(losses: Mapping[str, Losses], links: Collection[str]) -> str:
+    """Places, if the truth saves any; else that of the others of which it saves most, counted in what is worth a verdict."""
+    saved = {name: (known[frozenset()] - known[frozenset(links)]) / WORTH[name] for name, known in losses.items()}
+    worth = {name: value for name, value in saved.items() if value >= 1.0}
+    return "places" if "places" in worth else max(worth, key=lambda name: worth[name], default="")
+
+
+def named_link(shares: Mapping[str, float], losses: Losses) -> str:
+    """The earliest link whose truth alone saves nearly all; if there is none, that with the largest share; empty where no
+    share is positive."""
+    order = sorted(shares, key=CAUSAL.index)
+    most = max(shares.values())
+    if not most > 0:
+        return ""
+    saved, nothing = sum(shares.values()), losses[frozenset()]
+    for link in order:
+        alone = losses.get(frozenset([link]), nothing)
+        if shares[link] >= HALF * most and nothing - alone >= ALONE * saved:
+            return link
+    return max(order, key=lambda link: round(shares[link], 9))
+
+
+def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Losses], since: int, *, measure: str, link: str,
+            ) -> str:
+    """One sentence: which link cost how much of what was lost, and from which view on the robot was somewhere else."""
     nothing: frozenset[str] = frozenset()
-    places = losses["places"][nothing]
-    measure, lost = ("places", f"{places:.0f} missed places") if places > 0 else (
-        "belief", f"{losses['belief'][nothing]:.2g} m error of belief")
-    if math.isnan(losses[measure][nothing]):
-        return "nothing is known of what was lost"
-    if measure == "belief" and losses["belief"][nothing] <= 0.0:
-        return "nothing was lost"
-    unit = "" if measure == "places" else " m"
+    missed = losses["places"][nothing]
+    said = f"of {missed:.0f} missed places " if missed > 0 else "every place was visited; "
+    if not measure:
+        if missed > 0:
+            return said + "the truth in the links that were tried saves none" + _off(since)
+        known = [f"{what} {losses[name][nothing]:.2g} m" for name, (_, what) in MEASURES.items()
+                 if name in ("belief", "ate") and not math.isnan(losses[name][nothing])]
+        return said + ("nothing worth blaming was lost" + (f" ({', '.join(known)})" if known else ""))
+    unit, what = MEASURES[measure]
+    lost = losses[measure][nothing]
+    if measure != "places":
+        said += f"of {lost:.2g} m {what} "
+    unit = f" {unit}" if unit else ""
     order = sorted(shares[measure].items(), key=lambda one: -one[1])
-    named = [f"{link} cost {share:.2g}{unit}" for link, share in order if share > SMALL * losses[measure][nothing]]
-    rest = losses[measure][nothing] - sum(share for _, share in order)
-    if rest > SMALL * losses[measure][nothing]:
+    named = [f"{one} cost {share:.2g}{unit}" for one, share in order if share > SMALL * lost]
+    rest = lost - sum(share for _, share in order)
+    if rest > SMALL * lost:
         named.append(f"{rest:.2g}{unit} no link that was tried")
-    said = f"of {lost} " if measure == "places" else f"every place was visited; of {lost} "
-    where = f"; from view {since} on the belief was more than {OFF_M:g} m off" if since >= 0 else ""
-    return said + (", ".join(named) or "no link alone cost much") + where
+    if link and link != order[0][0]:
+        alone = lost - losses[measure][frozenset([link])]
+        named.append(f"and {link} is named: its truth alone saves {alone:.2g}{unit}, what comes later covers for it")
+    return said + (", ".join(named) or "no link alone cost much") + _off(since)
 
 
-def worst_link(shares: Mapping[str, float]) -> str:
-    """The link with the largest share; empty where no share is positive."""
-    link, share = max(shares.items(), key=lambda one: one[1], default=("", 0.0))
-    return link if share > 0 else ""
+def _off(since: int) -> str:
+    return f"; from view {since} on the belief was more than {OFF_M:g} m off" if since >= 0 else ""
 
 
 def blame_values(run: RunFiles) -> dict[str, float | str]:
@@ -110,6 +157,7 @@ def blame_values(run: RunFiles) -> dict[str, float | str]:
     told = run.json("blame") or {}
     shares: Mapping[str, Mapping[str, float]] = told.get("shares", {})
     values: dict[str, float | str] = {"blame": str(told.get("verdict", "")), "blame_link": str(told.get("link", "")),
+                                      "blame_measure": str(told.get("measure", "")),
                                       "blame_off_since": float(told.get("off_since", NAN)),
                                       "blame_runs": float(told.get("runs", NAN))}
     for measure in MEASURES:
@@ -131,7 +179,10 @@ def _number(value: object) -> float:
 def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
     source = "rhs.metrics.blame (Shapley 1953)"
     return [("blame", "", "which link cost what, and since when, in one sentence", source),
-            ("blame_link", "", "the link that cost most places, or where none was missed most error of the belief", source),
+            ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, "
+             "else that which cost most; empty where nothing worth a verdict was lost", source),
+            ("blame_measure", "", "what it cost: places where the truth saves any; else belief, ate or way, whichever lost "
+             "more of what is worth a verdict (0.1 m, 0.1 m, 1 m)", source),
             ("blame_off_since", "", "first view of the patrol after which the belief never came back within 0.5 m of the "
              "truth; -1: it did", "steps.csv, truth"),
             ("blame_runs", "", "counterfactual patrols that the shares rest on", source),
@@ -141,4 +192,4 @@ def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
               for measure, (unit, what) in MEASURES.items())]
 
 
-BLAME = columns_of(blame_values, *_specs(), tasks=("blame",), words=("blame", "blame_link"))
+BLAME = columns_of(blame_values, *_specs(), tasks=("blame",), words=("blame", "blame_link", "blame_measure"))

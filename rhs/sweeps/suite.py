@@ -1,4 +1,4 @@
-"""corridor-v1, home-v1: frozen buildings, seeds, questions and scores; a table of rows that anyone makes again.
+"""corridor-v1, home-v1, recordings-v1 (recorded.py): frozen buildings, questions and scores; rows that anyone makes again.
 
 Frozen: the buildings as they are drawn, the words of every run, the columns (`Suite.frozen` is their hash; a change is
 another version). Buildings were not chosen: they are the first of their families from number 10000 on, which nothing was
@@ -14,6 +14,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from rhs.config.overrides import Word, parse, plain_words
 from rhs.worlds.random.obstacles import reached
 from rhs.worlds.world import load_world
 
+from . import recorded
 from .jobs import Job
 from .sweep import job_of
 
@@ -59,20 +61,35 @@ OURS = {
 
 @dataclass(frozen=True)
 class Suite:
-    """buildings: (world, seed of the run). frozen: 16 hex digits of `digest`. ours: name -> words."""
+    """buildings: (world, seed of the run), or names of recordings. frozen: 16 hex digits of `digest`. ours: name -> words.
+    recorded: recordings instead of buildings."""
 
     name: str
     buildings: tuple[tuple[str, int], ...]
     frozen: str
     title: str
     ours: Mapping[str, str]
+    recorded: bool = False
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The columns."""
+        return recorded.CELLS if self.recorded else CELLS
 
     def quick(self) -> tuple[tuple[str, int], ...]:
-        """The first building of each family."""
+        """The first building of each family, the first recording of each sensor."""
         first: dict[str, tuple[str, int]] = {}
         for world, seed in self.buildings:
-            first.setdefault(world.partition("/")[0], (world, seed))
+            family = recorded.BY_NAME[world].sensor if self.recorded else world.partition("/")[0]
+            first.setdefault(family, (world, seed))
         return tuple(first.values())
+
+    def asked(self, words: str) -> tuple[tuple[str, int], ...]:
+        """The buildings or recordings that a combination is asked about."""
+        if not self.recorded:
+            return self.buildings
+        names = recorded.asked_of(words)
+        return tuple(one for one in self.buildings if one[0] in names)
 
 
 def _first(families: Sequence[str], count: int) -> tuple[tuple[str, int], ...]:
@@ -83,11 +100,15 @@ SUITES = {one.name: one for one in (
     Suite("corridor-v1", (*_first(("loop", "ladder", "office"), 3), *(("square_small", FIRST + k) for k in range(3))),
           "2c31a86554a6ead8", "corridors: three loops, three ladders, three offices, a small square with three seeds", OURS),
     Suite("home-v1", _first(("home", "hall", "non_manhattan"), 4),
-          "c933b39c8ababe9d", "rooms: four homes, four halls, four buildings without right angles", OURS))}
+          "c933b39c8ababe9d", "rooms: four homes, four halls, four buildings without right angles", OURS),
+    Suite("recordings-v1", tuple((one.name, 0) for one in recorded.RECORDINGS), "453a2c300eda66df",
+          "recordings: two with colour and depth, two laser logs", recorded.OURS, recorded=True))}
 
 
 def digest(suite: Suite) -> str:
     """16 hex digits of everything an answer rests on: the buildings, the words, the columns."""
+    if suite.recorded:
+        return recorded.question_hash(suite.name)
     text = json.dumps([suite.name, [[world, seed, told(load_world(world, seed=seed))] for world, seed in suite.buildings],
                        COMMON, CELLS, DISC_M], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -107,27 +128,33 @@ def told(value: Any) -> Any:
     return round(value, 6) + 0.0 if isinstance(value, float) else value
 
 
-def jobs_of(words: str, buildings: Sequence[tuple[str, int]]) -> list[Job]:
-    """The runs of a combination, composed. Raises ConfigError in one line for words that are none of an entry's."""
+def jobs_of(words: str, buildings: Sequence[tuple[str, int]], data: Path | None = None, *, more: str = "") -> list[Job]:
+    """The runs of a combination, composed. data: where recordings lie. more: words of the question's own. Raises ConfigError
+    in one line for words that are none of an entry's."""
     typed = plain_words(parse(words.split()))
     stray = [word.text for word in typed if word.key.partition(".")[0] not in OPEN or word.key.startswith("sensor.")]
     if stray:
         raise ConfigError(f"bench: {stray[0]} is part of the question; an entry chooses {', '.join(OPEN)}")
     composer, jobs = Composer(()), []
+    keys = [word.key for word in typed]
     for world, seed in buildings:
-        chosen = [*plain_words(parse(COMMON)), *typed, Word("world", world, f"world={world}"),
-                  Word("seed", seed, f"seed={seed}")]
-        keys = [word.key for word in typed]
-        jobs.append(job_of(composer.config(chosen), chosen, ["world", *keys]))
+        if data is None:
+            chosen = [*plain_words(parse([*COMMON, *more.split()])), *typed, Word("world", world, f"world={world}"),
+                      Word("seed", seed, f"seed={seed}")]
+        else:
+            read = plain_words(parse(recorded.BY_NAME[world].typed(data).split()))
+            chosen = [*plain_words(parse(recorded.COMMON)), *typed, *read]
+        jobs.append(job_of(composer.config(chosen), chosen, ["source.path" if data else "world", *keys]))
     return jobs
 
 
-def usable(combinations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+def usable(combinations: Mapping[str, str], suite: Suite) -> tuple[dict[str, str], dict[str, str]]:
     """(those whose parts can be used here, name -> why not of the others)."""
     good, bad = {}, {}
     for name, words in combinations.items():
         try:
-            jobs_of(words, [("square_small", 0)])
+            jobs_of(words, [("square_small", 0)] if not suite.recorded else suite.asked(words)[:1],
+                    Path() if suite.recorded else None)
             good[name] = words
         except PluginError as error:
             bad[name] = str(error)
@@ -164,26 +191,26 @@ def _number(row: Mapping[str, Any], name: str) -> float:
     return float(value) if isinstance(value, int | float) else float("nan")
 
 
-def csv_of(rows: Sequence[Mapping[str, str]]) -> str:
+def csv_of(rows: Sequence[Mapping[str, str]], cells: Sequence[str] = CELLS) -> str:
     """The rows, without a time."""
     text = io.StringIO()
-    table = csv.DictWriter(text, CELLS, lineterminator="\n")
+    table = csv.DictWriter(text, cells, lineterminator="\n")
     table.writeheader()
     table.writerows(rows)
     return text.getvalue()
 
 
-def read_csv(text: str) -> list[dict[str, str]]:
+def read_csv(text: str, cells: Sequence[str] = CELLS) -> list[dict[str, str]]:
     """Rows back from their text. Raises ConfigError for a table of other columns."""
     table = csv.DictReader(io.StringIO(text))
-    if tuple(table.fieldnames or ()) != CELLS:
-        raise ConfigError(f"a table of this suite has the columns {', '.join(CELLS)}")
+    if tuple(table.fieldnames or ()) != tuple(cells):
+        raise ConfigError(f"a table of this suite has the columns {', '.join(cells)}")
     return list(table)
 
 
-def hash_of(rows: Sequence[Mapping[str, str]]) -> str:
+def hash_of(rows: Sequence[Mapping[str, str]], cells: Sequence[str] = CELLS) -> str:
     """16 hex digits of a combination's rows, whatever it is called."""
-    return hashlib.sha256(csv_of([{**row, "combination": ""} for row in rows]).encode()).hexdigest()[:16]
+    return hashlib.sha256(csv_of([{**row, "combination": ""} for row in rows], cells).encode()).hexdigest()[:16]
 
 
 def times_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rhs.reports.intervals import share_text
 
+from . import recorded
 from .suite import MEANINGS, Suite, hash_of
 
 Rows = Sequence[Mapping[str, str]]
@@ -58,21 +59,25 @@ def rank(rows: Rows) -> tuple[float, ...]:
 def page(suite: Suite, rows: Rows, made: Mapping[str, Mapping[str, Any]], *, note: str, mine: str = "") -> str:
     """NAME.md, best first. made: combination -> words, command, and `times_of`. note: which part of the suite this is."""
     found = by_combination(rows)
-    order = sorted(found, key=lambda name: (rank(found[name]), name))
-    count = len(suite.buildings)
+    ranked, scored, meanings = ((recorded.rank, recorded.scores, recorded.MEANINGS) if suite.recorded
+                                else (rank, scores, MEANINGS))
+    order = sorted(found, key=lambda name: (ranked(found[name]), name))
     title = suite.title[0].upper() + suite.title[1:]
-    lines = [f"# {suite.name}", "", f"{title} ({suite.frozen}); views 160 pixels wide. {note}".rstrip(),
+    views = "" if suite.recorded else "; views 160 pixels wide"
+    lines = [f"# {suite.name}", "", f"{title} ({suite.frozen}){views}. {note}".rstrip(),
              "`rows`: hash of the combination's rows in the csv; the same everywhere, or something differs.", "",
-             f"| combination | runs | {' | '.join(MEANINGS)} | rows |", f"|---|---|{'---|' * len(MEANINGS)}---|"]
+             f"| combination | runs | {' | '.join(meanings)} | rows |", f"|---|---|{'---|' * len(meanings)}---|"]
     for name in order:
-        cells = scores(found[name])
+        cells = scored(found[name])
         shown = f"**{name}**" if name == mine else name
-        lines.append(f"| {shown} | {len(found[name])} of {count} | {' | '.join(cells.values())} | {hash_of(found[name])} |")
+        count = len(suite.asked(str(made.get(name, {}).get("words", ""))))
+        lines.append(f"| {shown} | {len(found[name])} of {count} | {' | '.join(cells.values())} | "
+                     f"{hash_of(found[name], suite.cells)} |")
     if missing := [name for name in suite.ours if name not in found]:
         lines += ["", f"Of ours not made yet: {', '.join(missing)}."]
-    lines += ["", *(f"- `{name}`: {meaning}" for name, meaning in MEANINGS.items())]
+    lines += ["", *(f"- `{name}`: {meaning}" for name, meaning in meanings.items())]
     lines += ["", "## Not everything was right in", ""]
-    lines += [line for name in order for line in _causes(name, found[name])] or ["none of them"]
+    lines += [line for name in order for line in _causes(name, found[name], suite.recorded)] or ["none of them"]
     lines += ["", "## How they were made, and times", "", "Times are of the machine they were made on: compare within this "
               "table. Seconds of a run, median; a survey that several combinations shared counts in each.", "",
               "| combination | words | commit | s a run | views | memory MB |", "|---|---|---|---|---|---|"]
@@ -84,8 +89,8 @@ def page(suite: Suite, rows: Rows, made: Mapping[str, Mapping[str, Any]], *, not
     return "\n".join([*lines, "", "Commands: " + ", ".join(f"`{command}`" for command in commands)]) + "\n"
 
 
-def _causes(name: str, rows: Rows) -> list[str]:
-    wrong = [row for row in rows if row["success"] != "1"]
+def _causes(name: str, rows: Rows, recorded: bool) -> list[str]:
+    wrong = [row for row in rows if (row["status"] != "ok" if recorded else row["success"] != "1")]
     return [f"- {name}, {row['building']}: "
             + (f"{row['visited'] or 0} of {row['reachable']} places" if row["status"] == "ok" else row["status"])
             + (f"; {row['cause'][:MOST_CAUSE]}" if row["cause"] else "") for row in wrong]

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -158,6 +158,44 @@ class Silent:
         return np.zeros(count)
 
 
+@dataclass
+class Spun(Plain):
+    """Wheels that count two thirds too much, and nothing else."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
+
+    def told(self, camera):
+        return camera
+
+    def degrade(self, capture, previous_from_body):
+        return replace(capture, travel=5 / 3 * np.asarray(capture.travel))
+
+
+@dataclass
+class Spoilt(Spun):
+    """The same of a degradation that spoils what is seen as well, and tells another camera."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "wheel"})
+
+    def told(self, camera):
+        return replace(camera, fx=2 * camera.fx)
+
+
+@pytest.mark.parametrize(("cls", "link"), [(Spun, "drive"), (Spoilt, "sense")])
+def test_a_degradation_is_taken_away_with_the_link_that_it_is_a_fault_of(cls, link, tmp_path):
+    rhs.register("degrade", "spoilt", cls)
+    rhs.register("source", "carried", CarriedSource)
+    rhs.register("sensor", "quiet", QuietSensor)
+    words = [word for word in CHOICE if word.partition("=")[0] not in ("source", "sensor")]
+    row = rhs.run(["task=blame", *words, "source=carried", "sensor=quiet", "degrade=spoilt", "gate.act=off",
+                   "links=[sense,drive]", "mission.views_max=60", f"output={tmp_path / 'run'}"], quiet=True)
+    assert row["status"] == "ok", row["reason"]
+    told = json.loads((tmp_path / "run" / "blame.json").read_text())
+    other = "sense" if link == "drive" else "drive"
+    assert row["blame_link"] == link and told["shares"]["ate"][link] > 0.2
+    assert abs(told["shares"]["ate"][other]) < 0.01 and told["rest"]["ate"] < 0.01
+
+
 def test_more_than_five_links_are_sampled_with_their_errors(tmp_path):
     for kind, name, cls in (("localiser", "half", HalfLocaliser), ("source", "carried", CarriedSource),
                             ("sensor", "quiet", QuietSensor)):
@@ -196,3 +234,16 @@ def test_a_counterfactual_that_fails_is_named(tmp_path):
     row = rhs.run(["task=blame", *words, "localiser=raises", f"output={tmp_path / 'run'}"], quiet=True)
     assert row["status"] == "failed" and "nothing replaced" in row["reason"] and "out of luck" in row["reason"]
     assert read_row(tmp_path / "run" / "row.json")["status"] == "failed"
+
+
+def test_people_walk_in_the_counterfactuals_too(monkeypatch):
+    from types import SimpleNamespace
+
+    from rhs.blame import job
+    from rhs.blame.settings import Blame
+    from rhs.worlds.world import load_world
+
+    monkeypatch.setattr(job, "BlameJob", lambda settings, context, world: world)
+    context = SimpleNamespace(floor_plan=lambda: load_world("square_small"))
+    world = Blame(people=[[3.0, 1.0, 6.0, 1.0]], obstacles=[[5.0, 6.6, 0.3, 0.3]]).build(context)
+    assert len(world.moving.people) == 1 and len(world.obstacles) == 1

@@ -1,5 +1,7 @@
 """The truth in the place of a part: what each oracle answers, by hand."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -91,8 +93,10 @@ def test_odometry_closing_and_localiser_tell_the_truth():
     localiser.start(Belief(se2(9.0, 9.0, 0.0), SURE))
     assert planar(localiser.update(None, second).map_from_body) == pytest.approx([2.0, 0.0, 0.0])
 
+    @dataclass
     class View:
+        stamp_s: float
         map_from_body = se2(5.0, 5.0, np.pi / 2)
 
-    closure = TrueClosing([se2(1.0, 0.0, 0.0), se2(2.0, 0.0, 0.0)]).close([View(), View()])
+    closure = TrueClosing({0.5: se2(1.0, 0.0, 0.0), 1.0: se2(2.0, 0.0, 0.0)}).close([View(0.5), View(1.0)])
     assert planar(closure.poses[1]) == pytest.approx([5.0, 6.0, np.pi / 2])  # from where the survey began

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from rhs.metrics.blame import losses_of, off_since, shapley, shapley_of_orders, subsets, verdict, worst_link
+from rhs.metrics.blame import judged, losses_of, off_since, shapley, shapley_of_orders, subsets
 from rhs.metrics.cause import first_complaints
 
 
@@ -70,18 +70,60 @@ def test_the_survey_counts_for_nothing_there():
     assert off_since([step(0, 5.0, phase="survey")]) == -1
 
 
+def chain(links, **causes):
+    """Losses of a chain: by measure a list of (size, links of which any one covers for the fault)."""
+    known = {name: {chosen: float(sum(size for size, covers in causes.get(name, []) if not chosen & set(covers)))
+                    for chosen in subsets(links)} for name in ("places", "belief", "ate", "way")}
+    return judged(known, links, since=causes.get("since", -1))
+
+
+LINKS = ["sense", "odometry", "map", "localise", "plan"]
+
+
 def test_the_sentence_names_links_by_what_they_cost():
-    shares = {"places": {"map": 0.02, "localise": 2.0, "odometry": 0.98}, "belief": {}}
-    told = verdict(shares, {"places": {frozenset(): 3.0}, "belief": {frozenset(): 1.0}}, since=12)
-    assert told == ("of 3 missed places localise cost 2, odometry cost 0.98; from view 12 on the belief was more than 0.5 m "
-                    "off")
-    assert worst_link(shares["places"]) == "localise" and worst_link({"map": -0.1}) == ""
+    told = chain(["map", "localise"], places=[(2, ["localise"]), (1, ["map"])], since=12)
+    assert told == {"measure": "places", "link": "localise", "verdict": "of 3 missed places localise cost 2, map cost 1; "
+                    "from view 12 on the belief was more than 0.5 m off"}
 
 
-def test_a_patrol_that_missed_nothing_is_told_by_its_belief():
-    shares = {"places": {"map": 0.0}, "belief": {"map": 0.15}}
-    told = verdict(shares, {"places": {frozenset(): 0.0}, "belief": {frozenset(): 0.2}}, since=-1)
-    assert told == "every place was visited; of 0.2 m error of belief map cost 0.15 m, 0.05 m no link that was tried"
+@pytest.mark.parametrize("link", LINKS)
+def test_a_fault_that_later_links_cover_for_is_the_earliest_ones(link):
+    """Each of the links from the faulty one on hides the fault: their shares are alike, one is named."""
+    late = LINKS[LINKS.index(link):]
+    assert chain(LINKS, places=[(3, late)])["link"] == chain(LINKS, belief=[(0.5, late)])["link"] == link
+
+
+def test_what_a_late_link_loses_by_itself_does_not_hide_an_early_fault():
+    told = chain(["odometry", "localise"], belief=[(0.2, ["odometry", "localise"]), (0.02, ["localise"])])
+    assert told["link"] == "odometry"
+    assert told["verdict"] == ("every place was visited; of 0.22 m error of the belief in the patrol localise cost 0.12 m, "
+                               "odometry cost 0.1 m, and odometry is named: its truth alone saves 0.2 m, what comes later "
+                               "covers for it")
+
+
+def test_luck_of_an_early_link_is_not_believed():
+    """The truth of sense saves all by itself, but nothing in any other company: the fault is of plan."""
+    known = {chosen: 0.0 if "plan" in chosen or chosen == {"sense"} else 2.0 for chosen in subsets(LINKS)}
+    assert judged({"places": known}, LINKS, since=-1)["link"] == "plan"
+
+
+def test_two_faults_are_told_by_their_shares():
+    assert chain(LINKS, places=[(1, ["odometry", "localise"]), (3, ["plan"])])["link"] == "plan"
+
+
+def test_nothing_worth_a_verdict_names_nobody():
+    told = chain(["map", "localise"], belief=[(0.02, ["localise"])], ate=[(0.01, [])])
+    assert told["link"] == told["measure"] == "" and "nothing worth blaming was lost" in told["verdict"]
+
+
+def test_places_that_no_truth_saves_are_nobodys():
+    told = chain(["map", "localise"], places=[(2, [])])
+    assert told["link"] == "" and told["verdict"] == ("of 2 missed places the truth in the links that were tried saves none")
+
+
+def test_a_detour_is_told_in_metres_of_the_way():
+    told = chain(["map", "plan"], way=[(5.0, ["plan"])], belief=[(0.15, ["map"])])
+    assert (told["measure"], told["link"]) == ("way", "plan") and "plan cost 5 m" in told["verdict"]
 
 
 def test_losses_are_unknown_where_the_row_does_not_know():

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.api.floorplan import Light
+from rhs.api.trajectory import Trajectory, write_tum
 from rhs.cli.bench import main
 from rhs.cli.main import main as rhs
-from rhs.sweeps import held_out, suite
+from rhs.sweeps import held_out, recorded, suite, suite_blame
 from rhs.sweeps.suite_page import page, rank, scores
 from rhs.worlds.world import load_world
 
@@ -25,7 +28,9 @@ SQUARE = ("square_small", suite.FIRST)
 def test_what_is_frozen_is_that_of_version_one(name):
     """Whoever changes buildings, words or columns makes another version."""
     assert suite.digest(suite.SUITES[name]) == suite.SUITES[name].frozen
-    assert len(set(suite.SUITES[name].buildings)) == 12 and min(seed for _, seed in suite.SUITES[name].buildings) >= 10_000
+    buildings = suite.SUITES[name].buildings
+    assert len(set(buildings)) == (4 if name == "recordings-v1" else 12)
+    assert name == "recordings-v1" or min(seed for _, seed in buildings) >= 10_000
 
 
 def test_a_world_is_another_when_anything_in_it_moves_by_a_millimetre():
@@ -72,7 +77,7 @@ def test_what_is_no_entry_is_refused_in_one_line(words, says, tmp_path, monkeypa
 
 
 def test_options_of_the_suites_are_refused_by_planning_v1():
-    with pytest.raises(ConfigError, match="are for corridor-v1 and home-v1"):
+    with pytest.raises(ConfigError, match="are for corridor-v1, home-v1"):
         main(["planning-v1", "--quick"])
 
 
@@ -106,3 +111,89 @@ def test_a_suite_is_run_gone_on_with_and_verified(tmp_path, monkeypatch, capsys)
     assert (tmp_path / "runs" / kept[1].parent.name / "row.json").stat().st_mtime_ns == other
     capsys.readouterr()
     assert rhs(["verify", str(tmp_path / "entry"), "--sample", "1", "--jobs", "1"]) == 0
+
+
+# --- recordings -----------------------------------------------------------------------------------------------------
+
+def test_recordings_are_known_by_their_content_wherever_they_lie(tmp_path):
+    """A byte, a name or a file more makes another; the folder it lies in does not."""
+    one = replace(recorded.RECORDINGS[0], path="a", files=("b.txt",))
+    for root in ("here", "there"):
+        (tmp_path / root / "a").mkdir(parents=True)
+        (tmp_path / root / "a" / "1.png").write_bytes(b"one")
+        (tmp_path / root / "b.txt").write_bytes(b"relations")
+    known = recorded.content_hash(tmp_path / "here", one)
+    assert known == recorded.content_hash(tmp_path / "there", one)
+    (tmp_path / "there" / "a" / "1.png").write_bytes(b"two")
+    assert known != recorded.content_hash(tmp_path / "there", one)
+    (tmp_path / "here" / "a" / "2.png").write_bytes(b"")
+    assert known != recorded.content_hash(tmp_path / "here", one)
+
+
+def test_a_recording_that_is_missing_or_another_is_refused_in_one_line(tmp_path, capsys):
+    assert rhs(["bench", "recordings-v1", "--mine", "odometry=wheel", "sensor=laser", "--data", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "nothing at" in told and "--data FOLDER" in told and "Radish" in told
+    (tmp_path / "laser").mkdir()
+    for name in ("aces.clf.bz2", "aces.relations"):
+        (tmp_path / "laser" / name).write_bytes(b"other")
+    assert rhs(["bench", "recordings-v1", "--mine", "odometry=wheel", "sensor=laser", "--data", str(tmp_path)]) == 2
+    assert "found content" in capsys.readouterr().err
+    assert rhs(["bench", "corridor-v1", "--mine", "odometry=wheel", "--data", str(tmp_path)]) == 2
+
+
+def test_a_combination_is_asked_about_the_recordings_of_its_sensor():
+    assert recorded.asked_of("odometry=x") == recorded.asked_of("sensor=mono odometry=x") == ("tum_fr1_rpy_60", "open3d_5")
+    assert recorded.asked_of("sensor=laser") == ("aces", "mit_csail")
+    with pytest.raises(ConfigError, match="sensor=lidar"):
+        recorded.asked_of("sensor=lidar")
+
+
+@pytest.mark.parametrize(("sigma_m", "nees"), [(0.1, 1.0), (0.05, 4.0)])
+def test_stated_doubts_by_hand(sigma_m, nees, tmp_path):
+    """Every position but the first is 0.1 m off in x and in y: with as much doubt that is 1 per dimension."""
+    stamps, true = np.arange(5.0), np.tile(np.eye(4), (5, 1, 1))
+    true[:, 0, 3] = stamps
+    said = true.copy()
+    said[1:, :2, 3] += 0.1
+    write_tum(tmp_path / "truth_survey.tum", Trajectory(stamps, true))
+    write_tum(tmp_path / "estimate.tum", Trajectory(stamps, said))
+    (tmp_path / "steps.csv").write_text("phase,stamp_s,sigma_x_m,sigma_y_m\n" + "".join(
+        f"survey,{stamp},{sigma_m},{sigma_m}\n" for stamp in stamps))
+    assert recorded.nees_of(tmp_path) == pytest.approx(nees)
+    assert np.isnan(recorded.nees_of(tmp_path / "nowhere"))
+
+
+def test_the_page_of_recordings():
+    rows = [recorded.cells_of("mine", "aces", {"status": "ok", "survey_steps": 9, "tracked_share": 0.5,
+                                               "relations_trans_m": 0.04}, Path("nowhere")),
+            recorded.cells_of("mine", "mit_csail", {"status": "failed", "reason": "no scan"}, Path("nowhere"))]
+    text = page(suite.SUITES["recordings-v1"], rows, {"mine": {"words": "sensor=laser odometry=x"}}, note="")
+    assert "| mine | 2 of 2 | 1 of 2 | 0.5 | - | - | - | aces 0.04 |" in text
+    assert "- mine, mit_csail: failed; no scan" in text
+    assert suite.read_csv(suite.csv_of(rows, recorded.CELLS), recorded.CELLS) == rows
+
+
+# --- why ------------------------------------------------------------------------------------------------------------
+
+def test_blamed_are_the_runs_that_ended_without_all_of_their_mission():
+    assert [suite_blame.lost(row) for row in (ROW, {**ROW, "success": 0.0}, {"status": "failed"}, {"status": "ok"})] == [
+        False, True, False, True]
+
+
+def test_the_page_of_blame_by_hand():
+    idle = {"idleness_worst_s": 30.0, "idleness_bound_s": 20.0}
+    why = {"status": "ok", "blame_link": "map", "blame_measure": "places", "blame": "of 2 missed places map cost 2"}
+    rows = [suite_blame.cells_of("mine", SQUARE, {**ROW, **idle}, None),
+            suite_blame.cells_of("mine", SQUARE, {**ROW, **idle, "idleness_worst_s": 50.0}, why),
+            suite_blame.cells_of("mine", SQUARE, ROW, {"status": "failed", "reason": "out of luck"}),
+            suite_blame.cells_of("mine", SQUARE, ROW, {**why, "blame_link": "", "blame": "nothing worth blaming"})]
+    assert rows[0]["blame"] == rows[0]["link"] == "" and rows[2]["blame"] == "out of luck"
+    text = suite_blame.page("corridor-v1", rows)
+    assert "| mine | 4 | 2, 2.5 | 3 | nobody 2, map 1 |" in text and "- mine, square_small: of 2 missed places" in text
+    assert suite_blame.csv_of(rows).splitlines()[1] == "mine,square_small,10000,30,20,,,"
+
+
+def test_recordings_are_not_blamed():
+    with pytest.raises(ConfigError, match="are for buildings"):
+        main(["recordings-v1", "--mine", "odometry=orb", "--blame"])
