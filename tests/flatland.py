@@ -110,7 +110,11 @@ class Oracle:
 
 
 class Dijkstra:
-    """A planner of a few lines, so that the loop is tested without any plugin."""
+    """A planner of a few lines, so that the loop is tested without any plugin. corners: it goes between two cells that touch
+    at a corner, as a planner must not."""
+
+    def __init__(self, corners: bool = True) -> None:
+        self.corners = corners
 
     def plan(self, problem) -> Path:
         from scipy.sparse import csr_matrix
@@ -129,6 +133,8 @@ class Dijkstra:
             a = index[: h - dr, max(0, -dc): w - max(0, dc)]
             b = index[dr:, max(0, dc): w + min(0, dc)]
             ok = ~blocked.ravel()[a] & ~blocked.ravel()[b]
+            if dr and dc and not self.corners:
+                ok &= ~blocked.ravel()[a + w] & ~blocked.ravel()[b - w]
             rows.append(a[ok])
             columns.append(b[ok])
             costs.append(np.full(ok.sum(), np.hypot(dr, dc)))
