@@ -44,7 +44,7 @@ class Stixels:
         s, shown = self._settings, self._views[view]
         if shown is None:
             return None
-        others = self._others(view, poses, later)
+        others = [] if self._pivoted(view, poses) else self._others(view, poses, later)
         tones = _tones(shown)
         extra = s.floor_cost + self._by_colour(tones)
         now = self._grey(view)
@@ -69,10 +69,22 @@ class Stixels:
 
     def _scan(self, ranges: np.ndarray, believed: np.ndarray) -> Scan:
         s = self._settings
+        believed = believed & (ranges > s.least_m) & ~self._steep(ranges)
         out = np.where(believed, np.where(ranges > s.range_m, np.inf, ranges), np.nan)
         x, y = self.round.origin_m
         blind_m = min(self.round.nearest_floor_m, s.range_m)
         return Scan(freeze(self.round.bearings_rad), freeze(out), s.range_m, (float(x), float(y)), blind_m)
+
+    def _steep(self, ranges: np.ndarray) -> np.ndarray:
+        """(B,) whether the range leaps or runs away between a column and its neighbours."""
+        s, out = self._settings, np.zeros(len(ranges), bool)
+        step = 1.0 / self._ranges[0] - 1.0 / self._ranges[1]
+        for k in range(1, s.steep_columns + 1):
+            near = np.minimum(ranges[k:], ranges[:-k])
+            leaps = np.abs(np.log(ranges[k:] / ranges[:-k])) > s.steep * k + step * near
+            out[k:] |= leaps
+            out[:-k] |= leaps
+        return out
 
     def _clearness(self, costs: np.ndarray, best: np.ndarray) -> np.ndarray:
         """(B,) how much more the cheapest other distance costs than the one taken."""
@@ -80,6 +92,14 @@ class Stixels:
         other = np.abs(np.log(self._ranges[None, :] / taken[:, None])) > self._settings.other_share
         least: np.ndarray = np.where(other, costs, np.inf).min(axis=1)
         return least - costs[np.arange(len(best)), best]
+
+    def _pivoted(self, view: int, poses: np.ndarray) -> bool:
+        """Whether the camera turned on the spot before this view: how far it turned is known too badly for so short a way."""
+        if view == 0:
+            return False
+        turned = abs((poses[view, 2] - poses[view - 1, 2] + np.pi) % (2.0 * np.pi) - np.pi)
+        moved = float(np.hypot(*(poses[view, :2] - poses[view - 1, :2])))
+        return bool(moved < self._settings.pivot_m and turned > self._settings.pivot_rad)
 
     def _others(self, view: int, poses: np.ndarray, later: bool) -> list[int]:
         """Views to compare with, from different distances, that look the same way."""
