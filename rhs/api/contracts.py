@@ -180,7 +180,7 @@ class Odometry(Protocol):
     # one that loses itself where the robot turns on the spot says (metres, degrees) here: the patrol then turns on arcs, and
     # goes and turns no further between two views
     keeps_moving: tuple[float, float] | None = None
-    # one that compares neighbouring views says (metres, degrees) here: the patrol goes and turns no further between two of them
+    # one that compares neighbouring views says (metres, degrees) here: the patrol goes and turns no further between two
     short_steps: tuple[float, float] | None = None
     # what fixes the scale of one whose metres do not come from depth or wheels, a few words for the row
     scale_from: str = ""

@@ -3,11 +3,11 @@
     python tests/benchmarks/one_eye.py --seeds 0-9 --out runs/one_eye
     python tests/benchmarks/one_eye.py --families loop office --seeds 3-4 --out runs/corridor odometry=corridor_ekf
 
-Patrols with `sensor=mono` as tests/benchmarks/buildings.py runs them: killed, it goes on where it stopped when the same command is
-given again. A view is `wrong` when its belief is off by more than three stated sigmas in x, y or heading, and by more than 5 cm
-or 2 degrees; `doubted` when it says so: motion not `ok` or belief not `tracking`. `honest`: all reachable places visited, or
-some view of the patrol was called lost, or a place was given up with a reason. Writes one_eye.csv. Seeds below 10000 are for
-tuning, those from 10000 on for judging only.
+Patrols with `sensor=mono` as tests/benchmarks/buildings.py runs them: killed, it goes on where it stopped when the same
+command is given again. A view is `wrong` when its belief is off by more than three stated sigmas in x, y or heading, and
+by more than 5 cm or 2 degrees; `doubted` when it says so: motion not `ok` or belief not `tracking`. `honest`: all
+reachable places visited, or some view of the patrol was called lost, or a place was given up with a reason. Writes
+one_eye.csv. Seeds below 10000 are for tuning, those from 10000 on for judging only.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from rhs.base.provenance import commit
 from rhs.worlds.random.names import FAMILIES
 
 LEAST = np.array([0.05, 0.05, np.radians(2.0)])  # a belief this near is right, however sure it is
+
+PHASES = ("survey", "patrol")
 
 
 def main() -> int:
@@ -55,8 +57,9 @@ def main() -> int:
 
 
 def said(path: Path) -> dict[str, Any]:
-    """Views, those wrong by more than three sigmas, those of them doubted, of survey and patrol; views of the patrol called lost."""
-    values: dict[str, Any] = {f"{phase}_{name}": 0 for phase in ("survey", "patrol") for name in ("views", "wrong", "doubted")}
+    """Views, those wrong by more than three sigmas, those of them doubted, of survey and patrol; views of the patrol called
+    lost."""
+    values: dict[str, Any] = {f"{phase}_{name}": 0 for phase in PHASES for name in ("views", "wrong", "doubted")}
     values["lost"] = 0
     if not path.exists():
         return values
@@ -86,10 +89,9 @@ def table(found: list[dict[str, Any]]) -> list[str]:
     every = sum(row["visited"] >= row["reachable"] for row in done)
     honest = sum(row["visited"] >= row["reachable"] or row["lost"] > 0 or bool(row["cause"]) for row in done)
     touched = sum(row["collisions"] > 0 for row in done)
-    total = {key: sum(row[key] for row in done) for key in ("survey_wrong", "survey_doubted", "patrol_wrong", "patrol_doubted")}
-    wrong, doubted = total["survey_wrong"] + total["patrol_wrong"], total["survey_doubted"] + total["patrol_doubted"]
-    return [*lines, f"{len(found)} buildings, {len(done)} with a row: all places in {every}, honest in {honest}, touched in {touched}; "
-                    f"{wrong} views wrong by more than three sigmas, {doubted} of them doubted"]
+    wrong, doubted = (sum(row[f"{phase}_{name}"] for row in done for phase in PHASES) for name in ("wrong", "doubted"))
+    return [*lines, f"{len(found)} buildings, {len(done)} with a row: all places in {every}, honest in {honest}, touched in "
+                    f"{touched}; {wrong} views wrong by more than three sigmas, {doubted} of them doubted"]
 
 
 def _share(row: dict[str, Any], phase: str) -> str:

@@ -6,10 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from painted_room import observe, paintings
-from rhs_odometry.ground.config import GroundMsckf, StixelSettings
-from rhs_odometry.ground.odometry import Drift, ground_filter, halted, standing
-from rhs_odometry.ground.stixels import Stixels
-from rhs_odometry.tracks.track_frames import TrackFrame
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov, se2
@@ -20,6 +16,10 @@ from rhs.patrol.guard import Guard, GuardSettings
 from rhs.patrol.mission import MissionSettings, turning
 from rhs.testing.checks import check_plugin
 from rhs.testing.room import FURNISHED, context, ranges
+from rhs_odometry.ground.config import GroundMsckf, StixelSettings
+from rhs_odometry.ground.odometry import Drift, ground_filter, halted, standing
+from rhs_odometry.ground.stixels import Stixels
+from rhs_odometry.tracks.track_frames import TrackFrame
 
 CAMERA = camera_from_fov(160, 120, 57.0, height_m=1.0, pitch_deg=15.0)
 FEW = StixelSettings(beams=40, rows=48)

@@ -34,8 +34,8 @@ class StixelSettings:
     turned_rad: float = 0.35
     """and that looked in a direction no further apart, radians"""
     pivot_m: float = 0.05
-    """a robot that turned on the spot, moving less than this, metres, is blind: of 233 hits nearer than a metre from such views
-    91 stood where nothing is (one patrol)"""
+    """a robot that turned on the spot, moving less than this, metres, is blind: of 185 hits nearer than a metre from
+    such views 91 stood where nothing is (one patrol)"""
     pivot_rad: float = 0.03
     """see pivot_m: it turned by more than this, radians"""
     oldest: int = 25
@@ -63,8 +63,8 @@ class StixelSettings:
     least_m: float = 0.5
     """what seems nearer is not believed, metres: 41 of 41 such hits were wrong, the robot had stopped before (one patrol)"""
     steep: float = 0.03
-    """a column is not believed where the range changes by more than this share per column, besides one step of distance: what
-    comes into sight behind an edge smears from the edge to the wall behind (78 wrong hits of 12,000 became 2)"""
+    """a column is not believed where the range changes by more than this share per column, besides one step of distance:
+    what comes into sight behind an edge smears from the edge to the wall behind (78 wrong hits of 12,000 became 2)"""
     steep_columns: int = 2
     """over so many columns to each side"""
     other_share: float = 0.2
@@ -75,11 +75,13 @@ class StixelSettings:
     """and of any leap"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, beams=(8, 1000), rows=(8, 1000), steps=(8, 1000), nearest_m=(0.01, 10.0), farthest_m=(0.1, 100.0),
-                     range_m=(0.1, 100.0), turned_rad=(0.01, 3.2), pivot_m=(0.0, 10.0), pivot_rad=(0.0, 3.2), oldest=(1, 1000), cap=(0.1, 255.0), unknown=(0.0, 255.0),
+        check_ranges("", self, beams=(8, 1000), rows=(8, 1000), steps=(8, 1000), nearest_m=(0.01, 10.0),
+                     farthest_m=(0.1, 100.0), range_m=(0.1, 100.0), turned_rad=(0.01, 3.2), pivot_m=(0.0, 10.0),
+                     pivot_rad=(0.0, 3.2), oldest=(1, 1000), cap=(0.1, 255.0), unknown=(0.0, 255.0),
                      floor_cost=(0.0, 255.0), above_m=(0.0, 100.0), colour=(0.0, 255.0), colour_most=(0.0, 100.0),
                      colour_least=(0, 1_000_000), learn=(0.0, 1e6), clear=(0.0, 1e6), compared=(0.0, 1.0),
-                     least_m=(0.0, 10.0), steep=(0.0, 10.0), steep_columns=(1, 100), other_share=(0.01, 1.0), bend=(0.0, 1e6), leap=(0.0, 1e6))
+                     least_m=(0.0, 10.0), steep=(0.0, 10.0), steep_columns=(1, 100), other_share=(0.01, 1.0),
+                     bend=(0.0, 1e6), leap=(0.0, 1e6))
 
 
 @dataclass
@@ -106,8 +108,9 @@ class GroundMsckfAdvanced:
     stixels: StixelSettings = field(default_factory=StixelSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, few_tracks=(0, 10_000), few_measured=(0, 10_000), measured_views=(1, 1000), still_px=(0.0, 100.0),
-                     still_share=(0.0, 1.0), still_points=(1, 10_000), least_step_m=(1e-9, 1.0), least_turn_rad=(1e-9, 1.0))
+        check_ranges("", self, few_tracks=(0, 10_000), few_measured=(0, 10_000), measured_views=(1, 1000),
+                     still_px=(0.0, 100.0), still_share=(0.0, 1.0), still_points=(1, 10_000),
+                     least_step_m=(1e-9, 1.0), least_turn_rad=(1e-9, 1.0))
 
 
 @dataclass

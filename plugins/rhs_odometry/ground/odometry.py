@@ -1,8 +1,8 @@
 """The odometry `ground_msckf`: one camera at a known height over a level floor, in any building.
 
-A window of poses held by points followed through it (multi-state filter; Mourikis and Roumeliotis 2007), of which those on the
-floor set the scale; no walls are assumed. The filter is that of corridor_ekf without its walls. The way ahead is measured in
-the pictures (stixels.py), and so are the scans of the map.
+A window of poses held by points followed through it (multi-state filter; Mourikis and Roumeliotis 2007), of which those
+on the floor set the scale; no walls are assumed. The filter is that of corridor_ekf without its walls. The way ahead is
+measured in the pictures (stixels.py), and so are the scans of the map.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ START_M, START_RAD = 1e-3, 1e-3  # the map begins where the camera stands: nothi
 
 def build_ground_msckf(settings: GroundMsckf, context: Context) -> GroundOdometry:
     if context.camera.height_m <= 0.0:
-        raise ConfigError("odometry=ground_msckf follows a camera at a known height over a floor, and nothing says how high this "
-                          "one is; type source.camera_mount=[0,0,HEIGHT_M,0,0,0] if it was so, or odometry=monocular_vo, which "
-                          "needs no height")
+        raise ConfigError("odometry=ground_msckf follows a camera at a known height over a floor, and nothing says how high "
+                          "this one is; type source.camera_mount=[0,0,HEIGHT_M,0,0,0] if it was so, or "
+                          "odometry=monocular_vo, which needs no height")
     return GroundOdometry(settings, context.camera, np.array(context.world.start))
 
 

@@ -13,8 +13,8 @@ BLUR_PX = 1.0  # against the noise of single pixels
 
 
 class Panorama:
-    """bearings_rad (B,): left positive, ascending; slopes (T,): height over horizontal distance, ascending; shown (B, T) bool:
-    inside the picture. eye_m: height of the camera, origin_m (2,): where it stands in the body frame."""
+    """bearings_rad (B,): left positive, ascending; slopes (T,): height over horizontal distance, ascending; shown (B, T)
+    bool: inside the picture. eye_m: height of the camera, origin_m (2,): where it stands in the body frame."""
 
     def __init__(self, camera: Camera, beams: int, rows: int) -> None:
         turned = camera.body_from_camera[:3, :3]

@@ -1,7 +1,7 @@
 """Compiled loops of the stixels: what a column costs at each distance, and the distances that go together best.
 
-Plane sweep (Collins, "A space-sweep approach to true multi-image matching", 1996) over columns that are floor up to a foot and
-upright above it (stixels: Badino, Franke and Pfeiffer 2009), smoothed across columns by dynamic programming.
+Plane sweep (Collins, "A space-sweep approach to true multi-image matching", 1996) over columns that are floor up to a foot
+and upright above it (stixels: Badino, Franke and Pfeiffer 2009), smoothed across columns by dynamic programming.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ def _between(grid, p, u, row):
 
 @compiled
 def _floor(now, others, poses, bearings, slopes, eye_m, cap, unknown, out, compared):
-    """out (B, T): how different each pixel is from the other views where it is floor; compared (B, T): 1 where one shows it."""
+    """out (B, T): how different each pixel is from the other views where it is floor; compared (B, T): 1 where one of
+    them shows it."""
     beams, rows = now.shape
     per_beam, per_row = bearings[1] - bearings[0], slopes[1] - slopes[0]
     for i in range(beams):
@@ -55,8 +56,8 @@ def column_costs(now, others, poses, bearings, slopes, eye_m, ranges, extra, lim
     """Cost (B, R) of each column at each of (R,) ranges, metres, ascending, and how many of its pixels were compared (B, R).
 
     now (B, T) float32, NaN where nothing is shown; others (K, B, T) from poses (K, 3) x, y, yaw of those cameras seen from
-    this one; extra (B, T): what a pixel costs besides as floor; limits: cap, unknown (grey levels), top (height in metres above
-    which nothing is compared)."""
+    this one; extra (B, T): what a pixel costs besides as floor; limits: cap, unknown (grey levels), top (height in metres
+    above which nothing is compared)."""
     beams, rows = now.shape
     cap, unknown, top = limits
     per_beam, per_row = bearings[1] - bearings[0], slopes[1] - slopes[0]
@@ -110,7 +111,7 @@ def smoothest(costs, bend, leap):
     best, came = np.zeros((beams, steps)), np.zeros((beams, steps), np.int64)
     best[0] = costs[0]
     for i in range(1, beams):
-        least = np.argmin(best[i - 1])
+        least = int(np.argmin(best[i - 1]))
         for z in range(steps):
             value, source = best[i - 1, least] + leap, least
             for y in range(max(0, z - 4), min(steps, z + 5)):

@@ -1,8 +1,8 @@
 """The free way ahead of one camera: on each bearing floor up to a foot, and something upright above it.
 
 Every distance of the foot says where each pixel of the column was in the views before; the one under which the column looks
-there as it looks now is taken. Where pictures do not decide, as before a plain wall, the colours of the floor and of what is not
-floor help, learnt from columns that were clear. What is not clear, or what no other view shows, is unknown.
+there as it looks now is taken. Where pictures do not decide, as before a plain wall, the colours of the floor and of what is
+not floor help, learnt from columns that were clear. What is not clear, or what no other view shows, is unknown.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class Stixels:
         there = np.stack([self._grey(k) for k in others]) if others else np.zeros((0, *now.shape), np.float32)
         seen_from = np.array([self._from(poses[view], poses[k]) for k in others]).reshape(-1, 3)
         eye_m = self.round.eye_m
-        costs, pairs = column_costs(now, there, seen_from, self.round.bearings_rad, self.round.slopes, eye_m, self._ranges, extra,
-                             (s.cap, s.unknown, eye_m + s.above_m))
+        costs, pairs = column_costs(now, there, seen_from, self.round.bearings_rad, self.round.slopes, eye_m, self._ranges,
+                                    extra, (s.cap, s.unknown, eye_m + s.above_m))
         costs = cv2.blur(costs, (1, AROUND))
         best = smoothest(costs, s.bend, s.leap)
         ranges, clear = self._ranges[best], self._clearness(costs, best)
@@ -94,7 +94,7 @@ class Stixels:
         return least - costs[np.arange(len(best)), best]
 
     def _pivoted(self, view: int, poses: np.ndarray) -> bool:
-        """Whether the camera turned on the spot before this view: how far it turned is known too badly for so short a way."""
+        """Whether the camera turned on the spot before this view: how far it turned is known too badly for that."""
         if view == 0:
             return False
         turned = abs((poses[view, 2] - poses[view - 1, 2] + np.pi) % (2.0 * np.pi) - np.pi)

@@ -67,8 +67,8 @@ def lift_on_walls(
 
 
 def lift_on_scan(features: Features, camera: Camera, scan: Scan) -> Features:
-    """The same features with `points` (camera frame) where their rays meet what the scan of their view found standing upright,
-    or the floor before it. NaN where the scan does not know, and where it leaps between two beams."""
+    """The same features with `points` (camera frame) where their rays meet what the scan of their view found standing
+    upright, or the floor before it. NaN where the scan does not know, and where it leaps between two beams."""
     eye = camera.body_from_camera[:3, 3]
     rays = camera.rays(features.pixels.astype(float)) @ camera.body_from_camera[:3, :3].T
     bearing, flat = np.arctan2(rays[:, 1], rays[:, 0]), np.hypot(rays[:, 0], rays[:, 1])
