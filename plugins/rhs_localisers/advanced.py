@@ -92,8 +92,8 @@ class SiftDbAdvanced(ByPlaces):
     steady_m: float = 5.0
     """the drift of the odometry keeps its sign for about so long, metres"""
     pictured_sigma_m: float = 0.08
-    """a map drawn by one camera errs by so much in a stretch, metres (1 sigma), and the scans laid on it err alike: no belief
-    in it is surer (a patrol of random:loop/1 said 0.03 m, the 95th percentile of its errors was 0.18 m)"""
+    """a map drawn by one camera errs by so much in a stretch, metres (1 sigma), and the scans laid on it err alike: no
+    belief in it is surer (one patrol of random:loop/1 said 0.03 m, the 95th percentile of its errors was 0.18 m)"""
     pictured_sigma_rad: float = 0.02
     """the same of the heading, radians"""
     pictured: MatchSettings = field(
