@@ -57,6 +57,7 @@ class PlaceLocaliser:
         self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
         self._matcher: ScanMatcher | None = None  # ... and, if that is wished, to correct the belief by
         self._steps = 0
+        self._of_map = np.zeros((6, 6))  # covariance of a map drawn by one camera, which no fix in it takes away
         self._contradicted = False
         self._last = np.eye(4)
         self._watching = ContinuityWatch(context.features, None, a.continuity, smooth_share=a.smooth_share)
@@ -69,7 +70,8 @@ class PlaceLocaliser:
         settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting, a.places)
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
-        self._walls = ScanMatcher(grid, a.match) if grid is not None else None
+        pictured = any(view.motion.scan_measured for view in views)
+        self._walls = ScanMatcher(grid, a.pictured if pictured else a.match) if grid is not None else None
         self._watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
         self._matcher = self._walls if self._settings.match_every > 0 else None
         self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
@@ -95,6 +97,8 @@ class PlaceLocaliser:
         self._watch(observation, motion)
         details: dict[str, float] = {}
         scan = observation.scan if observation.scan is not None else motion.scan
+        if motion.scan_measured:
+            self._of_map = np.diag([s.advanced.pictured_sigma_m**2] * 2 + [0.0] * 3 + [s.advanced.pictured_sigma_rad**2])
         if self._due():
             answer = self._ask(observation)
             self._use_places(possible(answer, self._walls, s.advanced.confirmation), observation, scan)
@@ -178,9 +182,10 @@ class PlaceLocaliser:
             return Belief(self._last, NOWHERE, BeliefStatus.LOST, 0.0, details)
         self._last = best.map_from_body
         standing = self._contradiction.chance(held=self._confirmation.held) * self._confirmation.chance
-        probability = best.weight * chance_right(best.covariance) * standing
+        covariance = best.covariance + self._of_map
+        probability = best.weight * chance_right(covariance) * standing
         details["guesses"] = float(len(self._state.guesses))
-        return Belief(best.map_from_body, best.covariance, self._status(best.weight), probability, details)
+        return Belief(best.map_from_body, covariance, self._status(best.weight), probability, details)
 
     def _status(self, weight: float) -> BeliefStatus:
         named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held

@@ -180,6 +180,8 @@ class Odometry(Protocol):
     # one that loses itself where the robot turns on the spot says (metres, degrees) here: the patrol then turns on arcs, and
     # goes and turns no further between two views
     keeps_moving: tuple[float, float] | None = None
+    # one that compares neighbouring views says (metres, degrees) here: the patrol goes and turns no further between two
+    short_steps: tuple[float, float] | None = None
     # what fixes the scale of one whose metres do not come from depth or wheels, a few words for the row
     scale_from: str = ""
 
@@ -306,7 +308,7 @@ OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provid
                                                                        "leads_ahead")),
                                                      "sensor": (Sensor, ("senses_ahead",)),
                                                      "mapper": (Mapper, ("draws_furniture",)),
-                                                     "odometry": (Odometry, ("keeps_moving", "scale_from"))}
+                                                     "odometry": (Odometry, ("keeps_moving", "short_steps", "scale_from"))}
 
 
 def complete(kind: str, part: Any) -> Any:

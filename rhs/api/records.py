@@ -118,6 +118,8 @@ class Motion:
     observability (6,): square roots of the information per direction in the body frame (1/m, 1/rad), or None.
     reason: why the status is not ok, at most 2000 characters.
     scan: a scan the odometry believes in without depth (walls seen by one camera), or None.
+    scan_measured: each view measured that scan in its picture, so that a robot may drive by it; it is not cast on walls
+    believed in.
     details: numbers for the per-step table (inliers, matches, ...).
     replaced: this is not what the odometry said: the gate put the wheels' motion in its place (rhs.patrol.gate).
     """
@@ -130,6 +132,7 @@ class Motion:
     scan: Scan | None = None
     details: Mapping[str, float] = field(default_factory=dict)
     replaced: bool = False
+    scan_measured: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,7 +95,8 @@ class TrueOdometry:
 
     def __init__(self, odometry: Odometry, source: Source, *, scans: bool) -> None:
         self._odometry, self._source, self._scans = odometry, source, scans
-        self.keeps_moving, self.scale_from = odometry.keeps_moving, odometry.scale_from
+        self.keeps_moving, self.short_steps = odometry.keeps_moving, odometry.short_steps
+        self.scale_from = odometry.scale_from
         self._poses: list[np.ndarray] = []
 
     def update(self, observation: Observation) -> Motion:

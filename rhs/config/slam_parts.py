@@ -22,6 +22,7 @@ class SlamOdometry:
     """Its motions."""
 
     keeps_moving = None
+    short_steps = None
     scale_from = ""
 
     def __init__(self, slam: Slam) -> None:

@@ -11,11 +11,11 @@ import numpy as np
 from rhs.api.contracts import LoopCloser, Mapper, Odometry
 from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Closure, Features, FeatureSettings, Observation, Step, View, Wall
+from rhs.api.records import Closure, Features, FeatureSettings, Observation, Scan, Step, View, Wall
 from rhs.api.spare import later
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
 from rhs.estimation.scans.settings import VoteSettings
-from rhs.estimation.scans.wall_rays import lift_on_walls
+from rhs.estimation.scans.wall_rays import lift_on_scan, lift_on_walls
 
 FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing of the map: one alone may be a speck
 FURNITURE = 0.95  # chance that a cell with so many is occupied
@@ -75,16 +75,21 @@ def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",
     begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
     scans = tuple(view.scan for view in views) if revision.scans is None else revision.scans
     revised = [replace(view, map_from_body=freeze(begun @ pose), scan=freeze(scan),
-                       features=_lifted(view, pose, revision.walls))
+                       features=_lifted(view, pose, scan, revision.walls))
                for view, pose, scan in zip(views, revision.poses, scans, strict=True)]
     if revision.covariance is not None:
         revised[-1] = replace(revised[-1], covariance=freeze(revision.covariance))
     return tuple(revised), tuple(shifted(wall, begun, begun) for wall in revision.walls)
 
 
-def _lifted(view: View, pose: np.ndarray, walls: tuple[Wall, ...]) -> Features | None:
-    """The view's features; those of one eye get the points where their rays meet the walls the odometry settled on."""
-    if view.features is None or not walls or np.isfinite(view.features.points).any():
+def _lifted(view: View, pose: np.ndarray, scan: Scan | None, walls: tuple[Wall, ...]) -> Features | None:
+    """The view's features; those of one eye get the points where their rays meet the walls the odometry settled on, or what
+    its scan measured."""
+    if view.features is None or np.isfinite(view.features.points).any():
+        return view.features
+    if view.motion.scan_measured and scan is not None:
+        return freeze(lift_on_scan(view.features, view.camera, scan))
+    if not walls:
         return view.features
     return freeze(lift_on_walls(view.features, view.camera, pose, walls))
 

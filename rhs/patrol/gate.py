@@ -38,7 +38,8 @@ class GatedOdometry:
     def __init__(self, odometry: Odometry, settings: Gate, who: str = "") -> None:
         self._odometry, self._settings = odometry, settings
         self._who = who or f"odometry {type(odometry).__name__}"
-        self.keeps_moving, self.scale_from = odometry.keeps_moving, odometry.scale_from
+        self.keeps_moving, self.short_steps = odometry.keeps_moving, odometry.short_steps
+        self.scale_from = odometry.scale_from
         self._limit = chi_square(3, settings.probability)
         self._stamp_s = float("nan")
         self._speeds: list[np.ndarray] = []  # twists (6,) believed last and said last by vision

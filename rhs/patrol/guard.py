@@ -114,7 +114,7 @@ class Guard:
         if not self.sees or command.forward_mps < 0.0:
             return command, None
         wished_m = command.forward_mps * command.duration_s
-        if wished_m > 0.0 and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
+        if wished_m > 0.0 and not self.around.one_eye and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
             self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._since_s,
                                               up_to_m=wished_m + self.settings.ahead_m)
         if (look := self._look()) is not None:

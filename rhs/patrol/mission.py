@@ -87,13 +87,15 @@ class MissionSettings:
 
 
 def turning(settings: MissionSettings, odometry: Odometry) -> MissionSettings:
-    """The settings with `turn` decided: on arcs and in steps as short as the odometry wants them, where it is left to one
-    that `keeps_moving` (rhs.contracts)."""
-    wanted = odometry.keeps_moving
-    if settings.turn != "auto" or wanted is None:
-        return replace(settings, turn="pivot" if settings.turn == "auto" else settings.turn)
+    """The settings with `turn` decided: on arcs where it is left to one that `keeps_moving` (rhs.contracts), and in steps as
+    short as the odometry wants them."""
+    arcs = odometry.keeps_moving if settings.turn == "auto" else None
+    wanted = arcs or odometry.short_steps
+    turn = ("arc" if arcs else "pivot") if settings.turn == "auto" else settings.turn
+    if wanted is None:
+        return replace(settings, turn=turn)
     step_m, turn_step_deg = wanted
-    return replace(settings, turn="arc", step_m=min(settings.step_m, step_m),
+    return replace(settings, turn=turn, step_m=min(settings.step_m, step_m),
                    turn_step_deg=min(settings.turn_step_deg, turn_step_deg))
 
 

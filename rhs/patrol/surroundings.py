@@ -42,6 +42,7 @@ class Surroundings:
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
+        self.one_eye = False  # it was read off pictures that were compared: blind while the robot turns on the spot
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
 
@@ -63,6 +64,8 @@ class Surroundings:
         self.now_s = observation.stamp_s
         self._follow()
         scan, obstacle = observation.scan, observation.obstacle
+        if scan is None and obstacle is None and motion.scan_measured:
+            scan, self.one_eye = motion.scan, True
         self.sight = obstacle if obstacle is not None else scan
         seen = []
         things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)

@@ -76,13 +76,13 @@ def test_odometry_closing_and_localiser_tell_the_truth():
     inner = Slipping()
 
     class Lost:
-        keeps_moving, scale_from = (0.1, 3.0), "steps"
+        keeps_moving, short_steps, scale_from = (0.1, 3.0), (0.2, 4.0), "steps"
 
         def update(self, observation):
             return Motion(np.eye(4), np.eye(6), Tracking.LOST)
 
     odometry = TrueOdometry(Lost(), inner, scans=False)
-    assert odometry.keeps_moving == (0.1, 3.0)
+    assert odometry.keeps_moving == (0.1, 3.0) and odometry.short_steps == (0.2, 4.0)
     inner.lead()
     first = odometry.update(None)
     inner.lead()

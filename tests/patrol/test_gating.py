@@ -156,9 +156,9 @@ def test_only_odometries_with_depth_are_gated() -> None:
 
 def test_what_an_odometry_offers_beside_motions_passes_the_gate():
     part = Told()
-    part.keeps_moving, part.scale_from = (0.125, 6.5), "a barcode"
+    part.keeps_moving, part.short_steps, part.scale_from = (0.125, 6.5), (0.1, 3.0), "a barcode"
     behind = gated(part, frozenset({"depth"}), Gate())
-    assert (behind.keeps_moving, behind.scale_from) == ((0.125, 6.5), "a barcode")
+    assert (behind.keeps_moving, behind.short_steps, behind.scale_from) == ((0.125, 6.5), (0.1, 3.0), "a barcode")
     assert GatedOdometry(Told(), Gate()).keeps_moving is None
 
 

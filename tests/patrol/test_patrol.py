@@ -142,7 +142,7 @@ def test_an_odometry_that_wants_a_moving_camera_gets_arcs():
 
     from rhs.patrol.mission import turning
 
-    moving, any_other = SimpleNamespace(keeps_moving=(0.125, 6.5)), SimpleNamespace(keeps_moving=None)
+    moving, any_other = (SimpleNamespace(keeps_moving=wish, short_steps=None) for wish in ((0.125, 6.5), None))
     assert turning(MissionSettings(), moving).turn == "arc" and turning(MissionSettings(), any_other).turn == "pivot"
     decided = turning(MissionSettings(step_m=0.1), moving)
     assert (decided.step_m, decided.turn_step_deg) == (0.1, 6.5)

@@ -92,6 +92,11 @@ class CorridorFilter:
         """(views, 5) x, y, yaw, pitch, roll of all views so far: those left behind as they left the window."""
         return np.vstack([*self.history, self.state.clones])
 
+    @property
+    def viewed(self) -> int:
+        """Views so far."""
+        return self._view + 1
+
     def _move(self, frame: TrackFrame) -> None:
         seconds, self._stamp_s = frame.stamp_s - self._stamp_s, frame.stamp_s
         if self._view == 0:

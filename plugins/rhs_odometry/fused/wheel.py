@@ -52,6 +52,7 @@ class WheelOdometry:
     """Hands on the encoders' travel; says `lost` when a view came without it."""
 
     keeps_moving: tuple[float, float] | None = None
+    short_steps: tuple[float, float] | None = None
     scale_from = ""
 
     def __init__(self, settings: Wheel) -> None:

@@ -29,6 +29,7 @@ class ScanToMapOdometry:
     """The pose of each scan in a map of the last key scans."""
 
     keeps_moving: tuple[float, float] | None = None
+    short_steps: tuple[float, float] | None = None
     scale_from = "laser"
 
     def __init__(self, settings: ScanToMap) -> None:

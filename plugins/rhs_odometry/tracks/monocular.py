@@ -54,6 +54,7 @@ class MonocularOdometry:
         self._pose, self._begun = start, False
         self.keep: list[TrackFrame] | None = None  # a list here collects the frames of the survey
         self.scale_from = "nothing"  # for the row: what its metres come from
+        self.short_steps: tuple[float, float] | None = None
         self.keeps_moving: tuple[float, float] | None = None  # metres, degrees between views of a patrol on arcs
         self.at_end: Callable[[list[TrackFrame]], None] | None = None
 

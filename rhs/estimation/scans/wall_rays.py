@@ -14,6 +14,8 @@ import numpy as np
 from rhs.api.geometry import Camera, inverse, planar, transform
 from rhs.api.records import Features, Scan, Wall
 
+LEAP_SHARE = 0.1  # neighbouring beams whose ranges differ by more see two things
+
 
 def cast_on_walls(walls: Sequence[Wall], map_from_body: np.ndarray, bearings_rad: np.ndarray, max_range_m: float) -> Scan:
     """The scan that walls of the map would give from a pose. Beams that meet no wall are NaN (unknown), not free:
@@ -62,3 +64,21 @@ def lift_on_walls(
     far = ~(reach * np.linalg.norm(directions, axis=1) < max_range_m)
     local = np.where(far[:, None], np.nan, transform(inverse(map_from_camera), np.where(far[:, None], 0.0, points)))
     return replace(features, points=local.astype(np.float32))
+
+
+def lift_on_scan(features: Features, camera: Camera, scan: Scan) -> Features:
+    """The same features with `points` (camera frame) where their rays meet what the scan of their view found standing
+    upright, or the floor before it. NaN where the scan does not know, and where it leaps between two beams."""
+    eye = camera.body_from_camera[:3, 3]
+    rays = camera.rays(features.pixels.astype(float)) @ camera.body_from_camera[:3, :3].T
+    bearing, flat = np.arctan2(rays[:, 1], rays[:, 0]), np.hypot(rays[:, 0], rays[:, 1])
+    after = np.clip(np.searchsorted(scan.bearings_rad, bearing), 1, len(scan.bearings_rad) - 1)
+    left, right = scan.ranges_m[after - 1], scan.ranges_m[after]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        even = np.abs(left - right) < LEAP_SHARE * np.minimum(left, right)
+        upright = np.where(even, 0.5 * (left + right), np.nan) / flat
+        floor = np.where(rays[:, 2] < 0.0, -eye[2] / rays[:, 2], np.inf)
+        floor = np.where(floor * flat < np.fmin(np.minimum(left, right), scan.max_range_m), floor, np.nan)
+        reach = np.where(np.isfinite(floor), floor, upright)
+    points = rays * reach[:, None] @ camera.body_from_camera[:3, :3]
+    return replace(features, points=points.astype(np.float32))

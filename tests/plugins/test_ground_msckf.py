@@ -1,0 +1,127 @@
+"""One camera over a known floor: the free way is measured where two views differ, and unknown where they do not."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from painted_room import observe, paintings
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import camera_from_fov, se2
+from rhs.api.records import Features, Motion, Observation, Scan, Tracking, Twist
+from rhs.estimation.scans.wall_rays import lift_on_scan
+from rhs.patrol.control import Pace
+from rhs.patrol.guard import Guard, GuardSettings
+from rhs.patrol.mission import MissionSettings, turning
+from rhs.testing.checks import check_plugin
+from rhs.testing.room import FURNISHED, context, ranges
+from rhs_odometry.ground.config import GroundMsckf, StixelSettings
+from rhs_odometry.ground.odometry import Drift, ground_filter, halted, standing
+from rhs_odometry.ground.stixels import Stixels
+from rhs_odometry.tracks.track_frames import TrackFrame
+
+CAMERA = camera_from_fov(160, 120, 57.0, height_m=1.0, pitch_deg=15.0)
+FEW = StixelSettings(beams=40, rows=48)
+
+
+def looked(poses: list[np.ndarray]) -> tuple[Stixels, np.ndarray]:
+    stixels = Stixels(CAMERA, FEW)
+    for pose in poses:
+        stixels.add(observe(CAMERA, se2(*pose), paintings(), room=FURNISHED).image)
+    return stixels, np.array(poses)
+
+
+@pytest.mark.parametrize("heading", [0.3, -0.9, 2.0])
+def test_the_scan_ends_where_the_walls_and_boxes_are(heading: float) -> None:
+    step = 0.125 * np.array([np.cos(heading), np.sin(heading)])
+    start = np.array([-1.0, -0.5])
+    stixels, poses = looked([np.array([*(start + k * step), heading]) for k in range(7)])
+    scan = stixels.scan(6, poses)
+    assert scan is not None
+    true = ranges(FURNISHED, se2(*poses[6]), scan.bearings_rad, height_m=0.3)
+    known = np.isfinite(scan.ranges_m)
+    off = np.abs(scan.ranges_m[known] / true[known] - 1.0)
+    assert known.mean() > 0.3
+    assert np.mean(off < 0.15) > 0.85
+
+
+def test_without_way_between_the_views_nothing_is_known() -> None:
+    stixels, poses = looked([np.array([0.0, 0.0, 0.1 * k]) for k in range(5)])
+    scan = stixels.scan(4, poses)
+    assert scan is not None and np.isnan(scan.ranges_m).all()
+
+
+def test_a_view_without_a_picture_has_no_scan() -> None:
+    stixels = Stixels(CAMERA, FEW)
+    stixels.add(None)
+    assert stixels.scan(0, np.zeros((1, 3))) is None
+
+
+def frame(pixels: np.ndarray, forward_m: float) -> TrackFrame:
+    return TrackFrame(0.0, np.arange(len(pixels)), pixels, np.array([forward_m, 0.0, 1.0]))
+
+
+def test_identical_pictures_mean_no_motion_whatever_was_commanded() -> None:
+    pixels = np.random.default_rng(0).uniform(10, 110, (40, 2))
+    settings = GroundMsckf()
+    assert standing(frame(pixels, 0.1), frame(pixels + 0.05, 0.1), CAMERA, settings.advanced)
+    assert not standing(frame(pixels, 0.1), frame(pixels + 1.0, 0.1), CAMERA, settings.advanced)
+    assert not standing(frame(pixels[:5], 0.1), frame(pixels[:5], 0.1), CAMERA, settings.advanced), "five points say nothing"
+    core = ground_filter(settings, CAMERA, np.zeros(3))
+    core.step(frame(pixels, 0.0))
+    core.step(halted(frame(pixels, 0.1)))
+    assert np.abs(core.state.clones[-1, :3]).max() < 1e-9
+
+
+def test_what_is_lost_besides_grows_as_a_random_walk_and_turns_to_the_side() -> None:
+    settings = replace(GroundMsckf(), drift_rad_per_rad=0.0, drift_rad_per_m=0.01, drift_m_per_m=0.02)
+    core = ground_filter(settings, CAMERA, np.zeros(3))
+    drift, way = Drift(settings), np.zeros((3, 3))
+    for _ in range(100):
+        core.state.clones[-1, 0] += 0.1
+        way = drift.covariance(se2(0.1, 0.0, 0.0), core) - core.state.pose_covariance()[:3, :3]
+    assert way[2, 2] == pytest.approx(0.01**2 * 10.0)
+    assert way[0, 0] == pytest.approx(0.02**2 * 10.0)
+    assert way[1, 1] == pytest.approx(0.02**2 * 10.0 + 0.01**2 * 10.0**3 / 3.0, rel=0.03)
+
+
+def test_a_camera_of_unknown_height_is_refused(tmp_path: Path) -> None:
+    given = replace(context(tmp_path), camera=camera_from_fov(160, 120, 57.0, height_m=0.0))
+    with pytest.raises(ConfigError, match="camera_mount"):
+        GroundMsckf().build(given)
+
+
+def test_features_are_lifted_on_what_the_scan_measured() -> None:
+    level = camera_from_fov(160, 120, 57.0, height_m=1.0)
+    pixels = np.array([[level.cx, level.cy], [level.cx, level.cy + 0.5 * level.fy], [5.0, level.cy]], np.float32)
+    features = Features(pixels, np.zeros((3, 4), np.float32), np.full((3, 3), np.nan, np.float32))
+    scan = Scan(np.linspace(-0.5, 0.5, 5), np.array([np.nan, 3.0, 3.0, 3.0, np.nan]), 5.0)
+    points = lift_on_scan(features, level, scan).points
+    assert points[0] == pytest.approx([0.0, 0.0, 3.0], abs=1e-5), "straight ahead, on the wall"
+    assert points[1] == pytest.approx([0.0, 1.0, 2.0], abs=1e-5), "on the floor 2 m ahead, before the wall"
+    assert np.isnan(points[2]).all(), "nothing is known at the edge"
+
+
+def seen(scan: Scan, *, measured: bool) -> Motion:
+    return Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK, scan=scan, scan_measured=measured)
+
+
+def test_the_guard_drives_by_a_measured_scan_and_by_no_believed_one() -> None:
+    wall = Scan(np.linspace(-0.5, 0.5, 80), 0.7 / np.cos(np.linspace(-0.5, 0.5, 80)), 5.0)
+    ahead = Twist(0.5, 0.0, 1.0)
+    for measured, stops in ((True, True), (False, False)):
+        guard = Guard(0.25, Pace(), GuardSettings())
+        guard.observe(Observation(0, 1.0, CAMERA), seen(wall, measured=measured))
+        allowed, _ = guard.allow(ahead)
+        way_m = allowed.forward_mps * allowed.duration_s if allowed else 0.0
+        assert (way_m < 0.45) == stops
+
+
+def test_a_patrol_takes_short_steps_and_turns_on_the_spot(tmp_path: Path) -> None:
+    settings = turning(MissionSettings(), GroundMsckf().build(replace(context(tmp_path), camera=CAMERA)))
+    assert (settings.turn, settings.step_m, settings.turn_step_deg) == ("pivot", 0.125, 6.5)
+
+
+def test_it_is_an_odometry() -> None:
+    check_plugin("odometry", GroundMsckf())
