@@ -16,6 +16,7 @@ from .surroundings import NOTHING, Surroundings
 
 CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of the arcs tried when the wished one is barred
 BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and what it sees of it is some time ago
+MOST_REFUSED = 6  # commands after which one eye looks anew from where it gets to
 LEAST_M = 0.08  # a shorter way is none
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
 EDGE_RAD = np.radians(4.0)  # this near the edge of the view a patch is not looked at yet
@@ -65,7 +66,7 @@ class Guard:
                                    low_s=settings.look_s)
         self.touched = False
         self.given: Twist | None = None
-        self._still = 0
+        self._still = self._refused = 0
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
 
     @property
@@ -127,7 +128,12 @@ class Guard:
         other = None if target_m is None else self._other(target_m, wished_m, seen_m)
         if other is not None:
             return other, None
-        return (self._slowed(_cut(command, seen_m), seen_m), None) if seen_m >= LEAST_M else (None, Event.STOPPED)
+        if seen_m >= LEAST_M:
+            return self._slowed(_cut(command, seen_m), seen_m), None
+        self._refused += 1
+        if self.around.one_eye and self._refused % MOST_REFUSED == 0:
+            self.around.forget()  # pictures from one place show nobody whether it is still there
+        return None, Event.STOPPED
 
     def _free_m(self, command: Twist, up_to_m: float) -> float:
         return self.around.free_way_m(command, self.settings.side_m, up_to_m)

@@ -38,7 +38,7 @@ from .relocate import Search, clear_ahead_m
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
-ELSEWHERE_M, ELSEWHERE_RAD = 0.5, 0.5  # so far off is elsewhere: places put off may be tried again, things seen are not here
+ELSEWHERE_M, ELSEWHERE_RAD = 0.5, 0.5  # so far off places put off may be tried again, and things seen are not here
 MOST_BACK = 2  # times on the way to one place that the robot goes back because no way leads on from where it stands
 MOST_BACK_TO_SEE = 5  # or that it has to see what it waits for
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -337,9 +337,8 @@ class Sentinel:
     def _watching(self, at_m: np.ndarray, pose: np.ndarray) -> Twist:
         """Stand still for a view, turned to what is waited for, and back from it as far as the camera sees the floor there:
         else nobody sees it go."""
-        blind_m = 0.0 if self.obstacle is None else self.obstacle.blind_m
-        if np.linalg.norm(at_m - pose[:2]) < blind_m and self.backed < MOST_BACK_TO_SEE and (
-                back := self._back(pose)) is not None:
+        near = self.obstacle is not None and np.linalg.norm(at_m - pose[:2]) < self.obstacle.blind_m
+        if near and self.backed < MOST_BACK_TO_SEE and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
         bearing = float(wrap(np.arctan2(at_m[1] - pose[1], at_m[0] - pose[0]) - pose[2]))
