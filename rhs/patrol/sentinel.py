@@ -63,7 +63,7 @@ class Sentinel:
         self.guard = Guard(radius_m, self.pace, settings.advanced.guard)
         self.obstacle: Scan | None = None  # of the last view
         self.lost_in_all = 0
-        self.expected = np.eye(4)  # map_from_body by the last belief that was sure, and the motions since
+        self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
         self.plans: list[tuple[int, Path]] = []
         self.put_off: tuple[np.ndarray, list[tuple[str, float, float]]] = (np.zeros(2), [])  # places, and where it was done
         self.kidnapper: Kidnapper | None = None

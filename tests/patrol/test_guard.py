@@ -1,6 +1,7 @@
 """The robot does not drive into what it has seen, nor where nobody has looked; what it touches it leaves alone."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,6 +95,25 @@ def test_what_went_away_is_cleared_by_looking_through_it_and_a_motion_nobody_kno
     assert watched.around.free_way_m(AHEAD, 0.05, 1.5) < 1.0
     watched.observe(seen(13, np.nan), replace(STILL, status=Tracking.LOST, replaced=True))
     assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == 1.5
+
+
+def test_what_was_seen_before_the_robot_was_carried_off_is_forgotten():
+    """By a scan that cannot follow the last, or by a belief that no motion leads to; not by a lost view of the same wall."""
+    lost = replace(STILL, status=Tracking.LOST)
+    for after, still_known in ((wall_at(1.0), True), (wall_at(3.0), False)):
+        watched = guard()
+        watched.observe(seen(1, wall_at(1.0)), STILL)
+        watched.observe(seen(2, after), lost)
+        assert (watched.around.free_way_m(AHEAD, 0.05, 1.5) < 1.0) == still_known
+    beliefs = iter([se2(1.0, 1.0, 0.0), se2(1.1, 1.0, 0.0), se2(5.0, 5.0, 2.0)])
+    localiser = SimpleNamespace(update=lambda *_: Belief(next(beliefs), 1e-4 * np.eye(6)))
+    grid = OccupancyGrid(np.full((80, 80), 0.02, np.float32), 0.1, (0.0, 0.0))
+    sentinel = Sentinel(parts(localiser), grid, (), places=CORNERS, radius_m=0.3, settings=MissionSettings())
+    known = []
+    for index in range(1, 4):
+        sentinel.locate(seen(index, wall_at(1.0)), STILL)
+        known.append(len(sentinel.guard.around.things()) > 0)
+    assert known == [True, True, False]
 
 
 def test_a_low_box_under_the_camera_is_remembered_until_its_floor_is_seen():
