@@ -28,7 +28,7 @@ def colour_alone(tmp_path):
 def test_the_stack_of_one_camera_leads_a_simulator_and_leaves_a_recording_alone():
     led = compose_config(["sensor=mono"]).source.settings
     assert (led.step_m, led.turn, led.turn_step_deg) == (0.125, "arc", 6.5)
-    assert compose_config(["sensor=mono"]).odometry.name == "corridor_ekf"
+    assert compose_config(["sensor=mono"]).odometry.name == "ground_msckf"
     assert compose_config(["sensor=mono", "source=replay", "source.path=x"]).odometry.name == "monocular_vo"
 
 
