@@ -113,6 +113,8 @@ class Dijkstra:
     """A planner of a few lines, so that the loop is tested without any plugin. corners: it goes between two cells that touch
     at a corner, as a planner must not."""
 
+    corners = True
+
     def __init__(self, corners: bool = True) -> None:
         self.corners = corners
 
