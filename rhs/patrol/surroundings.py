@@ -14,6 +14,7 @@ KEPT_M = 2.0  # the robot stays this near its middle
 THING = 0.75  # votes from which a cell holds a thing: one beam that ended there and none that passed
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
+SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
@@ -175,7 +176,8 @@ class Surroundings:
         below = (self.below.votes[near] >= THING) & (self.below_s[near] >= self.now_s - lately_s)
         rows, columns = np.nonzero(there & (at_eye | below))
         points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
-        body = self.in_body(points)
+        votes = np.maximum(self.at_eye.votes[near], self.below.votes[near])[rows, columns]
+        body = self.in_body(points[(votes >= SPECK_VOTES) | in_company(points)])
         return body[np.hypot(*body.T) < NEAR_M]
 
     def bump(self, ahead: float) -> np.ndarray:
@@ -221,6 +223,16 @@ class Surroundings:
         """(K, 2) points of this frame, in the robot's body frame."""
         body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
         return body
+
+
+def in_company(points_m: np.ndarray) -> np.ndarray:
+    """(K,) bool: the point (K, 2) has another within SPECK_M."""
+    if not len(points_m):
+        return np.zeros(0, bool)
+    from scipy.spatial import cKDTree
+
+    near: np.ndarray = cKDTree(points_m).query_ball_point(points_m, SPECK_M, return_length=True) > 1
+    return near
 
 
 def _arc(command: Twist, length_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -162,6 +162,16 @@ def test_things_not_looked_at_lately_can_be_left_out():
     assert (lately > 1.3).all() and len(lately), "the wall is still looked at, what stands low before it no more"
 
 
+def test_a_speck_of_one_view_is_no_thing_and_a_pole_seen_twice_is():
+    watched = guard()
+    ranges = np.full(41, np.inf)
+    ranges[20] = 1.0
+    watched.observe(seen(1, ranges), STILL)
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == 1.5
+    watched.observe(seen(2, ranges), STILL)
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == pytest.approx(0.65, abs=0.06)
+
+
 def test_commands_that_do_not_move_the_robot_are_a_touch_without_any_bumper():
     watched = guard()
     for index in range(1, 4):
