@@ -115,9 +115,6 @@ class Dijkstra:
 
     corners = True
 
-    def __init__(self, corners: bool = True) -> None:
-        self.corners = corners
-
     def plan(self, problem) -> Path:
         from scipy.sparse import csr_matrix
         from scipy.sparse.csgraph import dijkstra

@@ -41,7 +41,7 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
         limits = Limits(chosen.jobs or processes(), chosen.timeout)
         rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
         for name, told in made.items():
-            told |= {"words": combinations[name], "command": " ".join(["python -m rhs bench", *words])}
+            told |= {"words": combinations[name], "command": _shown(words)}
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
         text = _published(suite, table, [claim.folder, *([HOME] if whole and not output else [])], note, mine)
@@ -93,6 +93,13 @@ def _part(suite: Suite, chosen: argparse.Namespace) -> tuple[Suite, str]:
     if chosen.quick:
         return replace(suite, buildings=suite.quick()), "Quick: the first building of each family; no entry."
     return suite, ""
+
+
+def _shown(words: Sequence[str]) -> str:
+    """The command as it is handed on: where somebody's recordings lie is nobody else's business."""
+    kept = ["--data=FOLDER" if word.startswith("--data=") else "FOLDER" if before == "--data" else word
+            for before, word in zip(["", *words], words, strict=False)]
+    return " ".join(["python -m rhs bench", *kept])
 
 
 def _data(suite: Suite, chosen: argparse.Namespace, combinations: Mapping[str, str]) -> Path | None:

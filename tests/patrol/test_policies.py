@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flatland import Dijkstra, Flatland, Oracle, Through, parts, ring
+from flatland import Flatland, Oracle, Through, parts, ring
 
 from rhs.api.contracts import Blocked
 from rhs.api.errors import ContractError
@@ -37,7 +37,8 @@ def patrol(replan, *, hidden=None, leaves=None, places=PLACES):
     world = Leaves(ring(), (1.0, 1.0, 0.0), places, hidden=barrier() if hidden is None else hidden)
     world.views = leaves
     oracle = Oracle(world)
-    given = parts(oracle, Dijkstra(corners=False))
+    given = parts(oracle)
+    given.planner.corners = False
     given.replan = replan
     sentinel = Sentinel(given, world.grid(), (), places=places, radius_m=world.radius, settings=MissionSettings())
     out = []

@@ -103,6 +103,15 @@ def test_features_are_lifted_on_what_the_scan_measured() -> None:
     assert np.isnan(points[2]).all(), "nothing is known at the edge"
 
 
+def test_all_pictures_of_a_survey_are_given_up_once_it_is_over() -> None:
+    stixels = Stixels(CAMERA, FEW)
+    for _ in range(6):
+        stixels.add(np.zeros((120, 160, 3), np.uint8))
+    stixels.forget(4)
+    poses = np.array([[0.1 * k, 0.0, 0.0] for k in range(6)])
+    assert [stixels.scan(view, poses) is None for view in range(6)] == [True] * 4 + [False] * 2
+
+
 def seen(scan: Scan, *, measured: bool) -> Motion:
     return Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK, scan=scan, scan_measured=measured)
 

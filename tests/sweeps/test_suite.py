@@ -197,3 +197,11 @@ def test_the_page_of_blame_by_hand():
 def test_recordings_are_not_blamed():
     with pytest.raises(ConfigError, match="are for buildings"):
         main(["recordings-v1", "--mine", "odometry=orb", "--blame"])
+
+
+def test_a_command_that_is_handed_on_does_not_say_where_the_recordings_lie():
+    from rhs.cli.suite import _shown
+
+    for words in (["recordings-v1", "--data", "/home/me/x", "--quick"], ["recordings-v1", "--data=/home/me/x", "--quick"]):
+        shown = _shown(words)
+        assert "/home" not in shown and "FOLDER --quick" in shown and shown.startswith("python -m rhs bench recordings-v1")

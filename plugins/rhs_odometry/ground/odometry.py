@@ -91,7 +91,7 @@ class GroundOdometry(Odometry):
                           details=self._details(frame, stands))
         motion = orthonormal(inverse(pose) @ self._pose())
         covariance = self._ledger.motion(clones[-1], self._drift.covariance(motion, self._filter))
-        status, reason = self._standing(frame)
+        status, reason = self._status(frame)
         return Motion(motion, embed(covariance), status, reason, scan=scan, scan_measured=scan is not None,
                       details=self._details(frame, stands))
 
@@ -107,7 +107,7 @@ class GroundOdometry(Odometry):
     def _pose(self) -> np.ndarray:
         return se2(*self._filter.state.clones[-1, :3])
 
-    def _standing(self, frame: TrackFrame) -> tuple[Tracking, str]:
+    def _status(self, frame: TrackFrame) -> tuple[Tracking, str]:
         advanced = self._settings.advanced
         if len(frame.ids) < advanced.few_tracks:
             return Tracking.LOST, f"{len(frame.ids)} points followed, {advanced.few_tracks} needed; went on blindly"

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from rhs.api.frozen import freeze
-from rhs.api.geometry import Camera
+from rhs.api.geometry import Camera, wrap
 from rhs.api.records import Scan
 
 from .config import StixelSettings
@@ -33,6 +33,7 @@ class Stixels:
         self._seen = np.full((2, TONES**3), 2.0)  # pixels of each colour that were floor, and that were not
         self._views: list[np.ndarray | None] = []  # (B, T, 3) uint8
         self._greys: dict[int, np.ndarray] = {}
+        self._forgotten = 0  # views whose pictures were given up
 
     def add(self, image: np.ndarray | None) -> None:
         """The next view; None where it has no picture."""
@@ -63,9 +64,10 @@ class Stixels:
 
     def forget(self, before: int) -> None:
         """Pictures of views before this number are given up."""
-        for view in range(max(0, before - 2), before):
+        for view in range(self._forgotten, before):
             self._views[view] = None
             self._greys.pop(view, None)
+        self._forgotten = max(self._forgotten, before)
 
     def _scan(self, ranges: np.ndarray, believed: np.ndarray) -> Scan:
         s = self._settings
@@ -97,7 +99,7 @@ class Stixels:
         """Whether the camera turned on the spot before this view: how far it turned is known too badly for that."""
         if view == 0:
             return False
-        turned = abs((poses[view, 2] - poses[view - 1, 2] + np.pi) % (2.0 * np.pi) - np.pi)
+        turned = abs(wrap(poses[view, 2] - poses[view - 1, 2]))
         moved = float(np.hypot(*(poses[view, :2] - poses[view - 1, :2])))
         return bool(moved < self._settings.pivot_m and turned > self._settings.pivot_rad)
 
@@ -107,8 +109,7 @@ class Stixels:
         for step in (-1, 1) if later else (-1,):
             wanted, k = list(s.apart_m[:: 2 if later else 1]), view + step
             while wanted and 0 <= k < min(len(poses), len(self._views)) and abs(k - view) <= s.oldest:
-                turned = abs((poses[k, 2] - poses[view, 2] + np.pi) % (2.0 * np.pi) - np.pi)
-                if turned > s.turned_rad or self._views[k] is None:
+                if abs(wrap(poses[k, 2] - poses[view, 2])) > s.turned_rad or self._views[k] is None:
                     break
                 if np.hypot(*(poses[k, :2] - poses[view, :2])) >= wanted[0]:
                     found.append(k)
