@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -52,6 +53,23 @@ def test_a_hand_held_camera_moves_in_all_six_directions():
     move = exp_se3(np.array([0.05, -0.04, 0.05, 0.1, -0.05, 0.1]))
     motions, _ = run(build(HAND), [HELD, HELD @ move], HAND)
     assert np.abs(log_se3(inverse(move) @ motions[1].previous_from_body)).max() < 0.004
+
+
+def test_the_wheels_tell_the_room_from_somebody_who_fills_two_thirds_of_the_picture():
+    """The left third stands still, the rest walks 0.15 m to the side in each view: alone, vision goes with the rest."""
+    ways, worst = (se2(0.05, 0.0, 0.0), se2(0.05, -0.15, 0.0)), {}
+    for wheel in (None, np.array([0.05, 0.0, 0.0])):
+        odometry, poses, errors = build(), [START, START @ se2(0.0, 0.4, 0.0)], []
+        for index in range(3):
+            room, somebody = (observe(ROBOT, pose, TEXTURES, index) for pose in poses)
+            image, depth = somebody.image.copy(), somebody.depth.copy()
+            image[:, :106], depth[:, :106] = room.image[:, :106], room.depth[:, :106]
+            motion = odometry.update(replace(room, image=image, depth=depth, wheel=wheel if index else None))
+            if index:
+                errors.append(np.linalg.norm(log_se3(inverse(ways[0]) @ motion.previous_from_body)[:3]))
+            poses = [pose @ way for pose, way in zip(poses, ways, strict=True)]
+        worst[wheel is not None] = min(errors), max(errors)
+    assert worst[False][0] > 0.1 and worst[True][1] < 0.06
 
 
 def test_turning_to_and_fro_does_not_add_up():

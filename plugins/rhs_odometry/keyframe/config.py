@@ -27,6 +27,8 @@ class KeyframeAdvanced:
     found_share: float = 0.8
     """patches are looked for where the guess puts them; when fewer than this share of those that ought to be in view agree,
     Lucas-Kanade brings the points near first"""
+    wheels_probability: float = 0.999999
+    """points that the wheels contradict so surely (chi-square test) are looked for once more where the wheels put them"""
     rescue_features: int = 600
     """ORB key-points compared when following fails"""
     rescue_ratio: float = 0.85
@@ -76,7 +78,8 @@ class KeyframeAdvanced:
 
     def __post_init__(self) -> None:
         check_ranges("", self, gate=(0.5, 1000.0), student_dof=(0.5, 1e6), trusted_share=(0.0, 1.0), found_share=(0.0, 10.0),
-                     rescue_features=(20, 100_000), rescue_ratio=(0.1, 1.0), rescue_px=(0.05, 100.0),
+                     wheels_probability=(0.5, 1.0 - 1e-12), rescue_features=(20, 100_000), rescue_ratio=(0.1, 1.0),
+                     rescue_px=(0.05, 100.0),
                      rescue_hypotheses=(1, 100_000), rescue_gate_sigma=(0.5, 100.0), min_edge=(6, 100_000),
                      relocate_tries=(1, 1000), relocate_views=(0, 1_000_000), relocate_every=(1, 1000),
                      relocate_probability=(0.5, 1.0 - 1e-12),

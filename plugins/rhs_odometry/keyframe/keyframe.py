@@ -62,6 +62,7 @@ class KeyframeOdometry(Odometry):
         self._floor = Floor(a.sway) if on_floor else None
         self._map = KeyframeMap(settings)
         self._tracker = Tracker(settings, camera, self._map)
+        self._disagrees = gate(6, a.wheels_probability)
         self._previous: Observation | None = None
         self._motion = np.eye(4)  # previous_from_body of the last step
         self._spread = FIRST  # covariance of the last pose
@@ -82,7 +83,7 @@ class KeyframeOdometry(Odometry):
             return self._report(FIRST, Tracking.OK, "first view")
         name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
         guess = self._tracker.pose @ self._in_camera(body_motion)
-        fit = self._fit(look, guess, previous)
+        fit = self._fit(look, guess, previous, wide if name == "wheel" else None)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
             return self._lost(look, orthonormal(guess), wide, reason, name == "same again")
@@ -124,10 +125,18 @@ class KeyframeOdometry(Odometry):
         poses = b @ self._map.stand(np.array(self._hangs_on)) @ relative @ inverse(b)
         return Revision(poses, None)
 
-    def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation) -> PoseFit | None:
-        """The pose of the view, or None when nothing measures it."""
+    def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation, wide: np.ndarray | None) -> PoseFit | None:
+        """The pose of the view, or None when nothing measures it. wide (6, 6): covariance of a guess by wheels, of the body;
+        where points contradict it, somebody's who walks by were followed, and those that are where it puts them count."""
         ids, pixels = self._tracker.ids, self._tracker.pixels
         fit = self._tracker.follow(look, guess)
+        if wide is not None and self._contradicts(fit, guess, wide):
+            followed = self._tracker.ids, self._tracker.pixels
+            self._tracker.ids, self._tracker.pixels = ids, pixels
+            again = self._tracker.find(look, guess)
+            if again.inliers.sum() >= self._settings.min_inliers and not self._contradicts(again, guess, wide):
+                return again
+            self._tracker.ids, self._tracker.pixels = followed
         if self._trusted(fit, len(ids)):
             return fit
         motion = self._rescue(previous)
@@ -140,6 +149,13 @@ class KeyframeOdometry(Odometry):
             else:
                 self._tracker.ids, self._tracker.pixels = followed
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
+
+    def _contradicts(self, fit: PoseFit, guess: np.ndarray, wide: np.ndarray) -> bool:
+        """Whether the fit is further from the wheels' guess than these err."""
+        move = adjoint(inverse(self._camera.body_from_camera))
+        off = log_se3(inverse(guess) @ inverse(fit.camera_from_map))
+        squared = off @ np.linalg.solve(move @ wide @ move.T + _covariance(fit), off)
+        return bool(squared > self._disagrees)
 
     def _trusted(self, fit: PoseFit, followed: int) -> bool:
         enough = max(2 * self._settings.min_inliers, self._advanced.trusted_share * followed)
