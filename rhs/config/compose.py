@@ -110,10 +110,11 @@ class Composer:
     def config(self, words: Sequence[Any]) -> RunConfig:
         """The checked configuration for these words (rhs.config.overrides)."""
         from . import hydra_glue
-        from .degraded import with_owners
         from .overrides import is_of_sweep
 
-        words = with_owners(words)
+        if any(word.key.startswith(f"{DEGRADE}.") for word in words):
+            from .degraded import with_owners
+            words = with_owners(words)
         for word in words:
             if is_of_sweep(word.key):
                 raise ConfigError(f"{word.text}: {word.key} is for the jobs of a sweep; add -m, or leave it out")

@@ -17,8 +17,8 @@ from rhs.api.validate import check_capture
 from rhs.base.errors import ConfigError, RhsError
 
 from . import registry
-from .composed import JOINED, names_in
 from .overrides import Word
+from .registry import JOINED, names_in
 
 MOST_LOST = 1000  # views in a row
 

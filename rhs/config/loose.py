@@ -20,7 +20,7 @@ from rhs.api.contracts import PLUGIN_KINDS
 from rhs.base.errors import PluginError
 
 from . import registry
-from .composed import names_in
+from .registry import names_in
 
 
 def carried(chosen: Collection[tuple[str, str]]) -> list[dict[str, str]]:

@@ -23,7 +23,7 @@ from rhs.api.contracts import CHOICES, DEGRADE, KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
-from .composed import JOINED, names_in
+from .registry import JOINED, names_in
 
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets

@@ -20,7 +20,7 @@ from rhs.api.task import Parts
 from rhs.base.errors import ConfigError
 
 from . import registry
-from .composed import members_of, names_in
+from .registry import members_of, names_in
 
 
 @dataclass
@@ -116,8 +116,6 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
     """Build source, sensor, ..., after checking that they fit; of a kind that is not chosen there is no part.
 
     world: the loaded world, or None for a recording made elsewhere. made: parts that are there already."""
-    from .slam_parts import in_place_of
-
     check_combination(chosen)
     there = {} if made is None else {kind: getattr(made, kind) for kind in ORDER}
     built: dict[str, Any] = {kind: part for kind, part in there.items() if part is not None}
@@ -133,6 +131,7 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
             built[kind] = build_part(kind, chosen[kind], context)
         if SLAM in built and made is None:
+            from .slam_parts import in_place_of
             built |= in_place_of(built[SLAM])
     except BaseException:
         source.close()

@@ -16,6 +16,7 @@ import re
 import signal
 import sys
 import threading
+import typing
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,13 +25,12 @@ from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from rhs.api.contracts import API_VERSION, PLUGIN_KINDS
+from rhs.api.contracts import API_VERSION, DEGRADE, PLUGIN_KINDS
 from rhs.api.metric import Metric
 from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
 from rhs.base.errors import ConfigError, PluginError
 
-from .composed import joined, names_in
-
+JOINED = "+"  # between degradations: `degrade=blur+low_light` is one part whose settings stand side by side
 IMPORT_S = 10.0  # for a plugin that is only listed
 
 
@@ -251,3 +251,48 @@ def _name_of(distribution: Distribution) -> str:
 
 def _first_line(error: BaseException) -> str:
     return (str(error).strip().splitlines() or [""])[0][:120]
+
+
+def names_in(kind: str, name: str) -> list[str]:
+    """The plugins that a name stands for: one, or of degradations as many as it joins."""
+    return name.split(JOINED) if kind == DEGRADE else [name]
+
+
+def joined(kind: str, members: dict[str, type]) -> type:
+    """One settings dataclass for these plugins; each of its settings is one of theirs.
+
+    Raises PluginError where two of them have a setting of one name."""
+    hints = {name: typing.get_type_hints(cls) for name, cls in members.items()}
+    owner: dict[str, str] = {}
+    fields: list[Any] = []
+    for name, cls in members.items():
+        for item in dataclasses.fields(cls):
+            if not item.init or item.name in RESERVED:
+                continue
+            if item.name in owner:
+                raise PluginError(f"{kind}={JOINED.join(members)}: {owner[item.name]} and {name} both have a setting "
+                                  f"{item.name}; rename it in one of them")
+            owner[item.name] = name
+            fields.append((item.name, hints[name][item.name], _default(item)))
+
+    def check(self: Any) -> None:
+        members_of(self)
+
+    named = {"needs": frozenset().union(*(cls.needs for cls in members.values())),  # type: ignore[attr-defined]
+             "provides": frozenset(), "members": members, "__post_init__": check}
+    return dataclasses.make_dataclass("Joined", fields, namespace=named)
+
+
+def _default(item: dataclasses.Field[Any]) -> Any:
+    if item.default is not dataclasses.MISSING:
+        return dataclasses.field(default=item.default)
+    return dataclasses.field(default_factory=item.default_factory)  # type: ignore[arg-type]
+
+
+def members_of(settings: Any) -> list[Any]:
+    """The settings of each plugin that joined settings stand for, each checked by its own rules; of one plugin its own."""
+    members = getattr(settings, "members", None)
+    if members is None:
+        return [settings]
+    return [cls(**{item.name: getattr(settings, item.name) for item in dataclasses.fields(cls) if item.init})
+            for cls in members.values()]
