@@ -21,7 +21,7 @@ from pathlib import Path
 from rhs.base.provenance import commit
 from rhs.runfolder.row import read_row
 
-WORLDS = ("square_small", "random:office/18", "random:loop/32", "random:non_manhattan/10")
+WORLDS = ("square_small", "random:office/18", "random:loop/32")
 CHAINS = {"ours": (), "wheels": ("odometry=wheel", "loop_closer=none", "localiser=odometry_only")}
 
 
