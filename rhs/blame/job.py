@@ -8,6 +8,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,13 @@ from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.task import Value
 from rhs.config.degraded import Degraded
-from rhs.metrics.blame import (
-    MEASURES,
+from rhs.metrics.blame import ALONE, MEASURES, WORTH, judged, losses_of, measure_of, off_since
+from rhs.metrics.shares import (
     Losses,
-    judged,
-    losses_of,
-    off_since,
+    bounds,
+    middle,
+    next_patrols,
+    off_by,
     shapley,
     shapley_of_orders,
     subsets,
@@ -33,7 +35,7 @@ from rhs.runfolder.run import Run
 
 from .oracles import Watched
 from .settings import MOST_EXACT, Blame
-from .trials import Chain, label, run_trials, spoiling
+from .trials import SURVEYED, Chain, Trials, label, spoiling
 
 
 class BlameJob:
@@ -61,10 +63,7 @@ class BlameJob:
 
     def run(self) -> Mapping[str, Value]:
         """The columns follow from blame.json and from the files of the patrol with nothing replaced."""
-        folder, links = self.context.folder, self.settings.links
-        wanted = subsets(links) if not self.orders else list(dict.fromkeys(
-            [frozenset(), *(frozenset([link]) for link in links),
-             *(frozenset(order[:place]) for order in self.orders for place in range(len(order) + 1))]))
+        folder, settings = self.context.folder, self.settings
         source = self.parts.source
         bare = source.source if isinstance(source, Degraded) else source
         chain = Chain(self.settings, self.context, self.world, self.parts, Watched(bare), self.spoiling,
@@ -72,8 +71,7 @@ class BlameJob:
         if any(truth is None for _, truth, _ in chain.source.taken):
             raise ConfigError("task=blame needs a source that knows the truth")
         chain.folder.mkdir()
-        with progress(len(wanted), shown=self.context.watched) as tell:
-            columns = run_trials(chain, wanted, self.settings.processes or len(os.sched_getaffinity(0)), tell)
+        columns = self._driven(Trials(chain, settings.processes or len(os.sched_getaffinity(0))))
         shutil.rmtree(chain.folder)
         write_table(folder / "counterfactuals.csv", columns)
         for known, found in columns.items():
@@ -82,27 +80,62 @@ class BlameJob:
         write_json(folder / "blame.json", self._account(columns, off_since(Run(folder).steps)))
         return {}
 
-    def _account(self, columns: Mapping[frozenset[str], Mapping[str, Any]], since: int) -> Any:
-        """What blame.json holds."""
-        links = self.settings.links
+    def _driven(self, trials: Trials) -> dict[frozenset[str], dict[str, Any]]:
+        """Links that were given the truth -> columns of the patrol, as many patrols as it takes."""
+        links, every = self.settings.links, subsets(self.settings.links)
+        wanted = every if self.settings.exact else [every[0], every[-1]]
+        if self.orders:
+            wanted = every = list(dict.fromkeys(
+                [frozenset(), *(frozenset([link]) for link in links),
+                 *(frozenset(order[:place]) for order in self.orders for place in range(len(order) + 1))]))
+        columns: dict[frozenset[str], dict[str, Any]] = {}
+        with progress(shown=self.context.watched) as tell:
+            while wanted:
+                tell(len(columns), len(columns) + len(wanted))
+                columns |= trials.drive(wanted, partial(_on, tell, len(columns)))
+                wanted = [] if self.orders else self._next(columns)
+            trials.close()
+        return {one: columns[one] for one in every if one in columns}
+
+    def _next(self, columns: Mapping[frozenset[str], Mapping[str, Any]]) -> list[frozenset[str]]:
+        """The patrols that are driven next."""
+        if any(found["status"] != "ok" for found in columns.values()):
+            return []
+        losses = self._losses(columns)
+        measure = measure_of(losses, self.settings.links)
+        return next_patrols(losses[measure], self.settings.links, worth=WORTH[measure], alone=ALONE) if measure else []
+
+    def _losses(self, columns: Mapping[frozenset[str], Mapping[str, Any]]) -> dict[str, Losses]:
+        """Measure -> losses of the patrols that were driven; of the survey, those of all that rest on the same one."""
         lost = {known: losses_of(found) for known, found in columns.items()}
         losses: dict[str, Losses] = {name: {known: found[name] for known, found in lost.items()} for name in MEASURES}
-        errors: dict[str, dict[str, float]] = {}
+        if not self.orders:
+            surveyed = {*SURVEYED, *self.spoiling, "closing"}
+            ate = {known & surveyed: loss for known, loss in losses["ate"].items()}
+            losses["ate"] = {one: ate[one & surveyed] for one in subsets(self.settings.links) if one & surveyed in ate}
+        return losses
+
+    def _account(self, columns: Mapping[frozenset[str], Mapping[str, Any]], since: int) -> Any:
+        """What blame.json holds."""
+        links, losses = self.settings.links, self._losses(columns)
         shares: dict[str, dict[str, float]] = {}
+        errors: dict[str, dict[str, float]] = {}
         for measure, known in losses.items():
             if self.orders:
                 found = shapley_of_orders(known, self.orders)
                 shares[measure] = {link: share for link, (share, _) in found.items()}
                 errors[measure] = {link: error for link, (_, error) in found.items()}
             else:
-                shares[measure] = shapley(known, links)
+                shares[measure] = shapley(middle(known, links), links)
+                errors[measure] = off_by(bounds(known, links), links)
+        told = judged(losses, links, since=since, shares=shares if self.orders else None)
         nothing, everything = frozenset[str](), frozenset(links)
         return known_or_none({
-            "links": links, "runs": len(columns), "off_since": since,
-            **judged(losses, links, since=since, shares=shares), "shares": shares, "standard_errors": errors,
+            "links": links, "runs": len(columns), "off_since": since, **told, "shares": shares,
+            "standard_errors" if self.orders else "off_by": errors,
             "loss": {name: losses[name][nothing] for name in MEASURES},
             "rest": {name: losses[name][everything] for name in MEASURES},
-            "losses": {label(known): found for known, found in lost.items()}})
+            "losses": {label(known): losses_of(found) for known, found in columns.items()}})
 
 
 def known_or_none(value: Any) -> Any:
@@ -112,13 +145,21 @@ def known_or_none(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
+def _on(tell: Callable[[int, int | None], None], before: int, more: int) -> None:
+    tell(before + more, None)
+
+
 @contextmanager
-def progress(patrols: int, *, shown: bool) -> Iterator[Callable[[int], None]]:
-    """A bar on stderr that is told how many patrols have ended."""
+def progress(*, shown: bool) -> Iterator[Callable[[int, int | None], None]]:
+    """A bar on stderr that is told how many patrols have ended and, if that is known anew, of how many."""
     from tqdm import tqdm
 
-    with tqdm(total=patrols, desc="blame", unit="patrol", disable=None if shown else True) as bar:
-        yield lambda ended: bar.update(ended - bar.n) and None
+    with tqdm(desc="blame", unit="patrol", disable=None if shown else True) as bar:
+        def tell(ended: int, total: int | None) -> None:
+            bar.total = total or bar.total
+            bar.update(ended - bar.n)
+
+        yield tell
 
 
 def write_table(path: Path, columns: Mapping[frozenset[str], Mapping[str, Any]]) -> None:

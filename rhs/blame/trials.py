@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,6 +37,7 @@ from .oracles import TrueClosing, TrueDrive, TrueLocaliser, TrueMap, TrueOdometr
 from .settings import Blame
 
 SURVEYED = ("sense", "odometry")  # links that the survey's estimate depends on; drive where wheels are spoiled
+KILLED = {"status": "killed", "reason": "its process was killed"}
 OF = multiprocessing.get_context("fork")
 
 
@@ -70,44 +72,70 @@ def spoiling(context: RunContext) -> tuple[str, ...]:
     return () if chosen is None else tuple(fault_of(one) for one in members_of(chosen.settings))
 
 
-def run_trials(chain: Chain, wanted: Sequence[frozenset[str]], processes: int, done: Callable[[int], None],
-               ) -> dict[frozenset[str], dict[str, Any]]:
-    """Links that were given the truth -> columns of the patrol. done(n): how many have ended. `status` and `reason`
-    stand among the columns."""
-    at_once = OF.Semaphore(processes)
-    states = {state: [links for links in wanted if links & chain.surveyed == state]
-              for state in sorted({links & chain.surveyed for links in wanted}, key=sorted)}
-    groups = [OF.Process(target=_survey, args=(chain, state, resting, at_once)) for state, resting in states.items()]
-    sys.stdout.flush()
-    sys.stderr.flush()
-    for group in groups:
-        group.start()
-    while any(group.is_alive() for group in groups):
-        for group in groups:
-            group.join(0.3)
-        done(sum(_answer(chain, links).exists() for links in wanted))
-    return {links: _read(chain, links) for links in wanted}
+class Trials:
+    """A process for each way of estimating the survey, begun when it is first needed, that drives patrols when told to."""
+
+    def __init__(self, chain: Chain, processes: int) -> None:
+        self.chain, self.at_once = chain, OF.Semaphore(processes)
+        self.groups: dict[frozenset[str], tuple[Any, Any]] = {}  # state of the survey -> process, what it is told
+
+    def drive(self, wanted: Sequence[frozenset[str]], done: Callable[[int], None]) -> dict[frozenset[str], dict[str, Any]]:
+        """Links that were given the truth -> columns of the patrol, `status` and `reason` among them. done(n): how many have
+        ended."""
+        sys.stdout.flush()
+        sys.stderr.flush()
+        states = {state: [links for links in wanted if links & self.chain.surveyed == state]
+                  for state in sorted({links & self.chain.surveyed for links in wanted}, key=sorted)}
+        for state, resting in states.items():
+            if state not in self.groups:
+                told = OF.SimpleQueue()
+                group = OF.Process(target=_survey, args=(self.chain, state, told, self.at_once))
+                group.start()
+                self.groups[state] = group, told
+            self.groups[state][1].put(resting)
+        while any(self.groups[state][0].is_alive() and not all(map(self._ended, resting))
+                  for state, resting in states.items()):
+            time.sleep(0.1)
+            done(sum(map(self._ended, wanted)))
+        return {links: _read(self.chain, links) for links in wanted}
+
+    def close(self) -> None:
+        """No more."""
+        for group, told in self.groups.values():
+            told.put(None)
+            group.join()
+
+    def _ended(self, links: frozenset[str]) -> bool:
+        return _answer(self.chain, links).exists()
 
 
-def _survey(chain: Chain, state: frozenset[str], wanted: Sequence[frozenset[str]], at_once: Any) -> None:
+def _survey(chain: Chain, state: frozenset[str], told: Any, at_once: Any) -> None:
     """In a process: estimate the survey once, then a process for each patrol that rests on it."""
     die_with_parent()
+    wanted: list[frozenset[str]] | None = None
     try:
         with at_once:
             parts = _estimating(chain, state)
             log = _log(chain, parts, chain.folder / f"survey_{label(state)}")
             leading = collect(parts, chain.context, chain.settings, log)
             collected = _result(leading)
-        patrols = [OF.Process(target=_patrol, args=(chain, parts, collected, log, links, at_once)) for links in wanted]
-        for one in patrols:  # forked when its turn comes: each that waited would count as memory of the run
-            at_once.acquire()
-            one.start()
-        for one in patrols:
-            one.join()
-        log.table.close()
+        while (wanted := told.get()) is not None:
+            patrols = [OF.Process(target=_patrol, args=(chain, parts, collected, log, links, at_once)) for links in wanted]
+            for one in patrols:  # forked when its turn comes: each that waited would count as memory of the run
+                at_once.acquire()
+                one.start()
+            for one, links in zip(patrols, wanted, strict=True):
+                one.join()
+                if not _answer(chain, links).exists():
+                    _write(chain, links, KILLED)
     except BaseException as error:
-        for links in wanted:
-            _write(chain, links, {"status": "failed", "reason": f"{type(error).__name__}: {error}"})
+        wanted = told.get() if wanted is None else wanted
+        while wanted is not None:
+            for links in wanted:
+                _write(chain, links, {"status": "failed", "reason": f"{type(error).__name__}: {error}"})
+            wanted = told.get()
+    else:
+        log.table.close()
 
 
 def _patrol(chain: Chain, parts: Parts, collected: ViewCollector, led: RunLog, links: frozenset[str], at_once: Any) -> None:
@@ -208,5 +236,5 @@ def _read(chain: Chain, links: frozenset[str]) -> dict[str, Any]:
     try:
         columns: dict[str, Any] = json.loads(_answer(chain, links).read_text("utf-8"))
     except (OSError, ValueError):
-        return {"status": "killed", "reason": "its process was killed"}
+        return dict(KILLED)
     return columns

@@ -10,14 +10,16 @@
         --ours NAME,NAME      of ours only these; --quick: one building of each family, no entry
         --jobs N              processes at a time (one per core); --timeout S: of one run (3600)
         --entry FOLDER        also what an entry needs: the rows, and the configurations that `rhs verify` runs again
-        --blame               also which link it was, in the runs that lost something (16 patrols each), and idleness
+        --blame               also which link it was, in the runs that lost something
         --held-out FILE       the buildings that were promised by a hash, once they are shown
         output=FOLDER         where the runs go (results/sweeps/NAME); killed, the same command goes on
     python -m rhs bench recordings-v1 --data FOLDER                   estimators on frozen recordings, known by their hash
         --mine sensor=laser odometry=x                                options as above; the folder: RHS_DATA, or data
 
 planning-v1: 60 questions with three seeds each. Files: NAME.csv (a row for each answer or run, no time in it), NAME.md
-(scores, hashes of rows, times). Exit code 0; 1 when an answer of yours is wrong; 2 refused; 3 when a run left no row.
+(scores, hashes of rows, times); of buildings NAME_more.csv and .md too: idleness beside its bound, precision over visits,
+blame. Where chains break: `python -m rhs atlas conf/atlas/corridor-v1.yaml`, which takes a night. Exit code 0; 1 when an
+answer of yours is wrong; 2 refused; 3 when a run left no row.
 """
 
 from __future__ import annotations

@@ -45,8 +45,9 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
         text = _published(suite, table, [claim.folder, *([HOME] if whole and not output else [])], note, mine)
-        if chosen.blame:
-            text += "\n" + _blamed(suite, combinations, jobs, folder=claim.folder, limits=limits)
+        if not suite.recorded:
+            folders = [claim.folder, *([HOME] if whole and not output else [])]
+            text += "\n" + _more(suite, combinations, jobs, folders=folders, limits=limits, blame=chosen.blame)
         if chosen.entry:
             _entry(jobs, claim.folder, Path(chosen.entry))
     sys.stdout.write(f"{text}\nfiles: {claim.folder}\n")
@@ -145,27 +146,33 @@ def _made(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
     return rows, made
 
 
-def _blamed(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequence[Job]], *, folder: Path,
-            limits: Limits) -> str:
-    """NAME_blame.csv and NAME_blame.md beside the runs; the page. Blamed are the runs that lost something."""
+def _more(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequence[Job]], *, folders: Sequence[Path],
+          limits: Limits, blame: bool) -> str:
+    """NAME_more.csv and NAME_more.md into the folders, beside the runs first; the page. Blamed are the runs that lost
+    something."""
     from rhs.api.files import replacing
-    from rhs.sweeps import suite_blame
+    from rhs.sweeps import suite_more
     from rhs.sweeps.kept import any_row, kept_rows
     from rhs.sweeps.suite import jobs_of
 
     from .progress import running
 
-    runs = [(name, building, any_row(folder / job.name)) for name, words in combinations.items()
+    runs = [(name, building, any_row(folders[0] / job.name), folders[0] / job.name) for name, words in combinations.items()
             for building, job in zip(suite.asked(words), jobs[name], strict=True)]
     again = {(name, building): jobs_of(combinations[name], [building], more="task=blame processes=1")[0]
-             for name, building, row in runs if suite_blame.lost(row)}
-    with running(len(again)) as tell:
-        found = dict(zip(again, kept_rows(list(again.values()), folder / "blame", limits, tell=tell), strict=True))
-    rows = [suite_blame.cells_of(name, building, row, found.get((name, building))) for name, building, row in runs]
-    text = suite_blame.page(suite.name, rows)
-    for suffix, content in {"csv": suite_blame.csv_of(rows), "md": text}.items():
-        with replacing(folder / f"{suite.name}_blame.{suffix}") as file:
-            file.write(content)
+             for name, building, row, _ in runs if blame and suite_more.lost(row)}
+    found: dict[tuple[str, tuple[str, int]], dict[str, Any]] = {}
+    if again:
+        with running(len(again)) as tell:
+            some = kept_rows(list(again.values()), folders[0] / "blame", limits, tell=tell)
+            found = dict(zip(again, some, strict=True))
+    rows = [suite_more.cells_of(name, building, row, found.get((name, building)), folder)
+            for name, building, row, folder in runs]
+    text = suite_more.page(suite.name, rows)
+    for folder in folders:
+        for suffix, content in {"csv": suite_more.csv_of(rows), "md": text}.items():
+            with replacing(folder / f"{suite.name}_more.{suffix}") as file:
+                file.write(content)
     return text
 
 

@@ -1,9 +1,4 @@
-"""Which link of the chain cost what: Shapley shares of a loss, and the sentence that says so.
-
-A loss is known for sets of links that were given the truth; L() is that of the run as it is. The share of a link is what
-giving it the truth takes off the loss, averaged over the orders in which links can be given it (Shapley, "A value for
-n-person games", 1953). Shares sum to L() - L(all links); what is left over with every link true is nobody's. A negative
-share: truth there makes it worse, because another link had got used to the error.
+"""Which link of the chain cost what: Shapley shares of a loss (shares.py), and the sentence that says so.
 
 Which link is named: the truth in a late link (a localiser that is always right) covers for an error that an early one made,
 so that both get a like share. Of links whose truth alone saves nearly all, the earliest in the chain is named; where no link
@@ -14,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from itertools import combinations
-from statistics import fmean
+from typing import Any
 
 from rhs.api.metric import RunFiles, columns_of
+
+from .shares import Losses, middle, shapley
 
 CAUSAL = ("drive", "sense", "odometry", "closing", "map", "localise", "plan")  # an error goes on to those after
 LINKS = ("sense", "odometry", "closing", "map", "localise", "plan", "drive")
@@ -31,7 +27,6 @@ HALF = 0.5  # of the largest share: less, and what a link saves alone is chance
 OFF_M = 0.5  # the belief is somewhere else: the distance within which a place counts as visited
 SMALL = 0.05  # of the loss: a link that cost less is not named
 NAN = float("nan")
-Losses = Mapping[frozenset[str], float]
 
 
 def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
@@ -42,38 +37,6 @@ def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
 
     return {"places": number("places_total") - number("places_visited"), "belief": number("patrol_rmse_m"),
             "ate": number("ate_unaligned_m"), "way": number("path_length_m") - number("path_optimal_informed_m")}
-
-
-def subsets(links: Sequence[str]) -> list[frozenset[str]]:
-    """All sets of links, the empty one first."""
-    return [frozenset(chosen) for size in range(len(links) + 1) for chosen in combinations(links, size)]
-
-
-def shapley(losses: Losses, links: Sequence[str]) -> dict[str, float]:
-    """Link -> its share of the loss, exactly; every set of links must be in `losses`."""
-    n = len(links)
-    shares = {}
-    for link in links:
-        others = [other for other in links if other != link]
-        shares[link] = sum((losses[known] - losses[known | {link}])
-                           * math.factorial(len(known)) * math.factorial(n - len(known) - 1) / math.factorial(n)
-                           for known in subsets(others))
-    return shares
-
-
-def shapley_of_orders(losses: Losses, orders: Sequence[Sequence[str]]) -> dict[str, tuple[float, float]]:
-    """Link -> (share, its standard error) from the orders that were tried (Castro, Gomez and Tejada, "Polynomial calculation
-    of the Shapley value based on sampling", 2009)."""
-    taken: dict[str, list[float]] = {link: [] for link in orders[0]}
-    for order in orders:
-        for place, link in enumerate(order):
-            taken[link].append(losses[frozenset(order[:place])] - losses[frozenset(order[:place + 1])])
-    return {link: (fmean(found), _standard_error(found)) for link, found in taken.items()}
-
-
-def _standard_error(values: Sequence[float]) -> float:
-    middle = fmean(values)
-    return math.sqrt(sum((value - middle) ** 2 for value in values) / max(len(values) - 1, 1) / len(values))
 
 
 def off_since(steps: Sequence[Mapping[str, str]]) -> int:
@@ -90,8 +53,10 @@ def off_since(steps: Sequence[Mapping[str, str]]) -> int:
 def judged(losses: Mapping[str, Losses], links: Sequence[str], *, since: int,
            shares: Mapping[str, Mapping[str, float]] | None = None) -> dict[str, str]:
     """measure: what the run is judged by; link: who is named; verdict: a sentence. Nothing worth a verdict: measure and link
-    are empty. shares: sampled ones, where not every set of links is known."""
+    are empty. losses: measure -> of the patrols that were driven. shares: sampled ones, of more links than are tried in
+    every combination."""
     if shares is None:
+        losses = {name: middle(known, links) for name, known in losses.items()}
         shares = {name: shapley(known, links) for name, known in losses.items()}
     measure = measure_of(losses, links)
     link = named_link(shares[measure], losses[measure]) if measure else ""
@@ -159,7 +124,7 @@ def blame_values(run: RunFiles) -> dict[str, float | str]:
     values: dict[str, float | str] = {"blame": str(told.get("verdict", "")), "blame_link": str(told.get("link", "")),
                                       "blame_measure": str(told.get("measure", "")),
                                       "blame_off_since": float(told.get("off_since", NAN)),
-                                      "blame_runs": float(told.get("runs", NAN))}
+                                      "blame_runs": float(told.get("runs", NAN)), "blame_off_by": _off_by(told)}
     for measure in MEASURES:
         values |= {column(measure, link): _number(shares.get(measure, {}).get(link)) for link in LINKS}
         values[column(measure, "rest")] = _number(told.get("rest", {}).get(measure))
@@ -170,6 +135,12 @@ def column(measure: str, link: str) -> str:
     """The column of a link's share of the loss in a measure."""
     unit = MEASURES[measure][0]
     return f"blame_{measure}_{link}" + (f"_{unit}" if unit else "")
+
+
+def _off_by(told: Mapping[str, Any]) -> float:
+    """Of the shares in the measure that the run is judged by, the largest error there may be."""
+    errors = told.get("off_by", told.get("standard_errors", {})).get(told.get("measure", ""), {})
+    return max(map(_number, errors.values()), default=NAN)
 
 
 def _number(value: object) -> float:
@@ -186,6 +157,8 @@ def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
             ("blame_off_since", "", "first view of the patrol after which the belief never came back within 0.5 m of the "
              "truth; -1: it did", "steps.csv, truth"),
             ("blame_runs", "", "counterfactual patrols that the shares rest on", source),
+            ("blame_off_by", "", "by how much a share in blame_measure may be off, in its unit: half of its bounds, where "
+             "fewer patrols were driven than there are combinations; its standard error, where they were sampled", source),
             *((column(measure, link), unit, f"{what}: share that the link {link} cost", source)
               for measure, (unit, what) in MEASURES.items() for link in named),
             *((column(measure, "rest"), unit, f"{what}: left with the truth in every link that was tried", source)

@@ -20,21 +20,30 @@ MOST_PLACES = 12  # more are not tried: the exact search takes 2^n steps
 LOST_PLACE = 0.5  # an arrival further from the place is none, metres: as places_visited has it
 
 
-def visits(run: RunFiles) -> tuple[list[tuple[float, float]], list[list[float]], float]:
-    """(places (x, y), times in seconds of the patrol at which the robot truly stood at each, how long the patrol took)."""
-    facts, patrol = run.json("facts") or {}, patrol_steps(run)
-    places = [(float(place["x_m"]), float(place["y_m"])) for place in facts.get("places", ())]
-    times: list[list[float]] = [[] for _ in places]
+def arrivals(run: RunFiles) -> list[tuple[str, float, tuple[float, float]]]:
+    """(place, seconds of the patrol, where the robot truly stood) of each time that it said it had arrived and truly had."""
+    patrol = patrol_steps(run)
     if not patrol or not patrol[0]["true_x_m"]:
-        return places, times, NAN
+        return []
     begun_s = float(patrol[0]["stamp_s"])
     arrived = [m for m in run.json("missions") or [] if m["status"] == "arrived"]
     said = [step for step in patrol if "arrived" in step["event"].split("+")]
-    for mission, step in zip(arrived, said, strict=False):
-        goal = tuple(map(float, mission["goal_m"][:2]))
-        if goal in places and np.hypot(*np.subtract(_true_xy(step), goal)) <= LOST_PLACE:
-            times[places.index(goal)].append(float(step["stamp_s"]) - begun_s)
-    return places, times, float(patrol[-1]["stamp_s"]) - begun_s
+    return [(str(mission["place"]), float(step["stamp_s"]) - begun_s, _true_xy(step))
+            for mission, step in zip(arrived, said, strict=False)
+            if np.hypot(*np.subtract(_true_xy(step), mission["goal_m"][:2])) <= LOST_PLACE]
+
+
+def visits(run: RunFiles) -> tuple[list[tuple[float, float]], list[list[float]], float]:
+    """(places (x, y), times in seconds of the patrol at which the robot truly stood at each, how long the patrol took)."""
+    facts, patrol = run.json("facts") or {}, patrol_steps(run)
+    places = {str(place["name"]): (float(place["x_m"]), float(place["y_m"])) for place in facts.get("places", ())}
+    times: dict[str, list[float]] = {name: [] for name in places}
+    if not patrol or not patrol[0]["true_x_m"]:
+        return list(places.values()), list(times.values()), NAN
+    for place, when_s, _ in arrivals(run):
+        if place in times:
+            times[place].append(when_s)
+    return list(places.values()), list(times.values()), float(patrol[-1]["stamp_s"]) - float(patrol[0]["stamp_s"])
 
 
 def idleness(times_s: list[list[float]], end_s: float) -> tuple[float, float]:

@@ -19,6 +19,7 @@ def blame_picture(folder: Path) -> Path | None:
     told = json_of(folder / "blame.json")
     if not told:
         return None
+    errors = told.get("off_by") or told.get("standard_errors", {})
     names = [*told["links"], "no link tried"]
     figure = new_figure(10.5, 1.6 + 0.34 * len(names))
     panels = figure.subplots(1, len(MEASURES), sharey=True)
@@ -26,7 +27,7 @@ def blame_picture(folder: Path) -> Path | None:
     for axes, (measure, (unit, what)) in zip(panels, MEASURES.items(), strict=True):
         shares, loss = told["shares"][measure], told["loss"][measure]
         values = [_known(shares[link]) for link in told["links"]] + [_known(told["rest"][measure])]
-        spread = [_known(told["standard_errors"].get(measure, {}).get(link)) for link in told["links"]] + [0.0]
+        spread = [_known(errors.get(measure, {}).get(link)) for link in told["links"]] + [0.0]
         axes.barh(places, values, xerr=spread if any(spread) else None, height=0.62, ecolor=LOSS,
                   color=[LINK] * len(told["links"]) + [REST])
         axes.axvline(0.0, color=LOSS, linewidth=0.8)

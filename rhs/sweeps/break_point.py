@@ -74,7 +74,8 @@ def plan(words: Sequence[str]) -> Plan:
         name = " ".join(word.text for word in combination if word.key in swept) or "this configuration"
         config = composer.config(combination)
         if _setting(config, dial.key) is None:
-            config = composer.config([*combination, _word(dial.key, dial.low)])  # or says which setting was meant
+            low = int(dial.low) if dial.low.is_integer() else dial.low  # the setting may take whole numbers only
+            config = composer.config([*combination, _word(dial.key, low)])  # or says which setting was meant
         dial = replace(dial, whole=_is_whole(config, dial.key))
         for level in (0.0, 1.0):
             composer.config([*combination, _word(dial.key, dial.value(level))])

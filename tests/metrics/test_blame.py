@@ -5,8 +5,9 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from rhs.metrics.blame import judged, losses_of, off_since, shapley, shapley_of_orders, subsets
+from rhs.metrics.blame import judged, losses_of, off_since
 from rhs.metrics.cause import first_complaints
+from rhs.metrics.shares import shapley, shapley_of_orders, subsets
 
 
 def losses(**named):

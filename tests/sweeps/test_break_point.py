@@ -41,3 +41,8 @@ def test_a_search_tries_both_combinations_with_the_same_seeds(tmp_path, capsys):
     assert seeds["rrt"] == seeds["rrt_connect"] == list(range(10, 16))
     assert (tmp_path / "break" / "break.png").stat().st_size > 5000
     assert capsys.readouterr().out.count("planner.iterations:") == 2
+
+
+def test_a_degradation_is_chosen_by_its_dial_whether_it_takes_whole_numbers_or_not():
+    assert plan(["degrade.delay_views=0..8", "world=square_small"]).dial.whole
+    assert not plan(["degrade.slip_share=0..0.8", "world=square_small"]).dial.whole

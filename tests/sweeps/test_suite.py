@@ -14,7 +14,7 @@ from rhs.api.floorplan import Light
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.cli.bench import main
 from rhs.cli.main import main as rhs
-from rhs.sweeps import held_out, recorded, suite, suite_blame
+from rhs.sweeps import held_out, recorded, suite, suite_more
 from rhs.sweeps.suite_page import page, rank, scores
 from rhs.worlds.world import load_world
 
@@ -177,21 +177,33 @@ def test_the_page_of_recordings():
 # --- why ------------------------------------------------------------------------------------------------------------
 
 def test_blamed_are_the_runs_that_ended_without_all_of_their_mission():
-    assert [suite_blame.lost(row) for row in (ROW, {**ROW, "success": 0.0}, {"status": "failed"}, {"status": "ok"})] == [
+    assert [suite_more.lost(row) for row in (ROW, {**ROW, "success": 0.0}, {"status": "failed"}, {"status": "ok"})] == [
         False, True, False, True]
 
 
-def test_the_page_of_blame_by_hand():
+def stood(folder, *where_m):
+    """The files of a patrol that came to the place `desk` there, by its truth."""
+    folder.mkdir()
+    (folder / "missions.json").write_text(json.dumps([{"place": "desk", "status": "arrived", "goal_m": [1.0, 2.0]}]))
+    (folder / "steps.csv").write_text("phase,stamp_s,event,true_x_m,true_y_m\n" + "".join(
+        f"patrol,{k},arrived,{x},{y}\n" for k, (x, y) in enumerate(where_m)))
+    return folder
+
+
+def test_the_page_of_what_runs_tell_besides_by_hand(tmp_path):
+    """Two runs stood at the desk 0.2 m apart: 0.1 m each from their mean, of two one counts."""
     idle = {"idleness_worst_s": 30.0, "idleness_bound_s": 20.0}
     why = {"status": "ok", "blame_link": "map", "blame_measure": "places", "blame": "of 2 missed places map cost 2"}
-    rows = [suite_blame.cells_of("mine", SQUARE, {**ROW, **idle}, None),
-            suite_blame.cells_of("mine", SQUARE, {**ROW, **idle, "idleness_worst_s": 50.0}, why),
-            suite_blame.cells_of("mine", SQUARE, ROW, {"status": "failed", "reason": "out of luck"}),
-            suite_blame.cells_of("mine", SQUARE, ROW, {**why, "blame_link": "", "blame": "nothing worth blaming"})]
+    here, there, nowhere = stood(tmp_path / "a", (1.1, 2.0)), stood(tmp_path / "b", (0.9, 2.0)), tmp_path / "c"
+    rows = [suite_more.cells_of("mine", SQUARE, {**ROW, **idle}, None, here),
+            suite_more.cells_of("mine", SQUARE, {**ROW, **idle, "idleness_worst_s": 50.0}, why, there),
+            suite_more.cells_of("mine", SQUARE, ROW, {"status": "failed", "reason": "out of luck"}, nowhere),
+            suite_more.cells_of("mine", SQUARE, ROW, {**why, "blame_link": "", "blame": "nothing worth blaming"}, nowhere)]
     assert rows[0]["blame"] == rows[0]["link"] == "" and rows[2]["blame"] == "out of luck"
-    text = suite_blame.page("corridor-v1", rows)
-    assert "| mine | 4 | 2, 2.5 | 3 | nobody 2, map 1 |" in text and "- mine, square_small: of 2 missed places" in text
-    assert suite_blame.csv_of(rows).splitlines()[1] == "mine,square_small,10000,30,20,,,"
+    text = suite_more.page("corridor-v1", rows)
+    assert "| mine | 4 | 2, 2.5 | 0.141 m (2) | 3 | nobody 2, map 1 |" in text
+    assert "- mine, square_small: of 2 missed places" in text
+    assert suite_more.csv_of(rows).splitlines()[1] == "mine,square_small,10000,30,20,desk:1.100000 2.000000,,,"
 
 
 def test_recordings_are_not_blamed():
