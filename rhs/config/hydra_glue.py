@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import copy
 import itertools
+import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +63,15 @@ class Tree:
     choices: dict[str, str | None]
     files: tuple[Path, ...]
 
+    @cached_property
+    def plain(self) -> dict[str, Any] | None:
+        """Its values where each has one and none refers to another; else None."""
+        try:
+            content = OmegaConf.to_container(self.config, throw_on_missing=True)
+        except omegaconf.errors.OmegaConfBaseException:
+            return None
+        return None if "${" in json.dumps(content, default=str) else content  # type: ignore[return-value]
+
 
 def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[Path, ...] = ()) -> Tree:
     """Hydra's composition for the chosen group options.
@@ -84,14 +95,38 @@ def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[P
 
 def with_values(tree: Tree, values: Sequence[Word]) -> dict[str, Any]:
     """Plain values of the tree with single settings changed, interpolations resolved. Raises ConfigError."""
+    words = [*itertools.chain.from_iterable(map(_leaves, values))]
+    if tree.plain is not None and all(_is_plain(word.value) for word in words):
+        for word in words:
+            _check_key(tree.config, word)
+        content = copy.deepcopy(tree.plain)
+        if all([_replaced(content, word) for word in words]):
+            return content
     config = copy.deepcopy(tree.config)
-    for word in itertools.chain.from_iterable(map(_leaves, values)):
+    for word in words:
         _check_key(config, word)
         try:
             OmegaConf.update(config, word.key, word.value, merge=True)
         except omegaconf.errors.OmegaConfBaseException as error:
             raise ConfigError(f"{word.text}: {_in_one_line(error)}") from error
     return to_plain(config)
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether OmegaConf would take a value as it is."""
+    return "${" not in value and value != "???" if isinstance(value, str) else isinstance(value, bool | int | float | None)
+
+
+def _replaced(content: dict[str, Any], word: Word) -> bool:
+    """Put the value of a word in the place of another single value; whether there was one."""
+    *owners, last = word.key.split(".")
+    node = content
+    for owner in owners:
+        node = node[owner]
+    if isinstance(node[last], dict | list):
+        return False
+    node[last] = word.value
+    return True
 
 
 def _leaves(word: Word) -> Iterator[Word]:

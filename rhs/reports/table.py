@@ -24,7 +24,8 @@ from rhs.runfolder.row import KEYS, column_rank, machine_dependent, read_row
 from rhs.runfolder.row import canonical_hash as canonical_hash
 from rhs.runfolder.row import write_row as write_row
 
-from .cache import read_cache
+from .cache import cache_of, one_sweep, read_cache, write_cache
+from .columns import HASH, read_columns
 from .varied_settings import varied_settings
 
 if TYPE_CHECKING:
@@ -60,9 +61,24 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
     A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
     """
     paths = list({path.resolve(): path for path in _find(folders)}.values())  # a folder named twice counts once
-    if (cached := read_cache(paths)) is not None:
-        return cached
     complaints: list[str] = []
+    sweep = one_sweep(paths)
+    cache = cache_of(sweep) if sweep else None
+    table = read_cache(cache, paths, complaints) if cache else None
+    if table is None:
+        table = read_columns(sweep, paths, complaints) if sweep else None
+        table = _row_by_row(paths, complaints) if table is None else table
+        if cache:
+            write_cache(cache, table, complaints)
+    if unreadable is None and complaints:
+        raise RhsError(complaints[0])
+    if unreadable is not None:
+        unreadable += complaints
+    return table
+
+
+def _row_by_row(paths: Sequence[Path], complaints: list[str]) -> pandas.DataFrame:
+    """The table of row.json files and of the shards of sweeps."""
     found, varied = _lines([path for path in paths if path.name != "row.json"], complaints)
     for path in [path for path in paths if path.name == "row.json" and str(path.parent) not in found]:
         try:
@@ -70,10 +86,6 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
         except RhsError as error:
             complaints.append(str(error))
     complaints += _odd_ones_out(found)
-    if unreadable is None and complaints:
-        raise RhsError(complaints[0])
-    unreadable = complaints if unreadable is None else unreadable
-    unreadable += complaints
     varied |= varied_settings([folder for folder in found if folder not in varied]) if len(found) > 1 else {}
     return frame({folder: {**row, **varied.get(folder, {})} for folder, row in found.items()})
 
@@ -108,6 +120,9 @@ def _odd_ones_out(found: dict[str, dict[str, object]]) -> list[str]:
     """Take out rows that have text where most have a number, or the reverse; complaints."""
     complaints = []
     for name in sorted(name for name in {name for row in found.values() for name in row} if kind_of(name) != "word"):
+        kinds = {type(row.get(name)) for row in found.values()} - {type(None)}
+        if str not in kinds or len(kinds) == 1:
+            continue
         text = [folder for folder, row in found.items() if isinstance(row.get(name), str)]
         other = [folder for folder, row in found.items() if row.get(name) is not None and folder not in set(text)]
         for folder in (text if len(text) <= len(other) else other) if text and other else ():
@@ -122,16 +137,17 @@ def frame(found: dict[str, dict[str, object]]) -> pandas.DataFrame:
 
     columns = sorted({"status", "reason", *KEYS, *(name for row in found.values() for name in row)}, key=column_rank)
     order = _in_order(found)
-    data = {name: _typed(name, [found[run].get(name) for run in order]) for name in columns}
+    told = [found[run] for run in order]
+    data = {name: _typed(name, [row.get(name) for row in told]) for name in columns}
     return pd.DataFrame(data, index=pd.Index(order, name="run", dtype="str"), columns=columns)
 
 
 def _in_order(found: dict[str, dict[str, object]]) -> list[str]:
-    """The runs by what was run; those that are alike in that by the hash of their rows."""
+    """The runs by what was run; those that are alike in that by the hash of their configuration, then of their rows."""
     alike: dict[tuple, list[str]] = {}
     for run, row in found.items():
         alike.setdefault(tuple((isinstance(value, str), value if isinstance(value, int | float) else 0, str(value))
-                               for value in map(row.get, KEYS)), []).append(run)
+                               for value in map(row.get, (*KEYS, HASH))), []).append(run)
     return [run for key in sorted(alike) for run in
             (sorted(alike[key], key=lambda run: canonical_hash(found[run])) if len(alike[key]) > 1 else alike[key])]
 
@@ -139,14 +155,12 @@ def _in_order(found: dict[str, dict[str, object]]) -> list[str]:
 def _typed(name: str, values: Sequence[object]):
     import pandas as pd
 
-    known = [value for value in values if value is not None]
-    kind = kind_of(name)
-    if kind == "word" or any(isinstance(value, str) for value in known):
+    known, kind = {type(value) for value in values} - {type(None)}, kind_of(name)
+    if kind == "word" or str in known:
         return pd.array([None if v is None else str(v) for v in values], dtype="string")
-    if known and all(isinstance(value, bool) for value in known):
+    if known == {bool}:
         return pd.array(values, dtype="boolean")
-    if kind == "count" or (known and not kind and all(isinstance(v, int) for v in known)
-                            and not machine_dependent(name)):
+    if kind == "count" or (known and known <= {int, bool} and not kind and not machine_dependent(name)):
         return pd.array([None if v is None else int(v) for v in values], dtype="Int64")  # type: ignore[call-overload]
     return pd.array([float("nan") if v is None else float(v) for v in values], dtype="float64")  # type: ignore[arg-type]
 
@@ -161,8 +175,16 @@ def to_csv(table: pandas.DataFrame, *, canonical: bool = False) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([_cell(name) for name in columns])
-    writer.writerows([_cell(value) for value in row] for row in table[columns].itertuples(index=False, name=None))
+    writer.writerows(zip(*(_cells(table[name]) for name in columns), strict=True))
     return out.getvalue()
+
+
+def _cells(column: pandas.Series) -> list[str]:
+    """The values of a column as text; each word once, of which there are few."""
+    if column.dtype == "float64":
+        return ["" if value != value else repr(value) for value in column.tolist()]
+    known = {value: _cell(value) for value in column.unique()}
+    return [known[value] for value in column]
 
 
 def _cell(value: object) -> str:

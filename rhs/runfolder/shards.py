@@ -139,14 +139,15 @@ def lines_of(path: Path, broken: list[str]) -> Iterator[str]:
         broken.append(f"{path}: {torn} line{'s are' if torn > 1 else ' is'} torn")
 
 
+def last_texts(paths: Sequence[Path], broken: list[str]) -> dict[str, str]:
+    """Key of the words -> the text of the last whole line of it, in shards given oldest first."""
+    return {key_of(text): text for path in paths for text in lines_of(path, broken)}
+
+
 def read_lines(paths: Sequence[Path], broken: list[str]) -> dict[str, Line]:
-    """Key of the words -> the last whole row of it, in shards given oldest first; complaints go into `broken`."""
-    texts: dict[str, str] = {}
-    for path in paths:
-        for text in lines_of(path, broken):
-            texts[key_of(text)] = text
+    """The same as rows; complaints go into `broken`."""
     found: dict[str, Line] = {}
-    for key, text in texts.items():
+    for key, text in last_texts(paths, broken).items():
         try:
             found[key] = parsed(text)
         except (ValueError, KeyError, RecursionError, RhsError) as error:

@@ -197,8 +197,8 @@ class _Pool:
             for one in self.running:
                 one.process.join(max(0.0, end - time.monotonic()))
         finally:
-            for one in self.running:
-                self._settle(one)
+            while self.running:  # one that is settled has no number that the others could ask for
+                self._settle(self.running.pop(0))
 
     def close(self) -> None:
         for group in self.turns.groups:

@@ -65,7 +65,7 @@ class Run:
         """What is finished already."""
         self.done = finished(self.folder)
         if self.plan.lazy:
-            self.before = len(self.done.words & self.plan.words_keys)
+            self.before = len(self.done.words & self.plan.words_keys) if self.done.words else 0
         else:
             self.before = sum(job.key in self.done.configs for job in self.plan.first)
             for job in self.plan.first if self.plan.sharded else ():
