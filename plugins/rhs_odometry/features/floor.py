@@ -18,6 +18,8 @@ from ..advanced import SwaySettings
 
 # A robot on a floor: how far its height (metres) and its roll and pitch (radians) may stray between two views.
 FLOOR_SIGMAS = np.array([np.inf, np.inf, 1e-3, 1e-3, 1e-3, np.inf])
+HELD = np.diag(1.0 / FLOOR_SIGMAS**2)  # the information that is
+FREE = np.array([0, 1, 5])
 
 
 class Floor:
@@ -53,12 +55,11 @@ def on_floor(pose: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.
     Dropping z, roll and pitch would throw away what they say about the rest: a motion that appears to pitch also
     appears to go forward. Instead x, y and yaw are what the measurement gives them once the floor is known.
     """
-    free = [0, 1, 5]
-    flat = se2(*planar(pose))
+    of_free = information[FREE]
+    free, flat = of_free[:, FREE], se2(*planar(pose))
     for _ in range(2):
         error = log_se3(inverse(flat) @ pose)
-        step = np.linalg.solve(information[np.ix_(free, free)], information[free] @ error)
+        step = np.linalg.solve(free, of_free @ error)
         flat = flat @ exp_se3(np.array([step[0], step[1], 0.0, 0.0, 0.0, step[2]]))
-    tight = information + np.diag(1.0 / FLOOR_SIGMAS**2)
-    covariance = np.linalg.inv(tight)
+    covariance = np.linalg.inv(information + HELD)
     return flat, 0.5 * (covariance + covariance.T)

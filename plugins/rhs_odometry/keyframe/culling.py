@@ -9,7 +9,7 @@ frames the surer one stays, since their errors are not independent.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,8 +37,9 @@ class Edge:
 def spare(poses: np.ndarray, kept: np.ndarray, spacing: tuple[float, float]) -> int:
     """Which of (N, 4, 4) poses is best done without: not one of kept (N,) bool, nearest to another one in units of spacing
     (metres, radians); of two the later."""
-    centres, rotations = poses[:, :3, 3], poses[:, :3, :3].reshape(-1, 9)
-    apart_m = np.linalg.norm(centres[:, None] - centres, axis=2)
+    rotations = poses[:, :3, :3].reshape(-1, 9)
+    x, y, z = (along[:, None] - along for along in np.ascontiguousarray(poses[:, :3, 3].T))
+    apart_m = np.sqrt(x * x + y * y + z * z)
     angle = np.arccos(np.clip(0.5 * (rotations @ rotations.T - 1.0), -1.0, 1.0))
     apart = apart_m / spacing[0] + angle / spacing[1]
     np.fill_diagonal(apart, np.inf)
@@ -56,11 +57,11 @@ def without(edges: list[Edge], k: int, poses: np.ndarray) -> tuple[int, np.ndarr
     carried = [_carried(e, tie, host_from_k) for e in own if e.a != host]
     for edge in [e for e in edges if k not in (e.a, e.b)] + carried:
         edge = edge if edge.a < edge.b else edge.turned()
-        edge = replace(edge, a=edge.a - (edge.a > k), b=edge.b - (edge.b > k))
-        name = edge.a, edge.b, edge.loop
+        name = edge.a - (edge.a > k), edge.b - (edge.b > k), edge.loop
         if name not in best or np.trace(edge.covariance) < np.trace(best[name].covariance):
             best[name] = edge
-    return host, host_from_k, list(best.values())
+    return host, host_from_k, [e if (e.a, e.b) == (a, b) else Edge(a, b, e.a_from_b, e.covariance, e.loop)
+                               for (a, b, _), e in best.items()]
 
 
 def _carried(edge: Edge, tie: Edge, host_from_k: np.ndarray) -> Edge:

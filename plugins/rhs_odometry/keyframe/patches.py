@@ -41,8 +41,10 @@ def find_patches_in(
     where[~found] = -1e3
     pixels, warps = np.ascontiguousarray(pixels, float), np.ascontiguousarray(warps, float)
     rules = s.half_px, s.iterations, s.longest_step_px, s.least_likeness
-    for k in np.unique(of[found]):
-        then, rows = picture(int(k)), np.flatnonzero(found & (of == k))
+    known = np.flatnonzero(found)
+    known = known[np.argsort(of[known], kind="stable")]
+    for rows in np.split(known, np.flatnonzero(np.diff(of[known])) + 1) if len(known) else ():
+        then = picture(int(of[rows[0]]))
         for level in reversed(range(len(now))):
             # pyrDown keeps pixel (0, 0) on (0, 0): coordinates scale without an offset
             _align(then[level], now[level], rows, pixels, warps, where, found, 0.5**level, rules)

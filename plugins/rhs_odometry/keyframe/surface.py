@@ -13,6 +13,9 @@ from rhs.api.jit import compiled
 from ..advanced import SurfaceSettings
 
 USUAL = SurfaceSettings()
+STEP_PX = 4.0  # from a point to those beside it that say how its surface is foreshortened
+ENDS_PX = STEP_PX * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+SIGNED_PX = STEP_PX * np.array([-1.0, -1.0, 1.0, 1.0])
 
 
 def surfaces(depth: np.ndarray, pixels: np.ndarray, s: SurfaceSettings = USUAL) -> tuple[np.ndarray, np.ndarray]:
@@ -28,18 +31,13 @@ def warps(
 ) -> np.ndarray:
     """(N, 2, 2) d pixel then / d pixel now of surfaces seen at pixels (N, 2) with inverse depths (N,) and slopes (N, 2),
     when the camera has moved: now_from_then (4, 4), or (N, 4, 4) from as many views. NaN where it is seen edge on."""
-    step = 4.0
-    out = np.empty((len(pixels), 2, 2))
     rotation, centre = now_from_then[..., :3, :3], now_from_then[..., :3, 3]
-    for axis in range(2):
-        ends = []
-        for sign in (-step, step):
-            moved = pixels.astype(float)
-            moved[:, axis] += sign
-            rho = np.maximum(inverse_depth + sign * slopes[:, axis], 1e-3)
-            local = camera.rays(moved) / rho[:, None]
-            ends.append(camera.project((rotation @ local[:, :, None])[:, :, 0] + centre))
-        out[:, :, axis] = (ends[1] - ends[0]) / (2.0 * step)
+    moved = pixels.astype(float) + ENDS_PX[:, None]  # (4, N, 2)
+    along = np.concatenate([slopes.T, slopes.T])
+    rho = np.maximum(inverse_depth + SIGNED_PX[:, None] * along, 1e-3)
+    local = camera.rays(moved.reshape(-1, 2)).reshape(4, -1, 3) / rho[..., None]
+    ends = camera.project(((rotation @ local[..., None])[..., 0] + centre).reshape(-1, 3)).reshape(2, 2, -1, 2)
+    out = np.ascontiguousarray(((ends[1] - ends[0]) / (2.0 * STEP_PX)).transpose(1, 2, 0))
     good = np.abs(np.linalg.det(np.nan_to_num(out))) > 1e-3
     out[~good] = np.nan
     out[good] = np.linalg.inv(out[good])

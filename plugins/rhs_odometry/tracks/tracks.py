@@ -24,8 +24,8 @@ def corners(picture: np.ndarray, taken: np.ndarray, *, count: int, spacing_px: i
     if count <= 0:
         return np.zeros((0, 2), np.float32)
     mask = np.full(picture.shape, 255, np.uint8)
-    for u, v in np.round(taken).astype(int):
-        cv2.circle(mask, (int(u), int(v)), spacing_px, 0, -1)
+    for at in np.round(taken).astype(int).tolist():
+        cv2.circle(mask, at, spacing_px, 0, -1)
     found = cv2.goodFeaturesToTrack(picture, count, 0.003, spacing_px, mask=mask)
     return np.zeros((0, 2), np.float32) if found is None else found.reshape(-1, 2)
 
