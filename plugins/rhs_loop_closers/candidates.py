@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rhs.api.records import View
+from rhs.estimation.views.loops import in_a_hand
 from rhs.estimation.views.place_memory import Rootsift, memory_of
 from rhs.estimation.views.retrieval import Vlad
 
@@ -27,7 +28,8 @@ def possible_pairs(
         return np.empty(0, int), np.empty(0, int)
     likeness = _likeness([views[k] for k in at], rng)
     way = way_m[at][None, :] - way_m[at][:, None]
-    gap = np.linalg.norm(poses[at][:, None, :2, 3] - poses[at][None, :, :2, 3], axis=2)
+    axes = 3 if in_a_hand(views) else 2
+    gap = np.linalg.norm(poses[at][:, None, :axes, 3] - poses[at][None, :, :axes, 3], axis=2)
     again = (way > settings.min_way_m) | looked_back(poses[at][:, :3, :3], np.radians(settings.min_turn_deg))
     earlier, later = np.nonzero(again & (way >= 0) & (gap < settings.advanced.apart_m + settings.max_drift_share * way))
     order = np.argsort(-likeness[earlier, later], kind="stable")

@@ -27,10 +27,10 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import log_so3
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.filters.kalman import gate
-from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, chain, joined, optimise
+from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, chain, joined, log_poses, optimise
 from rhs.estimation.scans.scan_loops import scan_edges
 from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported
-from rhs.estimation.views.loops import closing_gap, edge_between, poses_of, travelled_m
+from rhs.estimation.views.loops import closing_gap, edge_between, in_a_hand, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
 from .advanced import PoseGraphAdvanced
@@ -70,12 +70,14 @@ class PoseGraphCloser:
     def close(self, views: Sequence[View]) -> Closure:
         """Walls, candidates, geometry, odometry, graph."""
         poses = poses_of(views)
-        way_m = travelled_m(poses) if len(poses) else np.zeros(0)
+        way_m = travelled_m(poses, solid=in_a_hand(views)) if len(poses) else np.zeros(0)
         between = self._between(views, poses, way_m)
         straight = self._solved([], poses, between)
         between, poses = replace(between, walls=straight.walls), straight.poses
         found, checked = self._recognised(views, poses, way_m)
-        first = self._solved(self._judged(found, poses, way_m), poses, between)
+        first = self._solved(self._judged(found, poses, way_m, solid=in_a_hand(views)), poses, between)
+        if self._borne_out(first.edges, views, between.believed):
+            first = replace(first, poses=between.believed)
         last = self._walked_back(first, views, between, way_m)
         accepted = sum(edge.accepted for edge in last.edges)
         by_scan = sum(edge.accepted for edge in last.edges[len(first.edges):])
@@ -83,6 +85,18 @@ class PoseGraphCloser:
                    "closures_refused": float(len(last.edges) - accepted), "pairs_checked": float(checked),
                    **_of_walls(last)}  # fmt: skip
         return Closure(last.poses, tuple(last.edges), details)
+
+    def _borne_out(self, edges: Sequence[LoopEdge], views: Sequence[View], poses: np.ndarray) -> bool:
+        """Whether a camera in a hand came back to where its loops are by what it believes, as far as they can tell: half of
+        them fit as well as half would by their own noise alone. Such loops confirm; an odometry with a map of its own knows
+        these places better than two views do, and moving it by their noise made it worse."""
+        taken = [edge for edge in edges if edge.accepted]
+        if not taken or not in_a_hand(views):
+            return False
+        off = log_poses(np.stack([closing_gap(poses, edge) for edge in taken]))
+        spread = _loop_edges(taken, self._advanced).covariances
+        chi2 = np.einsum("ni,ni->n", off, np.linalg.solve(spread, off[..., None])[..., 0])
+        return bool(np.median(chi2) < gate(6, 0.5))
 
     def _between(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> Between:
         every_m = self._settings.walls_every_m
@@ -111,7 +125,7 @@ class PoseGraphCloser:
 
     def _walked_back(self, solved: Solved, views: Sequence[View], between: Between, way_m: np.ndarray) -> Solved:
         """What follows after the scans of corridors walked the other way round have been heard too."""
-        if self._settings.scan_every_m <= 0 or len(views) < 2:
+        if self._settings.scan_every_m <= 0 or len(views) < 2 or in_a_hand(views):
             return solved
         found = scan_edges(views, solved.poses, way_m, self._advanced.scan_loops, every_m=self._settings.scan_every_m)
         more = self._judged(found, solved.poses, way_m)
@@ -119,8 +133,8 @@ class PoseGraphCloser:
             return replace(solved, edges=solved.edges + more)
         return self._solved(solved.edges + more, solved.poses, replace(between, walls=solved.walls))
 
-    def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray) -> list[LoopEdge]:
-        """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others."""
+    def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray, *, solid: bool = False) -> list[LoopEdge]:
+        """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others. solid: in space."""
         edges = [self._plausible(edge, poses, way_m) for edge in edges]
         alive = [k for k, edge in enumerate(edges) if edge.accepted]
         support = supported([edges[k] for k in alive], way_m, self._settings.window_m)
@@ -128,7 +142,7 @@ class PoseGraphCloser:
             if count < self._settings.support:
                 edges[k] = _refused(edges[k], f"stands alone: {count} of {self._settings.support} views close this loop")
         alive = [k for k in alive if edges[k].accepted]
-        agree = agreement([edges[k] for k in alive], poses, way_m, self._advanced.drift)
+        agree = agreement([edges[k] for k in alive], poses, way_m, self._advanced.drift, solid=solid)
         chosen = set(largest_agreeing(agree, np.array([float(edges[k].inliers) for k in alive])))
         for n, k in enumerate(alive):
             if n not in chosen:

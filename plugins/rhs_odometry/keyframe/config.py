@@ -47,6 +47,9 @@ class KeyframeAdvanced:
     """chance that wheels or a command err by no more than what finding the camera again may move it"""
     relocate_every: int = 3
     """while it is not found, every so many views are made key frames and looked for"""
+    left_m: float = 2.0
+    """in a hand as many key frames again are looked up of those that so much way ago were left, metres; a radian of turning
+    counts as one"""
     min_edge: int = 20
     """inliers that make a relative pose worth an edge of the graph"""
     edge_share: float = 0.4
@@ -81,7 +84,7 @@ class KeyframeAdvanced:
                      wheels_probability=(0.5, 1.0 - 1e-12), rescue_features=(20, 100_000), rescue_ratio=(0.1, 1.0),
                      rescue_px=(0.05, 100.0),
                      rescue_hypotheses=(1, 100_000), rescue_gate_sigma=(0.5, 100.0), min_edge=(6, 100_000),
-                     relocate_tries=(1, 1000), relocate_views=(0, 1_000_000), relocate_every=(1, 1000),
+                     relocate_tries=(1, 1000), relocate_views=(0, 1_000_000), relocate_every=(1, 1000), left_m=(0.0, 1e6),
                      relocate_probability=(0.5, 1.0 - 1e-12),
                      edge_share=(0.0, 1.0), correlated=(1.0, 1e4), least_edge_m=(1e-9, 1.0), least_edge_rad=(1e-9, 1.0),
                      sharpest=(0.0, 1.0), held=(4, 1_000_000), picture_mb=(0.0, 1e6),

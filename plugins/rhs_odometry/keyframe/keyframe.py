@@ -245,16 +245,38 @@ class KeyframeOdometry(Odometry):
         anchors, counts = np.unique(self._map.anchor[tracker.ids], return_counts=True)
         followed = {int(a) for a in anchors[counts >= least]}
         candidates = self._map.overlap(tracker.pose, look, self._camera, exclude=followed | {k} | set(without))
-        for a, ids in candidates[: self._settings.revisit]:
+        chosen = candidates[: self._settings.revisit]
+        if self._floor is None and self._adrift is None:  # a hand comes back to places that its last key frames hide
+            old = self._map.left_behind(k, self._advanced.left_m)
+            chosen += [(a, ids) for a, ids in candidates if old[a]][: self._settings.revisit]
+        for a, ids in dict(chosen).items():
             if len(ids) < 2 * least:
-                break
-            ids, pixels = tracker.seek(look, ids, tracker.pose)
-            fit = tracker.fit(look, ids, pixels, inverse(tracker.pose))
-            edge = self._edge(fit, a, k, loop=True)
-            if edge:
-                edges += edge
-                tracker.add(ids[fit.inliers], pixels[fit.inliers])
+                continue
+            edge = self._seen_again(look, k, a, ids, tracker.pose)
+            if not edge and self._floor is None and self._adrift is None:
+                edge = self._recognised(look, k, a)
+            edges += edge
         return edges
+
+    def _seen_again(self, look: PreparedView, k: int, a: int, ids: np.ndarray, pose: np.ndarray) -> list[Edge]:
+        """The edge to key frame a by its points ids, looked up from a pose of this view; what fits is followed from now on."""
+        tracker = self._tracker
+        ids, pixels = tracker.seek(look, ids, pose)
+        fit = tracker.fit(look, ids, pixels, inverse(pose))
+        edge = self._edge(fit, a, k, loop=True)
+        if edge:
+            tracker.add(ids[fit.inliers], pixels[fit.inliers])
+        return edge
+
+    def _recognised(self, look: PreparedView, k: int, a: int) -> list[Edge]:
+        """The same where a hand has drifted further than patches are looked for: key-points say where to look."""
+        assert self._previous is not None
+        pose = self._relocation.by(self._previous, a, self._rng)
+        if pose is None:
+            return []
+        ids = np.flatnonzero(self._map.anchor == a)
+        ids = ids[self._map.visible(ids, inverse(pose), look, self._camera)]
+        return self._seen_again(look, k, a, ids, pose) if len(ids) >= 2 * self._advanced.min_edge else []
 
     def _lost(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, reason: str, blind: bool) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""

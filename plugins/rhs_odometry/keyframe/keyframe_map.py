@@ -160,6 +160,16 @@ class KeyframeMap:
         )
         self.poses = posegraph.optimise(self.poses, edges, effort=Effort(self._advanced.settle_rounds)).poses
 
+    def left_behind(self, k: int, left_m: float) -> np.ndarray:
+        """(K,) bool: key frames from which the way to k is longer than this; a radian of turning counts as a metre."""
+        step = np.linalg.norm(np.diff(self.poses[: k + 1, :3, 3], axis=0), axis=1)
+        trace = np.einsum("nab,nab->n", self.poses[:k, :3, :3], self.poses[1 : k + 1, :3, :3])
+        step += np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+        way = np.concatenate([[0.0], np.cumsum(step)])
+        out = np.zeros(len(self.poses), bool)
+        out[: k + 1] = way[-1] - way > left_m
+        return out
+
     def overlap(self, map_from_camera: np.ndarray, look, camera, *, exclude: set[int]) -> list[tuple[int, np.ndarray]]:
         """Key frames whose points should be in view, most first: (key frame, ids of those points).
 

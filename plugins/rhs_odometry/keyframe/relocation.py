@@ -62,6 +62,12 @@ class Relocation:
                 found.append((motion.count, Found(k, self._map.poses[k] @ motion.a_from_b)))
         return [each for _, each in sorted(found, key=lambda pair: -pair[0])]
 
+    def by(self, view: Observation, keyframe: int, rng: np.random.Generator) -> np.ndarray | None:
+        """map_from_camera of a view by the key-points of one key frame; None when too few agree."""
+        now = vision.orb_features(view, self._settings.rescue_features)
+        motion = matched(now, self._of(keyframe), self._settings, float(self._camera.fx), rng)
+        return None if motion is None or motion.count < self._settings.min_edge else self._map.poses[keyframe] @ motion.a_from_b
+
     def _asked(self, near: np.ndarray, below: int) -> list[int]:
         """Half of those tried are the nearest, half whose turn it is."""
         gaps = np.linalg.norm(self._map.poses[:below, :3, 3] - near[:3, 3], axis=1)

@@ -13,33 +13,37 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rhs.api.geometry import inverse, planar, wrap
+from rhs.api.geometry import inverse, log_so3, planar, wrap
 from rhs.api.records import LoopEdge
 
 from .settings import DriftBounds
 
 
-def consistent(a: LoopEdge, b: LoopEdge, poses: np.ndarray, travelled_m: np.ndarray, bounds: DriftBounds) -> bool:
-    """Whether both edges can be true, given believed poses (N, 4, 4) and metres travelled (N,) up to each."""
+def consistent(a: LoopEdge, b: LoopEdge, poses: np.ndarray, travelled_m: np.ndarray, bounds: DriftBounds, *,
+               solid: bool = False) -> bool:
+    """Whether both edges can be true, given believed poses (N, 4, 4) and metres travelled (N,) up to each; solid: in all six
+    degrees of freedom, not only on the floor."""
     after = inverse(poses[a.later]) @ poses[b.later]
     before = inverse(poses[b.earlier]) @ poses[a.earlier]
     cycle = a.earlier_from_later @ after @ inverse(b.earlier_from_later) @ before
     way_m = abs(travelled_m[a.later] - travelled_m[b.later]) + abs(travelled_m[a.earlier] - travelled_m[b.earlier])
     x_m, y_m, yaw_rad = planar(cycle)
-    yaw_bound = bounds.base_rad + bounds.rad_per_m * way_m
-    lever_m = np.linalg.norm(after[:2, 3]) + np.linalg.norm(before[:2, 3]) + np.linalg.norm(b.earlier_from_later[:2, 3])
-    reach_m = bounds.base_m + bounds.per_m * way_m + yaw_bound * lever_m
-    return bool(np.hypot(x_m, y_m) <= reach_m and abs(wrap(yaw_rad)) <= yaw_bound)
+    turn_bound, axes = bounds.base_rad + bounds.rad_per_m * way_m, 3 if solid else 2
+    lever_m = sum(np.linalg.norm(leg[:axes, 3]) for leg in (after, before, b.earlier_from_later))
+    reach_m = bounds.base_m + bounds.per_m * way_m + turn_bound * lever_m
+    off_m = float(np.linalg.norm(cycle[:3, 3])) if solid else np.hypot(x_m, y_m)
+    turned = float(np.linalg.norm(log_so3(cycle[:3, :3]))) if solid else abs(wrap(yaw_rad))
+    return bool(off_m <= reach_m and turned <= turn_bound)
 
 
 def agreement(
-    edges: Sequence[LoopEdge], poses: np.ndarray, travelled_m: np.ndarray, bounds: DriftBounds
+    edges: Sequence[LoopEdge], poses: np.ndarray, travelled_m: np.ndarray, bounds: DriftBounds, *, solid: bool = False
 ) -> np.ndarray:
     """(M, M) bool, symmetric, True on the diagonal: which edges can be true together."""
     out = np.eye(len(edges), dtype=bool)
     for i in range(len(edges)):
         for j in range(i):
-            out[i, j] = out[j, i] = consistent(edges[i], edges[j], poses, travelled_m, bounds)
+            out[i, j] = out[j, i] = consistent(edges[i], edges[j], poses, travelled_m, bounds, solid=solid)
     return out
 
 

@@ -24,9 +24,14 @@ def poses_of(views: Sequence[View]) -> np.ndarray:
     return np.stack([view.map_from_body for view in views]) if views else np.empty((0, 4, 4))
 
 
-def travelled_m(poses: np.ndarray) -> np.ndarray:
-    """(N,) metres travelled up to each of (N, 4, 4) poses, on the floor."""
-    steps = np.linalg.norm(np.diff(poses[:, :2, 3], axis=0), axis=1)
+def in_a_hand(views: Sequence[View]) -> bool:
+    """Whether a camera took these views that stands on no floor: it hangs at no height over the origin of its body."""
+    return any(view.features is not None and view.camera.height_m == 0.0 for view in views)
+
+
+def travelled_m(poses: np.ndarray, *, solid: bool = False) -> np.ndarray:
+    """(N,) metres travelled up to each of (N, 4, 4) poses, on the floor; solid: in space."""
+    steps = np.linalg.norm(np.diff(poses[:, : 3 if solid else 2, 3], axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
