@@ -12,13 +12,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from rhs_sources.raster.renderer import Mesh, Renderer
-from rhs_sources.simulator_mesh import WHOLE, box_lids, box_sides, floor_and_ceiling
-from rhs_sources.simulator_textures import painting, surface
 
 from rhs.api.floorplan import Box, Surface
 from rhs.api.geometry import Camera, exp_so3, inverse, log_so3, se3
 from rhs.api.trajectory import Trajectory, read_tum, write_tum
+from rhs_sources.raster.renderer import Mesh, Renderer
+from rhs_sources.simulator_mesh import WHOLE, box_lids, box_sides, floor_and_ceiling
+from rhs_sources.simulator_textures import painting, surface
 
 RATE_HZ = 20.0
 WAYS = ("counter", "round", "table", "back", "nod", "covered")
