@@ -65,8 +65,8 @@ def main(count: int, columns: int, real: Path | None) -> None:
         for what in ("shards", "Parquet"):
             cpu_s, wall_s, told = command("table", str(sweep))
             table = rows([sweep])
-            print(f"rhs table of {len(table)} rows x {len(table.columns)} columns, {what}: {cpu_s:.1f} s CPU, {wall_s:.1f} s "
-                  f"wall ({size:.0f} MB of shards)", flush=True)
+            print(f"rhs table of {len(table)} rows x {len(table.columns)} columns, {what}: {cpu_s:.1f} s CPU, "
+                  f"{wall_s:.1f} s wall ({size:.0f} MB of shards)", flush=True)
             if what == "shards":
                 first, told_first = table, told
                 begin = time.process_time()
