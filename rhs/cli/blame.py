@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rhs.base.errors import ConfigError
-from rhs.config.compose import TASK, RunConfig, read_values
+from rhs.config.compose import TASK, RunConfig
 from rhs.config.overlay import overlaid
+from rhs.sweeps.runs import values_of
 
 from .one_run import one_run
 
@@ -28,12 +29,13 @@ def config_of(words: Sequence[str]) -> RunConfig:
     """The configuration of the run folder named first, with task=blame and the other words laid over it.
 
     Raises ConfigError."""
-    if not words or "=" in words[0]:
+    if not words or ("=" in words[0] and "/" not in words[0].partition("=")[0] and not Path(words[0]).is_dir()):
         raise ConfigError("blame: which run? type python -m rhs blame FOLDER")
     folder = Path(words[0])
-    if not (folder / "config.yaml").is_file():
-        raise ConfigError(f"blame {folder}: no run folder (no config.yaml)")
-    values = read_values(folder)
+    try:
+        values = values_of([folder])[folder]
+    except ConfigError as error:
+        raise ConfigError(f"blame {folder}: {error}") from error
     if values.get(TASK) not in ("patrol", "blame"):
         raise ConfigError(f"blame {folder}: task={values.get(TASK)}; blame takes patrols apart")
     values |= {TASK: "blame", "output": "", "overwrite": False}

@@ -71,20 +71,20 @@ def _arguments() -> argparse.ArgumentParser:
 
 def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:
     """(old row, new job) for the runs of the folder, all composed before any runs. Raises ConfigError."""
-    from rhs.config.compose import config_hash, read_values
+    from rhs.config.compose import config_hash
     from rhs.config.overlay import overlaid
     from rhs.config.overrides import Word
-    from rhs.reports.table import find_rows
-    from rhs.runfolder.row import read_row
+    from rhs.sweeps.runs import rows_of, values_of
     from rhs.sweeps.sweep import job_of
 
-    old = [(row, path.parent) for path in find_rows([folder]) if (row := read_row(path)).get("status") == "ok"]
+    old = [(row, where) for where, row in rows_of([folder]).items() if row.get("status") == "ok"]
     old.sort(key=lambda one: (str(one[0].get("seed")).zfill(12), str(one[1])))
     if len(old) < 4:
         raise ConfigError(f"gate {folder}: {len(old)} finished runs; expected at least 4 to compare with")
     pairs: list[tuple[Row, Job]] = []
+    values = values_of([where for _, where in old[:most]])
     for row, where in old[:most]:
-        config = overlaid(read_values(where), change)
+        config = overlaid(values[where], change)
         if config_hash(config) == row.get("config_hash"):
             raise ConfigError(f"gate: {' '.join(change)} changes nothing in {where}")
         pairs.append((row, job_of(config, [Word("seed", config.seed, f"seed={config.seed}")], ["seed"])))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from rhs.reports.table import find_rows
 from rhs.runfolder.folders import claim_again
 from rhs.runfolder.row import KILLED, read_row, sound, write_row
 from rhs.runfolder.steps_csv import PARTIAL, StepTable, tabulate
+from rhs.sweeps.runs import rows_in_shards
 
 
 def recover(folder: Path) -> str:
@@ -125,7 +127,12 @@ def _recover_all(folders: Sequence[Path]) -> int:
         except (RhsError, OSError) as error:
             failed += 1
             complain(f"{folder}: cannot be recovered: {error}", 3)
-    if not killed:
+    gone = Counter(folder.parent for folder, row in rows_in_shards(folders).items()
+                   if row.get("status") == KILLED and not folder.is_dir())
+    for sweep, count in gone.items():
+        sys.stdout.write(f"{sweep}: {count} killed runs left a row and no folder; run them again: "
+                         f"python -m rhs --resume {sweep}\n")
+    if not killed and not gone:
         sys.stdout.write("no killed run in these folders\n")
     return 3 if failed else 0
 

@@ -25,11 +25,11 @@ from pathlib import Path
 from rhs.base.commands import Arguments, answered, plain
 from rhs.base.errors import ConfigError, PluginError, check_range
 from rhs.base.strict_yaml import load_yaml
-from rhs.config.compose import RunConfig, compose_config, config_hash, read_config
+from rhs.config.compose import RunConfig, compose_config, config_hash, from_plain
 from rhs.config.loose import match
-from rhs.reports.table import find_rows
 from rhs.runfolder.row import machine_dependent, read_row, write_row
 from rhs.sweeps.jobs import Job, Limits, processes, run_jobs
+from rhs.sweeps.runs import rows_of, values_of
 
 CLASSES = ("equal", "within 1e-6", "other")
 CLOSE = 1e-6
@@ -100,21 +100,17 @@ def _checked(chosen: argparse.Namespace) -> int:
 
 def _verify(chosen: argparse.Namespace) -> int:
     """Run folders again, and compare."""
-    rows = {path.parent: read_row(path) for path in find_rows(chosen.folders)}
-    rows = {folder: row for folder, row in rows.items() if row.get("status") not in UNFINISHED}
+    rows = {folder: row for folder, row in rows_of(chosen.folders).items() if row.get("status") not in UNFINISHED}
     if not rows:
         raise ConfigError("no finished run in these folders")
-    configs = {str(folder): _config(folder, rows[folder]) for folder in _drawn(sorted(rows), chosen)}
-    return _compare({name: rows[Path(name)] for name in configs}, again(configs, chosen.jobs), chosen.tolerance)
-
-
-def _config(folder: Path, row: Mapping[str, object]) -> RunConfig:
-    loose = str(row.get("plugins") or "")
+    drawn = _drawn(sorted(rows), chosen)
+    loose = " ".join(sorted({str(rows[folder].get("plugins") or "") for folder in drawn})).strip()
     match(loose.split())
     try:
-        return read_config(folder)
+        configs = {str(folder): from_plain(values) for folder, values in values_of(drawn).items()}
     except PluginError as error:
-        raise PluginError(f"{folder} has {loose}: add --plugin FILE" if loose else str(error)) from error
+        raise PluginError(f"these runs have {loose}: add --plugin FILE" if loose else str(error)) from error
+    return _compare({name: rows[Path(name)] for name in configs}, again(configs, chosen.jobs), chosen.tolerance)
 
 
 def _drawn(folders: list[Path], chosen: argparse.Namespace) -> list[Path]:

@@ -195,10 +195,10 @@ class Combinations(Sequence[list["Word"]]):
 
     def words_of(self, texts: Sequence[str]) -> list[Word]:
         """Words that were read from texts; most of them many times over, and so kept."""
+        if len(self._read) > MOST_READ:
+            self._read.clear()
         for text in texts:
             if text not in self._read:
-                if len(self._read) > MOST_READ:
-                    self._read.clear()
                 one = _parse_one(self._parser, text)
                 self._read[text] = _word(one, one.value())
         return [self._read[text] for text in texts]
