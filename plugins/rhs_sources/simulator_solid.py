@@ -38,6 +38,7 @@ class Solid:
             else:
                 self._add_box(shape)
         self.robot = self._robot()
+        self._known: tuple[tuple[float, ...], float] = (), np.nan  # what was asked last, while nothing moves, and the answer
 
     def _add_box(self, box: Box) -> None:
         w, d, h = box.size_m
@@ -58,6 +59,7 @@ class Solid:
 
     def place(self, stands: list[Stand]) -> None:
         """Put what moves (rhs.worlds.live.shapes_of) where it is now."""
+        self._known = (), np.nan
         for number, shape, stand in zip(self.moving, shapes_of(self.world.moving), stands, strict=True):
             height = shape.height_m if isinstance(shape, Person) else shape.size_m[2]
             turn = [0.0, 0.0, float(np.sin(0.5 * stand.yaw_rad)), float(np.cos(0.5 * stand.yaw_rad))]
@@ -81,6 +83,12 @@ class Solid:
         """Distance from the robot's side to the nearest solid thing, if it stood there; negative: overlapping.
 
         `within_m` when nothing is nearer than that."""
+        asked = x_m, y_m, within_m
+        if self._known[0] != asked:
+            self._known = asked, self._measured_m(*asked)
+        return self._known[1]
+
+    def _measured_m(self, x_m: float, y_m: float, within_m: float) -> float:
         middle = 0.5 * self.world.camera_height_m + 1e-3
         pybullet.resetBasePositionAndOrientation(self.robot, [x_m, y_m, middle], [0, 0, 0, 1],
                                                  physicsClientId=self.client)

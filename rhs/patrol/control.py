@@ -48,10 +48,10 @@ def closest_on_path(points_m: np.ndarray, at_m: np.ndarray) -> tuple[float, np.n
     return float(length[:best].sum() + t[best] * length[best]), near[best]
 
 
-def point_at(points_m: np.ndarray, arc_m: float) -> np.ndarray:
-    """(2,) point at arc length `arc_m` along the polyline, its end beyond that."""
+def points_at(points_m: np.ndarray, arc_m: np.ndarray) -> np.ndarray:
+    """(K, 2) points at arc lengths `arc_m` (K,) along the polyline, its end beyond that."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points_m, axis=0), axis=1))])
-    return np.array([np.interp(arc_m, arc, points_m[:, 0]), np.interp(arc_m, arc, points_m[:, 1])])
+    return np.stack([np.interp(arc_m, arc, points_m[:, 0]), np.interp(arc_m, arc, points_m[:, 1])], axis=1)
 
 
 def ahead_on_path(points_m: np.ndarray, at_m: np.ndarray, length_m: float) -> np.ndarray:
@@ -59,7 +59,7 @@ def ahead_on_path(points_m: np.ndarray, at_m: np.ndarray, length_m: float) -> np
     arc, _ = closest_on_path(points_m, at_m)
     total = float(np.linalg.norm(np.diff(points_m, axis=0), axis=1).sum())
     stations = np.arange(arc, min(arc + length_m, total) + 1e-9, 0.05)
-    return np.array([point_at(points_m, s) for s in stations]).reshape(-1, 2)
+    return points_at(points_m, stations)
 
 
 def closest_gap(path: Path, pose: np.ndarray) -> float:
@@ -103,7 +103,7 @@ def target_on(path_m: np.ndarray, here_m: np.ndarray, pace: Pace) -> np.ndarray:
     """(2,) the farthest point within the lookahead whose chord stays within pace.cut_m of the path."""
     arc, near = closest_on_path(path_m, here_m)
     stations = np.linspace(0.0, pace.lookahead_m, 10)[1:]
-    way = np.array([near, *(point_at(path_m, arc + s) for s in stations)])
+    way = np.concatenate([near[None], points_at(path_m, arc + stations)])
     for last in range(len(way) - 1, 2, -1):
         chord = way[last] - near
         length = np.linalg.norm(chord)

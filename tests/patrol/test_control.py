@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.geometry import se2
 from rhs.api.records import Path, PlanReason
-from rhs.patrol.control import Pace, ahead_on_path, closest_on_path, first_on_way, point_at, steer, turn
+from rhs.patrol.control import Pace, ahead_on_path, closest_on_path, first_on_way, points_at, steer, turn
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
 CORNER = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0]])
@@ -34,7 +34,7 @@ def test_an_arc_turn_keeps_its_radius():
 def test_closest_point_and_arc_length_round_a_corner():
     arc, near = closest_on_path(CORNER, np.array([3.4, 1.0]))
     assert arc == pytest.approx(4.0) and np.allclose(near, [3.0, 1.0])
-    assert np.allclose(point_at(CORNER, 4.0), [3.0, 1.0]) and np.allclose(point_at(CORNER, 99.0), [3.0, 3.0])
+    assert np.allclose(points_at(CORNER, np.array([4.0, 99.0])), [[3.0, 1.0], [3.0, 3.0]])
 
 
 def test_the_stretch_ahead_begins_here_and_has_the_length_asked_for():
