@@ -7,6 +7,7 @@ patrol is what it would have been alone. At most `processes` of them work at a t
 
 from __future__ import annotations
 
+import importlib
 import json
 import multiprocessing
 import sys
@@ -38,6 +39,8 @@ from .settings import Blame
 
 SURVEYED = ("sense", "odometry")  # links that the survey's estimate depends on; drive where wheels are spoiled
 KILLED = {"status": "killed", "reason": "its process was killed"}
+# Compiled code that every patrol loads: once, before they are forked
+COMMON = ("rhs.estimation.paths.shorten", "rhs.estimation.scans.votes", "rhs.metrics.judge_kernels")
 OF = multiprocessing.get_context("fork")
 
 
@@ -77,6 +80,8 @@ class Trials:
 
     def __init__(self, chain: Chain, processes: int) -> None:
         self.chain, self.at_once = chain, OF.Semaphore(processes)
+        for name in COMMON:
+            importlib.import_module(name)
         self.groups: dict[frozenset[str], tuple[Any, Any]] = {}  # state of the survey -> process, what it is told
 
     def drive(self, wanted: Sequence[frozenset[str]], done: Callable[[int], None]) -> dict[frozenset[str], dict[str, Any]]:

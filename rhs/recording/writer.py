@@ -63,6 +63,8 @@ class Recorder:
 
     def map(self, grid: OccupancyGrid, stamp_s: float) -> None:
         """Append the map as it is now."""
+        if self._tape is None:
+            return
         self._stamp_ns = ros.nanoseconds(stamp_s)
         self._put("/map", ros.occupancy_grid(grid, self._stamp_ns, "map"))
 
