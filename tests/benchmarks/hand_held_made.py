@@ -12,13 +12,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from rhs_sources.raster.renderer import Mesh, Renderer
-from rhs_sources.simulator_mesh import WHOLE, box_lids, box_sides, floor_and_ceiling
-from rhs_sources.simulator_textures import painting, surface
 
 from rhs.api.floorplan import Box, Surface
 from rhs.api.geometry import Camera, exp_so3, inverse, log_so3, se3
 from rhs.api.trajectory import Trajectory, read_tum, write_tum
+from rhs_sources.raster.renderer import Mesh, Renderer
+from rhs_sources.simulator_mesh import WHOLE, box_lids, box_sides, floor_and_ceiling
+from rhs_sources.simulator_textures import painting, surface
 
 RATE_HZ = 20.0
 WAYS = ("counter", "round", "table", "back", "nod", "covered")
@@ -110,7 +110,7 @@ def held(way: str, seed: int, views: int, middle: np.ndarray, size: tuple[float,
         at = middle + 0.2 * sway(rng, t, 4)
     elif way == "back":  # away from the counter to the far wall, round, and back at the counter from elsewhere
         s = np.sin(np.pi * t) ** 2
-        eye = np.array([w / 2, 0, 1.4]) + np.column_stack([side * 0.08 * w * (2 * t - 1), d * (0.4 + 0.3 * s), 0.1 * slow[:, 0]])
+        eye = np.column_stack([w / 2 + side * 0.08 * w * (2 * t - 1), d * (0.4 + 0.3 * s), 1.4 + 0.1 * slow[:, 0]])
         yaw = -np.pi / 2 + side * 2 * np.pi * t + 0.25 * slow[:, 1]
         at = eye + np.column_stack([np.cos(yaw), np.sin(yaw), -0.25 + 0.1 * slow[:, 2]])
     else:  # "nod": turns of a real hand, slower, there and back, at the table
@@ -123,7 +123,8 @@ def held(way: str, seed: int, views: int, middle: np.ndarray, size: tuple[float,
         eye = middle + np.array([side * 1.2, -0.1, 0.6]) + 0.25 * slow
         base = looking(eye[:1], middle[None])[0][:3, :3]
         optical = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float)
-        poses = np.stack([se3(base @ optical @ exp_so3(turn * [side, 1.0, side]) @ optical.T, e) for turn, e in zip(turns, eye, strict=True)])
+        poses = np.stack([se3(base @ optical @ exp_so3(turn * [side, 1.0, side]) @ optical.T, e)
+                          for turn, e in zip(turns, eye, strict=True)])
         return shaken(poses, rng, t)
     return shaken(looking(eye, at), rng, t)
 
@@ -139,7 +140,8 @@ def looking(eye: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 def sway(rng: np.random.Generator, t: np.ndarray, waves: int) -> np.ndarray:
     """(T, 3) smooth, within one, the same at both ends of t in 0..1."""
-    out = sum(rng.uniform(-1, 1, 3) * np.sin(2 * np.pi * (n * t[:, None] + rng.uniform(0, 1, 3))) for n in range(1, waves + 1))
+    out = sum(rng.uniform(-1, 1, 3) * np.sin(2 * np.pi * (n * t[:, None] + rng.uniform(0, 1, 3)))
+              for n in range(1, waves + 1))
     return out / max(1.0, float(np.abs(out).max()))
 
 

@@ -66,7 +66,10 @@ class Relocation:
         """map_from_camera of a view by the key-points of one key frame; None when too few agree."""
         now = vision.orb_features(view, self._settings.rescue_features)
         motion = matched(now, self._of(keyframe), self._settings, float(self._camera.fx), rng)
-        return None if motion is None or motion.count < self._settings.min_edge else self._map.poses[keyframe] @ motion.a_from_b
+        if motion is None or motion.count < self._settings.min_edge:
+            return None
+        pose: np.ndarray = self._map.poses[keyframe] @ motion.a_from_b
+        return pose
 
     def _asked(self, near: np.ndarray, below: int) -> list[int]:
         """Half of those tried are the nearest, half whose turn it is."""
