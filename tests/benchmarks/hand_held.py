@@ -1,8 +1,8 @@
 """The RGB-D back end on hand-held recordings that are made here: `python tests/benchmarks/hand_held.py --rooms 0 1`.
 
 Each room (hand_held_made.py) is seen along each of the ways and written as a TUM folder; the whole chain is replayed on it
-by the command line, ORB-SLAM3's wheel beside it in a process of its own (--peers, extra `peers`). Rooms below 100 are to build
-on, from 100 only to judge by. Written to results/tables/hand_held.csv, per recording:
+by the command line, ORB-SLAM3's wheel beside it in a process of its own (--peers, extra `peers`). Rooms below 100 are to
+build on, from 100 only to judge by. Written to results/tables/hand_held.csv, per recording:
 
 ate_cm, as reported view by view; closed_cm, after the end (SE(3) alignment); rpe_mm per view; size: metres of the closed
 estimate over the true ones; checked, loops, false: pairs of views looked at, loops taken, and those of them off by more
