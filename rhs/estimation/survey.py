@@ -16,9 +16,11 @@ from rhs.api.spare import later
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
 from rhs.estimation.scans.settings import VoteSettings
 from rhs.estimation.scans.wall_rays import lift_on_scan, lift_on_walls
+from rhs.estimation.views.thinning import thinned
 
 FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing of the map: one alone may be a speck
 FURNITURE = 0.95  # chance that a cell with so many is occupied
+LEAST_PLACES = 20  # views that stay stored whatever they take
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,15 @@ class Survey:
 
 
 class ViewCollector:
-    """Turns steps into views, keeping the features of every `every`-th one, of the first and of the last."""
+    """Turns steps into views, keeping the features of every `every`-th one, of the first and of the last.
+
+    most_mb: of features, megabytes; beyond it those are given up, a tenth at a time, whose place another view shows as well,
+    so that a way without end in one building takes bounded memory."""
 
     def __init__(self, every: int, settings: FeatureSettings,
-                 features: Callable[[Observation, FeatureSettings], Features]) -> None:
-        self.every, self.settings, self.features = every, settings, features
+                 features: Callable[[Observation, FeatureSettings], Features], most_mb: float = np.inf) -> None:
+        self.every, self.settings, self.features, self.most_mb = every, settings, features, most_mb
+        self._places: dict[int, int] = {}  # row in views -> bytes of its features
         self.views: list[View] = []
         self.last: Observation | None = None
         self.own_stamps_s: list[float] = []  # of a recording whose stamps were repaired: those it came with
@@ -44,7 +50,7 @@ class ViewCollector:
         settled = None  # the view before, once its features are known
         for step in steps:
             if settled is not None:
-                self.views[-1] = settled()
+                self._store(settled())
             stored = len(self.views) % self.every == 0 and step.observation.image is not None
             belief = step.belief
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
@@ -58,10 +64,29 @@ class ViewCollector:
         if settled is None and self.views and self.last is not None and self.last.image is not None:
             settled = self._with_features(self.views[-1], self.last)
         if settled is not None:
-            self.views[-1] = settled()
+            self._store(settled())
+
+    def _store(self, view: View) -> None:
+        self.views[-1] = view
+        self._places[len(self.views) - 1] = held_bytes(view.features)
+        if sum(self._places.values()) > 1e6 * self.most_mb and len(self._places) > LEAST_PLACES:
+            rows = np.array(list(self._places))
+            poses = np.stack([self.views[row].map_from_body for row in rows])
+            for row in rows[thinned(poses, max(len(rows) // 10, 1))].tolist():
+                self.views[row] = replace(self.views[row], features=None)
+                del self._places[row]
 
     def _with_features(self, view: View, seen: Observation) -> Callable[[], View]:
         return later(lambda: replace(view, features=freeze(self.features(seen, self.settings))))
+
+
+def held_bytes(features: Features | None) -> int:
+    """Of the arrays of a view's features."""
+    if features is None:
+        return 0
+    small = features.thumbnail
+    arrays = [features.pixels, features.descriptors, features.points, *([] if small is None else [small.grey, small.depth])]
+    return sum(array.nbytes for array in arrays)
 
 
 def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",

@@ -107,7 +107,7 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
 def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *, sights: Sights | None = None,
             ) -> Generator[Step, None, ViewCollector]:
     """Lead the camera along its route, or let the robot explore; the views as they were believed on the way."""
-    collector = ViewCollector(settings.places.every, context.features, features)
+    collector = ViewCollector(settings.places.every, context.features, features, settings.places.most_mb)
     if explores(settings):
         visit = parts.source.facts.places if isinstance(settings, Patrol) else ()
         views = log.follow(explored(parts, settings.mission, log.folder, visit=visit), "survey", None)

@@ -23,9 +23,13 @@ class StoredViews:
 
     every: int = 3
     """a view is stored every so many steps of the survey (thesis 5.2: 3)"""
+    most_mb: float = 200.0
+    """what their key-points may take, megabytes (0.16 a view at 320x240, 0.64 at 640x480): beyond it those whose place
+    another view shows as well are given up"""
 
     def __post_init__(self) -> None:
         check_range("places", "every", self.every, low=1, high=100_000)
+        check_range("places", "most_mb", self.most_mb, low=1.0, high=1e6, unit="MB")
 
 
 @dataclass

@@ -9,9 +9,22 @@ import pytest
 
 from rhs.api.geometry import camera_from_fov, inverse, se2
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Closure, Motion, Revision, Scan, Tracking, View, Wall
+from rhs.api.records import (
+    Belief,
+    Closure,
+    Features,
+    FeatureSettings,
+    Motion,
+    Observation,
+    Revision,
+    Scan,
+    Step,
+    Tracking,
+    View,
+    Wall,
+)
 from rhs.estimation import survey
-from rhs.estimation.survey import furnished
+from rhs.estimation.survey import ViewCollector, furnished, held_bytes
 
 CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
 
@@ -82,3 +95,24 @@ def test_a_table_that_the_scan_passes_over_is_in_the_map_and_what_one_view_only_
     rows, columns = np.nonzero(drawn.occupied())
     assert set(columns) == {25} and 17 <= rows.min() <= rows.max() <= 22
     assert not free.occupied().any(), "nobody changes what it is given"
+
+
+def test_a_way_without_end_in_one_room_keeps_its_places_within_their_memory():
+    """Round and round on a circle, a megabyte a place, 25 allowed: the circle stays covered, first and last are there."""
+    def features(seen, settings):
+        return Features(np.zeros((100, 2), np.float32), np.zeros((100, 2500), np.float32), np.zeros((100, 3), np.float32))
+
+    def steps():
+        for k in range(400):
+            seen = Observation(k, float(k), CAMERA, np.zeros((24, 32, 3), np.uint8))
+            pose = se2(2.0 * np.cos(0.1 * k), 2.0 * np.sin(0.1 * k), 0.1 * k)
+            yield Step(k, "survey", float(k), seen, Motion(np.eye(4), np.eye(6), Tracking.OK), Belief(pose, np.eye(6)), None,
+                       None, None, 0, (), None, {}, np.nan, False)
+
+    collector = ViewCollector(3, FeatureSettings(), features, most_mb=25.0)
+    assert len(list(collector.watch(steps()))) == 400
+    stored = [view for view in collector.views if view.features is not None]
+    assert 20 <= len(stored) <= 25 and sum(held_bytes(view.features) for view in stored) <= 25.5e6
+    assert collector.views[0].features is not None and collector.views[-1].features is not None
+    angles = np.sort([0.1 * view.index % (2 * np.pi) for view in stored])
+    assert np.diff(angles, append=angles[0] + 2 * np.pi).max() < 1.0

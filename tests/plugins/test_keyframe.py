@@ -148,6 +148,23 @@ def test_after_a_gap_a_camera_in_the_hand_is_found_again_in_its_map():
     assert max(settled_errors_deg(odometry, poses)) < 0.5
 
 
+def test_a_hand_that_drifted_further_than_patches_reach_knows_by_key_points_where_it_began():
+    """Half-way out its map is put wrong by 15 cm and 6 degrees, and a vague edge says so; back at the start it is right."""
+    poses = looks(*range(0, 91, 6), *range(84, -1, -6))
+    odometry, error = build(HAND), exp_se3(np.array([0.15, 0.0, 0.0, 0.0, np.radians(6.0), 0.0]))
+    run(odometry, poses[:16], HAND)
+    frames, tracker = odometry._map, odometry._tracker
+    wrong = len(frames.poses) // 2
+    drift = frames.poses[wrong] @ error @ inverse(frames.poses[wrong])
+    frames.poses[wrong:], tracker.pose = drift @ frames.poses[wrong:], drift @ tracker.pose
+    apart = [(edge.a < wrong) != (edge.b < wrong) for edge in frames.edges]
+    frames.edges = [replace(edge, a_from_b=inverse(frames.poses[edge.a]) @ frames.poses[edge.b], covariance=0.01 * np.eye(6))
+                    if torn else edge for edge, torn in zip(frames.edges, apart, strict=True)]
+    for k, pose in enumerate(poses[16:], 16):
+        odometry.update(observe(HAND, pose, TEXTURES, k))
+    assert max(settled_errors_deg(odometry, poses)) < 1.0
+
+
 def test_a_camera_in_the_hand_says_that_it_is_lost_until_it_is_found():
     """After the gap it looks where it never was: the motion goes on being followed, but nobody knows where it is. When it
     comes back to what it knows, all it saw in between falls into place."""

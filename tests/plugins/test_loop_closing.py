@@ -129,3 +129,34 @@ def test_a_lonely_edge_has_no_support():
     way_m = np.arange(60.0)
     edges = [LoopEdge(i, j, np.eye(4), np.eye(6), 30) for i, j in ((0, 40), (1, 41), (2, 42), (20, 55))]
     assert supported(edges, way_m, 3.0).tolist() == [3, 3, 3, 1]
+
+
+def in_a_hand(views):
+    """The same views of a camera that stands on no floor."""
+    mount = views[0].camera.body_from_camera.copy()
+    mount[2, 3] = 0.0
+    hand = replace(views[0].camera, body_from_camera=mount)
+    assert hand.height_m == 0.0
+    return [replace(view, camera=hand) for view in views]
+
+
+def test_loops_that_an_odometry_in_a_hand_bears_out_confirm_it_and_move_nothing():
+    views = in_a_hand(survey(TRUTH))
+    closure = PoseGraph(support=1).build(context()).close(views)
+    assert closure.details["closures"] > 0
+    np.testing.assert_array_equal(closure.poses, [view.map_from_body for view in views])
+
+
+def test_loops_that_it_contradicts_put_a_hand_right():
+    views = in_a_hand(survey(TRUTH, drift=se2(0.01, 0.004, 0.01)))
+    closure = PoseGraph(support=1).build(context()).close(views)
+    assert closure.details["closures"] > 0 and _end_error_m(closure.poses) < 0.1
+
+
+def test_two_loops_that_agree_on_the_floor_alone_contradict_each_other_in_a_hand():
+    poses, way_m = np.array(TRUTH), travelled_m(np.array(TRUTH))
+    true = LoopEdge(0, 24, inverse(poses[0]) @ poses[24], np.eye(6), 30)
+    lifted = replace(true, earlier=1, earlier_from_later=inverse(poses[1]) @ poses[24])
+    lifted.earlier_from_later[2, 3] += 1.0
+    assert agreement([true, lifted], poses, way_m, DriftBounds()).all()
+    assert not agreement([true, lifted], poses, way_m, DriftBounds(), solid=True)[0, 1]
