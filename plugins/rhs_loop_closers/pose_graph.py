@@ -134,12 +134,8 @@ class PoseGraphCloser:
         return self._solved(solved.edges + more, solved.poses, replace(between, walls=solved.walls))
 
     def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray, *, solid: bool = False) -> list[LoopEdge]:
-<<<<<<< HEAD
-        """Refuse what the odometry cannot have earned, what stands alone, what contradicts the others. solid: in space."""
-=======
         """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others
         (solid: in space)."""
->>>>>>> u5d
         edges = [self._plausible(edge, poses, way_m) for edge in edges]
         alive = [k for k, edge in enumerate(edges) if edge.accepted]
         support = supported([edges[k] for k in alive], way_m, self._settings.window_m)

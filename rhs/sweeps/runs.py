@@ -50,9 +50,10 @@ def _composed(sweep: Path, names: set[str]) -> dict[Path, dict[str, Any]]:
     unknown = names - {line.run for line in lines.values()}
     if unknown:
         name = min(unknown)
-        raise ConfigError(f"{sweep / name} is a sweep; name one of its runs (python -m rhs table {sweep / name} --rows lists "
-                          f"them)" if (sweep / name / "sweep.json").is_file() else f"{sweep / name}: no run folder (no "
-                          f"config.yaml), and no row of that name in {sweep}/rows")
+        where = sweep / name
+        raise ConfigError(f"{where} is a sweep; name one of its runs (python -m rhs table {where} --rows lists them)"
+                          if (where / "sweep.json").is_file() else
+                          f"{where}: no run folder (no config.yaml), and no row of that name in {sweep}/rows")
     before = recall(sweep)
     conf = tuple(map(Path, before["conf"]))
     planned = plan([word for word in before["words"] if not word.startswith("output=")], conf)
@@ -64,6 +65,7 @@ def _composed(sweep: Path, names: set[str]) -> dict[Path, dict[str, Any]]:
         words = planned.combinations[index]
         config = job_of(composer.config(words), words, planned.swept).config
         if config_hash(config) != line.row.get("config_hash"):
-            raise ConfigError(f"{sweep / line.run}: its words give another configuration now than rhs {before.get('rhs')} ran")
+            raise ConfigError(f"{sweep / line.run}: its words give another configuration now than rhs "
+                              f"{before.get('rhs')} ran")
         found[sweep / line.run] = to_plain(config)
     return found

@@ -110,12 +110,7 @@ def held(way: str, seed: int, views: int, middle: np.ndarray, size: tuple[float,
         at = middle + 0.2 * sway(rng, t, 4)
     elif way == "back":  # away from the counter to the far wall, round, and back at the counter from elsewhere
         s = np.sin(np.pi * t) ** 2
-<<<<<<< HEAD
-        out = np.column_stack([side * 0.08 * w * (2 * t - 1), d * (0.4 + 0.3 * s), 0.1 * slow[:, 0]])
-        eye = np.array([w / 2, 0, 1.4]) + out
-=======
         eye = np.column_stack([w / 2 + side * 0.08 * w * (2 * t - 1), d * (0.4 + 0.3 * s), 1.4 + 0.1 * slow[:, 0]])
->>>>>>> u5d
         yaw = -np.pi / 2 + side * 2 * np.pi * t + 0.25 * slow[:, 1]
         at = eye + np.column_stack([np.cos(yaw), np.sin(yaw), -0.25 + 0.1 * slow[:, 2]])
     else:  # "nod": turns of a real hand, slower, there and back, at the table

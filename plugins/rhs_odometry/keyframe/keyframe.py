@@ -259,11 +259,7 @@ class KeyframeOdometry(Odometry):
         return edges
 
     def _seen_again(self, look: PreparedView, k: int, a: int, ids: np.ndarray, pose: np.ndarray) -> list[Edge]:
-<<<<<<< HEAD
-        """The edge to key frame a by its points ids, looked up from a pose of this view; what fits is followed on."""
-=======
         """The edge to key frame a by its points ids, looked up from a pose of this view; what fits is followed now."""
->>>>>>> u5d
         tracker = self._tracker
         ids, pixels = tracker.seek(look, ids, pose)
         fit = tracker.fit(look, ids, pixels, inverse(pose))

@@ -68,12 +68,8 @@ class Relocation:
         motion = matched(now, self._of(keyframe), self._settings, float(self._camera.fx), rng)
         if motion is None or motion.count < self._settings.min_edge:
             return None
-<<<<<<< HEAD
-        return self._map.poses[keyframe] @ motion.a_from_b
-=======
         pose: np.ndarray = self._map.poses[keyframe] @ motion.a_from_b
         return pose
->>>>>>> u5d
 
     def _asked(self, near: np.ndarray, below: int) -> list[int]:
         """Half of those tried are the nearest, half whose turn it is."""
