@@ -48,12 +48,10 @@ def _composed(sweep: Path, names: set[str]) -> dict[Path, dict[str, Any]]:
     """The same of runs of which a shard of this sweep has the row."""
     lines = {line.words: line for line in read_lines(shards(sweep), []).values() if line.run in names}
     unknown = names - {line.run for line in lines.values()}
+    if unknown and (one := sweep / min(unknown)) and (one / "sweep.json").is_file():
+        raise ConfigError(f"{one} is a sweep; name one of its runs (python -m rhs table {one} --rows lists them)")
     if unknown:
-        name = min(unknown)
-        where = sweep / name
-        raise ConfigError(f"{where} is a sweep; name one of its runs (python -m rhs table {where} --rows lists them)"
-                          if (where / "sweep.json").is_file() else
-                          f"{where}: no run folder (no config.yaml), and no row of that name in {sweep}/rows")
+        raise ConfigError(f"{sweep / min(unknown)}: no run folder (no config.yaml), and no row of that name in {sweep}/rows")
     before = recall(sweep)
     conf = tuple(map(Path, before["conf"]))
     planned = plan([word for word in before["words"] if not word.startswith("output=")], conf)
@@ -65,7 +63,8 @@ def _composed(sweep: Path, names: set[str]) -> dict[Path, dict[str, Any]]:
         words = planned.combinations[index]
         config = job_of(composer.config(words), words, planned.swept).config
         if config_hash(config) != line.row.get("config_hash"):
-            raise ConfigError(f"{sweep / line.run}: its words give another configuration now than rhs "
-                              f"{before.get('rhs')} ran")
+            raise ConfigError(f"{sweep / line.run}: its words give another configuration now than when it ran")
         found[sweep / line.run] = to_plain(config)
+    if lost := names - {run.name for run in found}:
+        raise ConfigError(f"{sweep / min(lost)}: the words in {sweep}/sweep.json do not give this run")
     return found
