@@ -39,6 +39,7 @@ SHORT = 60
 SHALLOW = {
     "cli.blame": "a command", "cli.check": "a command",
     "estimation.views.thumbnail_kernels": "compiled code, imported when needed",
+    "estimation.views.thinning": "which places of many; the survey that asks knows nothing of distances between poses",
     "metrics.recording": "a provider of columns, found by its entry point",
     "reports.blame_picture": "a picture of its own; the report is full",
     "reports.frames": "the truth laid into the belief's frame: geometry, not a report",
