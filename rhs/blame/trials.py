@@ -24,9 +24,9 @@ from rhs.api.randomness import generator
 from rhs.api.task import Parts
 from rhs.base.processes import die_with_parent
 from rhs.config import registry
-from rhs.config.composed import members_of
 from rhs.config.degraded import Degraded, fault_of
 from rhs.config.parts import Chosen, build, build_part
+from rhs.config.registry import members_of
 from rhs.estimation.survey import ViewCollector
 from rhs.metrics.evaluate import evaluate
 from rhs.patrol.gate import gated
