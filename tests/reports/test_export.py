@@ -50,8 +50,8 @@ def test_parquet_reads_back_with_its_types(folder):
 def test_parquet_without_pyarrow_is_refused_in_one_line(folder):
     """In a process that never had it: pandas holds text otherwise then."""
     words = [str(folder / "runs"), "--parquet", str(folder / "t.parquet")]
-    run = subprocess.run([sys.executable, "-c", "import sys; sys.modules['pyarrow'] = None; from rhs.reports.table import main; "
-                          f"sys.exit(main({words!r}))"], capture_output=True, text=True, timeout=120, check=False)
+    code = f"import sys; sys.modules['pyarrow'] = None; from rhs.reports.table import main; sys.exit(main({words!r}))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
     assert run.returncode == 2
     assert "pip install 'rhs[parquet]'" in run.stderr and len(run.stderr.splitlines()) == 1
     assert not (folder / "t.parquet").exists()
