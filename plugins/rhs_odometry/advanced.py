@@ -43,6 +43,60 @@ class SurfaceSettings:
 
 
 @dataclass(frozen=True)
+class DirectSettings:
+    """Two views laid on each other by all their pixels (keyframe/direct.py), where too few points can be followed."""
+
+    columns: int = 80
+    """blocks of pixels side by side, at the finest"""
+    levels: int = 3
+    """each coarser one halves that: a block of 32 pixels of 640 bridges what a fast turn shifts"""
+    iterations: int = 12
+    """Gauss-Newton steps per level at most"""
+    still: float = 1e-4
+    """a level is done when a step is less than this per pixel of a block, metres and radians"""
+    student_dof: float = 5.0
+    """degrees of freedom of the Student's t that weighs blocks (Kerl et al. 2013)"""
+    correlated: float = 80.0
+    """neighbouring blocks err together: so many count as one"""
+    grey_sigma: float = 1.0
+    """least deviation of the brightness of a block, grey levels"""
+    clear_sigmas: float = 1.5
+    """brightness that changes by less than so many deviations from block to block is noise and says nothing"""
+    inverse_depth_sigma: float = 0.002
+    """least deviation of its inverse depth, 1/m"""
+    least_known: float = 0.6
+    """share of a block whose depth must be known"""
+    rough_per_m: float = 0.003
+    """a block whose inverse depths spread by more than this per pixel of its side hangs over an edge, 1/m"""
+    least_shared: float = 0.4
+    """share of the blocks that both views must see"""
+    vague_m: float = 0.03
+    """a position less sure than this (1 sigma) is none: a lone plain wall, along which noise decides"""
+    keep_shared: float = 0.7
+    """of the view that others are laid on; with less the last view takes its place"""
+    keep_sigmas: float = 2.0
+    """nor may a view lie on it less surely by more than this than the first one did"""
+    probability: float = 0.999999
+    """chance that points and pixels that are both right are no further apart (chi-square test)"""
+    depth_off_per_m: float = 0.01
+    """deviation of inverse depths, 1/m, from which on they are of other surfaces"""
+    grey_off: float = 4.0
+    """deviation of brightness, grey levels, from which on it may be another picture,"""
+    grey_off_share: float = 0.5
+    """or, where it varies more, this share of its own deviation"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, columns=(8, 10_000), levels=(1, 10), iterations=(1, 1000), still=(0.0, 1.0),
+                     student_dof=(0.5, 1e6),
+                     correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), clear_sigmas=(0.0, 100.0),
+                     inverse_depth_sigma=(1e-6, 10.0), least_known=(0.0, 1.0), rough_per_m=(1e-6, 10.0),
+                     least_shared=(0.0, 1.0),
+                     vague_m=(1e-6, 100.0), keep_shared=(0.0, 1.0), keep_sigmas=(1.0, 1e6), probability=(0.5, 1.0 - 1e-12),
+                     depth_off_per_m=(1e-6, 10.0),
+                     grey_off=(0.0, 255.0), grey_off_share=(0.0, 10.0))
+
+
+@dataclass(frozen=True)
 class GuessNoise:
     """How wrong a motion may be that is taken from wheels, the command or the last motion because vision has nothing to say.
     Wide on purpose: a guess that is trusted too much bends the map, one that is trusted too little only leaves the loop

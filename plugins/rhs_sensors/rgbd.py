@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
 from rhs.estimation.scans.settings import BandSettings
+from rhs.estimation.views.settings import DepthNoiseSettings
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Sensor
@@ -17,6 +18,7 @@ class RgbdAdvanced:
     """Thresholds of `sensor=rgbd`."""
 
     obstacle: BandSettings = field(default_factory=BandSettings)
+    depth_noise: DepthNoiseSettings = field(default_factory=DepthNoiseSettings)
 
 
 @dataclass

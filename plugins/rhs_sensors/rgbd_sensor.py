@@ -2,7 +2,8 @@
 the floor and the robot's height as another.
 
 The two stay apart: scans are laid on one another at one height, where walls look the same from everywhere; a table or a bed
-looks different from each side, and is what the robot must not touch.
+looks different from each side, and is what the robot must not touch. Both are read along the horizon: a camera that sways
+shows it by the floor, view by view.
 
 Depth noise and range: Nguyen, Izadi and Lovell 2012 (section 4.1) and Khoshelham and Elberink 2012 (disparity steps).
 """
@@ -17,7 +18,8 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture, Observation, Scan
 from rhs.api.spare import both
-from rhs.estimation.scans.obstacle_scan import ObstacleScanner
+from rhs.estimation.scans.obstacle_scan import ObstacleScanner, levelled
+from rhs.estimation.views.depth_noise import DepthLevel, mended
 
 from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
 from .rgbd import Rgbd
@@ -34,16 +36,18 @@ class RgbdSensor:
         self._image_rng, self._depth_rng, wheel_rng = context.rng.spawn(3)
         self._encoders = Encoders(settings, wheel_rng)
         self._rows = ScanRows(context.camera, settings)
+        self._level, self._left = (DepthLevel(settings.advanced.depth_noise) for _ in range(2))
         self._band: ObstacleScanner | None = None
         if context.camera.height_m > 0.0:  # of a recording whose camera hangs nobody knows where, nobody knows the floor
-            self._band = ObstacleScanner(context.camera, settings.advanced.obstacle, max_range_m=settings.max_range_m)
+            self._band = self._obstacles(context.camera)
+        self._tilted = float(np.tan(np.radians(settings.advanced.obstacle.tilted_deg)))
 
     def sense(self, capture: Capture) -> Observation:
         clean = image_of(capture, self._camera)
         noise = self._settings.noise and not capture.sensed
         ideal = depth_of(capture, self._camera)
         image_sigma = self._settings.image_sigma if noise else 0.0
-        (depth, scan, obstacle), image = both(lambda: self._ranges(ideal, noise),
+        (depth, scan, obstacle, times), image = both(lambda: self._ranges(ideal, noise),
                                               lambda: noisy_image(clean, image_sigma, self._image_rng))
         return Observation(
             capture.index,
@@ -55,12 +59,27 @@ class RgbdSensor:
             command=capture.command,
             wheel=self._encoders.read(capture.travel, exact=capture.sensed),
             obstacle=obstacle,
+            depth_times=times,
         )
 
-    def _ranges(self, ideal: np.ndarray, noise: bool) -> tuple[np.ndarray, Scan, Scan | None]:
-        """Depth (H, W) as this sensor measures it, and its two scans."""
-        depth = self._degraded(ideal, noise)
-        return depth, self._rows.scan(depth), None if self._band is None else self._band.scan(depth)
+    def _ranges(self, ideal: np.ndarray, noise: bool) -> tuple[np.ndarray, Scan, Scan | None, float]:
+        """Depth (H, W) as this sensor measures it, its two scans, and how noisy it is beside a Kinect's."""
+        depth, rules, times = self._degraded(ideal, noise), self._settings.advanced.depth_noise, 1.0
+        level = self._level.look(depth)
+        if level > rules.above:
+            smooth, side_px = mended(depth, level, max_range_m=self._settings.max_range_m, settings=rules)
+            depth, times = frozen(smooth), max(1.0, self._left.look(smooth, side_px))
+        if self._band is None:
+            return depth, self._rows.scan(depth), None, times
+        floor = self._band.floor(self._band.thinned(depth))
+        if np.hypot(*floor[0][1:]) <= self._tilted:
+            return depth, self._rows.scan(depth), self._band.scan(depth, floor, times), times
+        camera = levelled(self._camera, floor[0])
+        return depth, ScanRows(camera, self._settings).scan(depth), self._obstacles(camera).scan(depth, None, times), times
+
+    def _obstacles(self, camera: Camera) -> ObstacleScanner:
+        settings = self._settings
+        return ObstacleScanner(camera, settings.advanced.obstacle, max_range_m=settings.max_range_m)
 
     def _degraded(self, ideal: np.ndarray, noise: bool) -> np.ndarray:
         """(H, W) float32 depth with noise, in steps of disparity, NaN outside the range."""

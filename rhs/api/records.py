@@ -95,6 +95,7 @@ class Observation:
     extras: further modalities by name, as the source gave them. contact: of the bumper, as the source gave it.
     obstacle: the nearest thing between the floor and the robot's height on each bearing, beside `scan`, whose beams all run
     at one height (rhs.estimation.scans.obstacle_scan); None of a sensor that does not look for it.
+    depth_times: deviation of a reading of depth as the pictures themselves show it, times a Kinect's; 1: no more than that.
     """
 
     index: int
@@ -108,6 +109,7 @@ class Observation:
     extras: Mapping[str, np.ndarray] = field(default_factory=dict)
     obstacle: Scan | None = None
     contact: bool | None = None
+    depth_times: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

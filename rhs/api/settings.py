@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import enum
+import functools
 import types
 import typing
 from collections.abc import Mapping
@@ -19,12 +20,16 @@ from rhs.base.errors import ConfigError
 RESERVED = ("name",)
 
 
+# the types of a class's fields, looked up once: a sweep makes the same classes for each of its jobs
+_hints = functools.cache(typing.get_type_hints)
+
+
 def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
     """An instance of the dataclass `cls` from plain values; `owner` is the dotted key they stand under ("" at the top).
 
     Raises ConfigError for an unknown key (naming the nearest), a wrong type, a missing value or a value out of range.
     """
-    hints = typing.get_type_hints(cls)
+    hints = _hints(cls)
     names = [f.name for f in dataclasses.fields(cls) if f.init]
     arguments = {}
     for key, value in values.items():

@@ -144,6 +144,8 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
     scan = None if observation.scan is None else check_scan(observation.scan, who=who)
     obstacle = None if observation.obstacle is None else check_scan(observation.obstacle, who=who)
     _contact(observation.contact, who)
+    if not _number(observation.depth_times) or not 0.0 < observation.depth_times < math.inf:
+        _refuse(who, "depth_times", _short(observation.depth_times), "a number above 0")
     return replace(observation, wheel=wheel, scan=scan, obstacle=obstacle)
 
 

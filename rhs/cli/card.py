@@ -56,7 +56,8 @@ def asked(words: Sequence[str]) -> tuple[str, str, object, Path | None]:
     output = next((Path(str(word.value)) for word in found if word.key == "output"), None)
     rest = [word for word in found if word.key != "output"]
     if not rest or rest[0].key not in PLUGIN_KINDS:
-        raise ConfigError("card: say which part, for example: python -m rhs card planner=prm")
+        wrong = f"{rest[0].text} is no part" if rest else "say which part"
+        raise ConfigError(f"card: {wrong}; for example: python -m rhs card planner=prm; kinds: {', '.join(PLUGIN_KINDS)}")
     kind, name = rest[0].key, str(rest[0].value)
     cls = registry.load(kind, name)
     registry.check_requirements(kind, name, cls)

@@ -42,6 +42,7 @@ class ViewCollector:
                  features: Callable[[Observation, FeatureSettings], Features], most_mb: float = np.inf) -> None:
         self.every, self.settings, self.features, self.most_mb = every, settings, features, most_mb
         self._places: dict[int, int] = {}  # row in views -> bytes of its features
+        self._held = 0  # bytes, of all of them
         self.views: list[View] = []
         self.last: Observation | None = None
         self.own_stamps_s: list[float] = []  # of a recording whose stamps were repaired: those it came with
@@ -68,13 +69,14 @@ class ViewCollector:
 
     def _store(self, view: View) -> None:
         self.views[-1] = view
-        self._places[len(self.views) - 1] = held_bytes(view.features)
-        if sum(self._places.values()) > 1e6 * self.most_mb and len(self._places) > LEAST_PLACES:
+        self._places[len(self.views) - 1] = size = held_bytes(view.features)
+        self._held += size
+        if self._held > 1e6 * self.most_mb and len(self._places) > LEAST_PLACES:
             rows = np.array(list(self._places))
             poses = np.stack([self.views[row].map_from_body for row in rows])
             for row in rows[thinned(poses, max(len(rows) // 10, 1))].tolist():
                 self.views[row] = replace(self.views[row], features=None)
-                del self._places[row]
+                self._held -= self._places.pop(row)
 
     def _with_features(self, view: View, seen: Observation) -> Callable[[], View]:
         return later(lambda: replace(view, features=freeze(self.features(seen, self.settings))))

@@ -19,9 +19,11 @@ CAUSAL = ("drive", "sense", "odometry", "closing", "map", "localise", "plan")  #
 LINKS = ("sense", "odometry", "closing", "map", "localise", "plan", "drive")
 # measure -> (unit, what is lost)
 MEASURES = {"places": ("", "places missed"), "belief": ("m", "error of the belief in the patrol"),
-            "ate": ("m", "error of the survey's trajectory"), "way": ("m", "way driven beyond the shortest")}
-# what is worth a verdict: half a place; a fifth of the distance within which a place is visited; two steps of the robot
-WORTH = {"places": 0.5, "belief": 0.1, "ate": 0.1, "way": 1.0}
+            "ate": ("m", "error of the survey's trajectory"), "way": ("m", "way driven beyond the shortest"),
+            "time": ("s", "wait of a place beyond the least")}
+# what is worth a verdict: half a place; a fifth of the distance within which a place is visited; two steps of the robot; ten
+# seconds that the place worst off waits longer than it must
+WORTH = {"places": 0.5, "belief": 0.1, "ate": 0.1, "way": 1.0, "time": 10.0}
 ALONE = 0.8  # of what all truths together save: a link saves nearly all
 HALF = 0.5  # of the largest share: less, and what a link saves alone is chance
 OFF_M = 0.5  # the belief is somewhere else: the distance within which a place counts as visited
@@ -36,7 +38,8 @@ def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
         return float(value) if isinstance(value, int | float) else NAN
 
     return {"places": number("places_total") - number("places_visited"), "belief": number("patrol_rmse_m"),
-            "ate": number("ate_unaligned_m"), "way": number("path_length_m") - number("path_optimal_informed_m")}
+            "ate": number("ate_unaligned_m"), "way": number("path_length_m") - number("path_optimal_informed_m"),
+            "time": number("idleness_worst_s") - number("idleness_bound_s")}
 
 
 def off_since(steps: Sequence[Mapping[str, str]]) -> int:
@@ -152,8 +155,8 @@ def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
     return [("blame", "", "which link cost what, and since when, in one sentence", source),
             ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, "
              "else that which cost most; empty where nothing worth a verdict was lost", source),
-            ("blame_measure", "", "what it cost: places where the truth saves any; else belief, ate or way, whichever lost "
-             "more of what is worth a verdict (0.1 m, 0.1 m, 1 m)", source),
+            ("blame_measure", "", "what it cost: places where the truth saves any; else belief, ate, way or time, whichever "
+             "lost more of what is worth a verdict (0.1 m, 0.1 m, 1 m, 10 s)", source),
             ("blame_off_since", "", "first view of the patrol after which the belief never came back within 0.5 m of the "
              "truth; -1: it did", "steps.csv, truth"),
             ("blame_runs", "", "counterfactual patrols that the shares rest on", source),

@@ -21,7 +21,7 @@ def blame_picture(folder: Path) -> Path | None:
         return None
     errors = told.get("off_by") or told.get("standard_errors", {})
     names = [*told["links"], "no link tried"]
-    figure = new_figure(10.5, 1.6 + 0.34 * len(names))
+    figure = new_figure(12.5, 1.6 + 0.34 * len(names))
     panels = figure.subplots(1, len(MEASURES), sharey=True)
     places = list(range(len(names)))[::-1]
     for axes, (measure, (unit, what)) in zip(panels, MEASURES.items(), strict=True):
@@ -33,13 +33,14 @@ def blame_picture(folder: Path) -> Path | None:
         axes.axvline(0.0, color=LOSS, linewidth=0.8)
         if loss is not None:
             axes.axvline(loss, color=LOSS, linewidth=1.0, linestyle=":")
-        axes.set_title(f"{what}: unknown" if loss is None else f"{what}: {loss:.3g} {unit}", fontsize=8)
+        axes.set_title(f"{what}:\n" + ("unknown" if loss is None else f"{loss:.3g} {unit}"), fontsize=8)
         axes.set_xlabel(f"cost of the link{f' [{unit}]' if unit else ''}", fontsize=8)
         if not any(values) and not loss:
             axes.set_xlim(0.0, 1.0)
         axes.tick_params(labelsize=8)
     panels[0].set_yticks(places, names)
-    figure.suptitle("\n".join(textwrap.wrap(told["verdict"], 110)) + "\n(dotted: the whole loss)", fontsize=10)
+    drawn = "dotted: the whole loss" + ("; black: how far a share may be off" if errors else "")
+    figure.suptitle("\n".join(textwrap.wrap(told["verdict"], 130)) + f"\n({drawn})", fontsize=10)
     return write_whole(folder / "blame.png", lambda path: save(figure, path))
 
 

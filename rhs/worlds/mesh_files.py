@@ -1,5 +1,5 @@
-"""Mesh files of other programs (OBJ, glTF, STL, COLLADA, PLY, OFF), read by trimesh (MIT) and, for COLLADA, pycollada (BSD):
-the extra `buildings` of this package."""
+"""Mesh files of other programs: OBJ, glTF, STL, COLLADA, PLY and OFF, read by trimesh (MIT) and, for COLLADA, pycollada
+(BSD), the extra `buildings` of this package; VRML97, read by vrml.py."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ import numpy as np
 from rhs.base.commands import check_regular
 from rhs.base.errors import ConfigError
 
-from .soup import Part, part
+from .soup import MOST_TRIANGLES, Part, part
 
-MESHES = (".obj", ".glb", ".gltf", ".stl", ".dae", ".ply", ".off")
+MESHES = (".obj", ".glb", ".gltf", ".stl", ".dae", ".ply", ".off", ".wrl")
 MOST_BYTES = 512 << 20
-MOST_TRIANGLES = 3_000_000
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # z_up_from_y_up
 
 
@@ -38,6 +37,10 @@ class MeshFile:
 def read_mesh(path: Path) -> MeshFile:
     """All triangles of a mesh file, each where its scene puts it. Raises ConfigError in one line, whatever is wrong."""
     check_readable(path)
+    if path.suffix.lower() == ".wrl":
+        from .vrml import read_vrml
+
+        return _whole(path, *read_vrml(path), None, "y")  # many programs write their own unit
     if importlib.util.find_spec("trimesh") is None:
         raise ConfigError(f"meshes need packages that are not installed; type: pip install 'rhs[buildings]' (for {path})")
     unit_m, up = _conventions(path)
@@ -48,6 +51,10 @@ def read_mesh(path: Path) -> MeshFile:
     except Exception as error:  # trimesh and its parsers raise anything about a broken file
         said = " ".join(str(error).split())[:120] or type(error).__name__
         raise ConfigError(f"{path}: trimesh cannot read this mesh ({said})") from error
+    return _whole(path, parts, missing, unit_m, up)
+
+
+def _whole(path: Path, parts: list[Part], missing: list[str], unit_m: float | None, up: str | None) -> MeshFile:
     if not parts:
         raise ConfigError(f"{path}: no triangles in this file; expected a mesh of a building")
     return MeshFile(tuple(parts), unit_m, up, tuple(missing))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+MOST_TRIANGLES = 3_000_000  # of one file
 MOST_SIDE_PX = 512  # of a picture; larger ones are made smaller: a hundred of them must fit into memory
 LIGHT = np.array([0.36, 0.48, 0.8])  # where the shade of an untextured face comes from
 GREY = (178, 178, 178)  # what nobody gave a colour

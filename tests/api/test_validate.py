@@ -205,6 +205,7 @@ def test_stamps_increase_strictly():
     ({"stamp_s": 0.0}, "those of the capture: 3, 1.5"),
     ({"image": np.zeros((3, 4, 3), np.uint8)}, "4 x 3 pixels; expected 8 x 6"),
     ({"wheel": np.zeros(6)}, "wheel"),
+    ({"depth_times": float("nan")}, "depth_times"),
 ])
 def test_a_bad_observation_is_refused(change, says):
     check_observation(OBSERVATION, CAPTURE, who=WHO)

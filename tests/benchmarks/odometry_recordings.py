@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import tempfile
 import time
 from pathlib import Path
 
@@ -61,7 +62,7 @@ def main() -> None:
 
 def measure(folder: Path, settings: dict, name: str) -> dict:
     """One odometry on one recording."""
-    place = SourceContext(generator(0, "source"), None, Path())
+    place = SourceContext(generator(0, "source"), None, Path(tempfile.gettempdir()))
     source = registry.load("source", "replay")(path=str(folder), **settings).build(place)
     sensing = Context(generator(0, "sensor"), source.camera, source.facts, Path(), FeatureSettings())
     sensor = registry.load("sensor", "rgbd")().build(sensing)
@@ -99,7 +100,7 @@ def measure(folder: Path, settings: dict, name: str) -> dict:
 def reading_ms(folder: Path, settings: dict) -> float:
     """CPU milliseconds per view of reading and decoding alone, the reader's thread included."""
     source = registry.load("source", "replay")(path=str(folder), **settings).build(
-        SourceContext(generator(0, "source"), None, Path()))
+        SourceContext(generator(0, "source"), None, Path(tempfile.gettempdir())))
     views = 0
     while source.lead() is not None:
         if views == 0:  # the first brings the imports

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from installing import CHOICE, FAKES, installed
 
+from rhs.api import settings
 from rhs.api.errors import ConfigError
-from rhs.config import parts
-from rhs.config.compose import Composer, RunConfig, build_parts, compose_config, config_hash, from_plain, to_plain
+from rhs.config import hydra_glue, parts
+from rhs.config.compose import Composer, Core, RunConfig, build_parts, compose_config, config_hash, from_plain, to_plain
 from rhs.config.overrides import parse, plain_words
 
 
@@ -257,3 +258,18 @@ def test_what_is_typed_for_a_drive_is_refused_where_a_recording_is_read(word):
     assert compose_config(words).source.name == "replay"
     with pytest.raises(ConfigError, match=r"is a recording, which nobody drives"):
         compose_config([*words, word])
+
+
+@pytest.mark.parametrize("words", [
+    (), ("planner.samples=7", "seed=3"), ("planner.weights=[1,2.5]",), ("planner.limit=null", "planner.mode=12:30"),
+    ("planner={samples: 7, smooth: false}",), ("places.every=5", "planner.step_m=1"), ("planner.mode=${world}",),
+])
+def test_values_put_in_by_hand_are_those_that_omegaconf_would_put_in(words):
+    """Most jobs of a sweep change single values only; composing them leaves OmegaConf out."""
+    options = [word for word in plain_words(parse([*CHOICE, *words])) if word.is_group]
+    values = [word for word in plain_words(parse([*CHOICE, *words])) if not word.is_group]
+    quick = hydra_glue.compose(options, schema=settings.defaults(Core))
+    whole = hydra_glue.compose(options, schema=settings.defaults(Core))
+    assert quick.plain is not None
+    whole.__dict__["plain"] = None
+    assert hydra_glue.with_values(quick, values) == hydra_glue.with_values(whole, values)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rhs.api.geometry import camera_from_fov, exp_so3, se3
-from rhs.estimation.scans.obstacle_scan import ObstacleScanner
+from rhs.api.geometry import camera_from_fov, exp_so3, log_so3, se3
+from rhs.estimation.scans.obstacle_scan import ObstacleScanner, levelled
 from rhs.estimation.scans.settings import BandSettings
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.2)
@@ -65,6 +65,15 @@ def test_a_camera_that_sways_or_sits_higher_than_told_makes_no_obstacle_of_the_f
     sway = {"pitch_deg": pitch_deg, "roll_deg": roll_deg, "lift_m": lift_m}
     assert np.isinf(look([], **sway).ranges_m).all()
     assert ahead(look([((3.5, -0.5, 0.0), (4.0, 0.5, 0.3))], **sway)).min() == pytest.approx(3.5, abs=0.1)
+
+
+@pytest.mark.parametrize("pitch_deg, roll_deg", [(3, 0), (-4, 0), (0, 5), (4, -3)])
+def test_how_the_camera_hangs_is_read_off_the_floor_to_a_tenth_of_a_degree(pitch_deg, roll_deg):
+    scanner = ObstacleScanner(CAMERA, BandSettings(), max_range_m=8.0)
+    floor, seen = scanner.floor(scanner.thinned(depth_of(ROOM, pitch_deg=pitch_deg, roll_deg=roll_deg)))
+    true = exp_so3(np.radians([roll_deg, pitch_deg, 0.0])) @ CAMERA.body_from_camera[:3, :3]
+    off = log_so3(true.T @ levelled(CAMERA, floor).body_from_camera[:3, :3])
+    assert seen and np.degrees(np.linalg.norm(off)) < 0.1
 
 
 def test_the_robots_height_is_its_cameras_and_a_little_or_what_is_said():

@@ -129,5 +129,5 @@ def test_a_pose_of_which_the_edges_say_nothing_stays_where_it_is():
 
     from rhs.estimation.filters.pose_graph import _factored
 
-    factor = _factored(diags([4.0, 0.0, 2.0]).tocsc(), 0.0)  # singular to the last bit
+    factor = _factored(diags([4.0, 0.0, 2.0]).tocsc())  # singular to the last bit
     assert factor.solve(np.array([4.0, 0.0, 4.0])) == pytest.approx([1.0, 0.0, 2.0])

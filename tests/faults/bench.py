@@ -91,7 +91,7 @@ class Bench:
         """Run a command in a warm process; its exit code, its one line and what must hold of every command are checked.
 
         site: a folder of one more installed distribution. alone: nothing else is at work in the folder."""
-        before, outside = self.listed(), self._outside()
+        before, outside = self.listed() if alone else {}, self._outside()  # what is at work renames files as they are listed
         out, err = self.home / "out.txt", self.home / "err.txt"
         for path in (out, err):
             path.write_text("")

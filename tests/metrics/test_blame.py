@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from rhs.metrics.blame import judged, losses_of, off_since
+from rhs.metrics.blame import MEASURES, judged, losses_of, off_since
 from rhs.metrics.cause import first_complaints
 from rhs.metrics.shares import shapley, shapley_of_orders, subsets
 
@@ -74,7 +74,7 @@ def test_the_survey_counts_for_nothing_there():
 def chain(links, **causes):
     """Losses of a chain: by measure a list of (size, links of which any one covers for the fault)."""
     known = {name: {chosen: float(sum(size for size, covers in causes.get(name, []) if not chosen & set(covers)))
-                    for chosen in subsets(links)} for name in ("places", "belief", "ate", "way")}
+                    for chosen in subsets(links)} for name in MEASURES}
     return judged(known, links, since=causes.get("since", -1))
 
 
@@ -127,9 +127,15 @@ def test_a_detour_is_told_in_metres_of_the_way():
     assert (told["measure"], told["link"]) == ("way", "plan") and "plan cost 5 m" in told["verdict"]
 
 
+def test_standing_about_is_told_in_seconds():
+    told = chain(["map", "plan"], time=[(30.0, ["map"])], way=[(2.0, ["plan"])])
+    assert (told["measure"], told["link"]) == ("time", "map") and "map cost 30 s" in told["verdict"]
+
+
 def test_losses_are_unknown_where_the_row_does_not_know():
     found = losses_of({"places_total": 4, "places_visited": 0, "path_length_m": 3.0, "patrol_rmse_m": float("nan")})
     assert losses_of({"path_length_m": 12.5, "path_optimal_informed_m": 10.0})["way"] == 2.5
+    assert losses_of({"idleness_worst_s": 90.0, "idleness_bound_s": 55.0})["time"] == 35.0
     assert found["places"] == 4 and np.isnan(found["way"]) and np.isnan(found["belief"])
 
 

@@ -22,7 +22,7 @@ GREY = np.full((48, 64, 3), 120, np.uint8)
 NEUTRAL = {"blur": {"exposure_share": 0.0}, "rolling_shutter": {"readout_share": 0.0}, "low_light": {"dark_share": 0.0},
            "side_light": {"side_share": 0.0}, "exposure_steps": {"exposure_stops": 0.0}, "wrong_focal": {"focal_share": 0.0},
            "mounting": {"pitch_deg": 0.0}, "latency": {"delay_views": 0}, "dropped": {"drop_chance": 0.0},
-           "wheel_slip": {"slip_share": 0.0}, "fog": {"extinction_per_m": 0.0}}
+           "wheel_slip": {"slip_share": 0.0}, "fog": {"extinction_per_m": 0.0}, "depth_noise": {"noise_times": 0.0}}
 LEFT_RAD = 0.1
 
 
@@ -138,6 +138,14 @@ def test_fog_greys_the_far_and_loses_its_depth(tmp_path):
         through = np.exp(-0.1 * metres)
         assert spoiled.image[half].mean() == pytest.approx(120 * through + 200 * (1 - through), abs=0.6)
         assert np.isfinite(spoiled.depth[half]).mean() == pytest.approx(through**2, abs=0.05)
+
+
+def test_depth_noise_is_so_many_times_a_kinects_and_leaves_the_picture(tmp_path):
+    given = replace(capture(), depth=np.full((48, 64), 3.0, np.float32))
+    spoiled = part("depth_noise", tmp_path, noise_times=4.0).degrade(given, None)
+    told_m = 0.0012 + 0.0019 * (3.0 - 0.4) ** 2
+    assert np.std(spoiled.depth - 3.0) == pytest.approx(4.0 * told_m, rel=0.05)
+    assert abs(np.mean(spoiled.depth - 3.0)) < 0.01 and spoiled.image is given.image
 
 
 class Line:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.geometry import Camera, exp_se3, inverse, se2
+from rhs.estimation.filters.settings import Effort
 from rhs_odometry.keyframe.config import Keyframe, KeyframeAdvanced
 from rhs_odometry.keyframe.culling import Edge
 from rhs_odometry.keyframe.keyframe_map import KeyframeMap
@@ -82,7 +83,7 @@ def test_those_that_stay_are_spread_over_the_ring_and_their_edges_still_hold():
         expected = inverse(keyframes.poses[edge.a]) @ keyframes.poses[edge.b]
         np.testing.assert_allclose(edge.a_from_b, expected, atol=1e-6)
     before = keyframes.poses.copy()
-    keyframes.settle()
+    keyframes.settle(Effort())
     np.testing.assert_allclose(keyframes.poses, before, atol=1e-6)
 
 

@@ -50,6 +50,19 @@ def test_the_covariance_says_how_far_off_the_pose_is():
     assert 4.5 < np.mean(squared) < 8.5
 
 
+@pytest.mark.parametrize("times", [2.0, 4.0])
+def test_the_covariance_holds_where_the_noise_is_worse_than_told(times):
+    """The same with noise that nobody told of: taken as told, the mean would grow with its square. Student's weights have
+    counted some of it already, so that the covariance is rather too wide than too narrow."""
+    squared = []
+    for seed in range(100):
+        s = sightings(seed=seed, pixel=times * 0.3, inverse_depth=times * 0.001)
+        fit = fit_pose(s, MOVE, focal=FOCAL, noise=Noise(0.3, 0.001))
+        e = log_se3(fit.camera_from_map @ inverse(MOVE))
+        squared.append(e @ fit.information @ e / fit.misfit)
+    assert 2.0 < np.mean(squared) < 7.0
+
+
 def test_a_third_of_wrong_matches_does_not_move_the_pose():
     s = sightings(300, pixel=0.3, inverse_depth=0.001)
     rays = s.rays.copy()

@@ -44,6 +44,38 @@ def test_depth_comes_in_steps_of_disparity():
     assert np.diff(np.unique(depth)).min() == pytest.approx(0.046, rel=0.1)
 
 
+def test_a_depth_camera_worse_than_told_is_noticed_and_averaged():
+    """Sixteen times a Kinect's noise: after averaging no more than a Kinect's is left, in the scan too; one as told is left
+    alone."""
+    told = 0.0012 + 0.0019 * (3.0 - 0.4) ** 2
+    seen = build(Rgbd(depth_constant_m=16 * 0.0012, depth_quadratic_per_m=16 * 0.0019)).sense(wall(3.0))
+    assert seen.depth_times < 1.3 and np.nanstd(seen.depth - 3.0) < 1.1 * told
+    assert np.nanstd(seen.scan.ranges_m * np.cos(seen.scan.bearings_rad) - 2.9 - 0.1 * np.cos(seen.scan.bearings_rad)) < 0.1
+    as_told = build(Rgbd()).sense(wall(3.0))
+    assert as_told.depth_times == 1.0 and np.std(as_told.depth - 3.0) == pytest.approx(told, rel=0.2)
+    worst = build(Rgbd(depth_constant_m=64 * 0.0012, depth_quadratic_per_m=64 * 0.0019)).sense(wall(3.0))
+    assert worst.depth_times == pytest.approx(64 / 25, rel=0.3)
+
+
+@pytest.mark.parametrize("roll_deg, pitch_deg", [(4.0, 0.0), (0.0, 5.0), (-3.0, -4.0)])
+def test_the_scan_of_a_camera_that_sways_is_that_of_one_that_stands_firm(roll_deg, pitch_deg):
+    """A corridor 3 m wide with a wall across it at 7 m: the middle beams of a camera pitched down by 5 degrees, taken for
+    level, would meet the wall too low, and the camera, 0.9 m up, is 8 cm further ahead than told."""
+    camera = camera_from_fov(320, 240, 57.0, height_m=0.9, pitch_deg=15.0)
+    tilt = se3(exp_so3(np.radians([roll_deg, pitch_deg, 0.0])), np.zeros(3)) @ camera.body_from_camera
+    v, u = np.indices((240, 320))
+    rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1).astype(float)) @ tilt[:3, :3].T
+    with np.errstate(divide="ignore"):
+        ways = [(at - tilt[axis, 3]) / rays[:, axis] for axis, at in ((2, 0.0), (0, 7.0), (1, 1.5), (1, -1.5))]
+    depth = np.min([np.where(way > 0, way, np.inf) for way in ways], axis=0).reshape(240, 320).astype(np.float32)
+    seen = build(Rgbd(noise=False), camera=camera).sense(Capture(0, 0.0, np.zeros((240, 320, 3), np.uint8), depth)).scan
+    known = np.isfinite(seen.ranges_m)
+    x, y = (np.outer((1, 0), np.cos(seen.bearings_rad)) + np.outer((0, 1), np.sin(seen.bearings_rad))) * seen.ranges_m
+    x, y = x + seen.origin_xy_m[0], y + seen.origin_xy_m[1]
+    off = np.minimum(np.abs(x - 7.0), np.abs(np.abs(y) - 1.5))
+    assert known.mean() > 0.95 and np.max(off[known]) < 0.03
+
+
 def test_depth_outside_the_range_is_unknown():
     for depth_m in (0.2, 20.0, np.nan, np.inf, 0.0, -1.0):
         observation = build(Rgbd()).sense(wall(depth_m))

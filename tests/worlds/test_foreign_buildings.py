@@ -18,7 +18,6 @@ from rhs.worlds.soup import box, cylinder, dressed, sphere
 from rhs.worlds.world import load_world
 
 trimesh = pytest.importorskip("trimesh")
-WORLDS = Path("/work/shared/data/worlds")
 
 # A room of 6 x 4 m about the origin, walls 0.2 m thick and 2 m high, a table with a top 0.75 m up, a box in a corner.
 BOXES = {"south": ((6.4, 0.2, 2.0), (0.0, -2.1, 1.0)), "north": ((6.4, 0.2, 2.0), (0.0, 2.1, 1.0)),
@@ -210,12 +209,12 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("k.ply", "ply\nformat ascii 1.0\nelement vertex 9999999999\n", "k.ply"),
     ("l.obj", "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n", "which is no building of 2 to 300 m; give unit_m"),
     ("m.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n", "nothing stands between 0.04 and 0.25 m above the floor"),
-    ("n.wrl", "#VRML V2.0\n", "no building is read from .wrl files"),
+    ("n.xyz", "", "no building is read from .xyz files"),
 ])
 def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, name, content, words):
     path = write(tmp_path / name, content)
     with pytest.raises(ConfigError) as caught:
-        load_world(write(tmp_path / "world.yaml", f"building: {name}\n") if name == "n.wrl" else path)
+        load_world(write(tmp_path / "world.yaml", f"building: {name}\n") if name == "n.xyz" else path)
     assert words in str(caught.value) and "\n" not in str(caught.value) and name in str(caught.value)
 
 
@@ -234,16 +233,15 @@ def test_a_planner_alone_plans_in_a_building(tmp_path):
 @pytest.mark.parametrize("name", ["turtlebot3/turtlebot3_gazebo/models/turtlebot3_world/model.sdf",
                                   "turtlebot3/turtlebot3_gazebo/models/turtlebot3_house/model.sdf",
                                   "aws_small_house/worlds/small_house.world"])
-def test_worlds_of_others_are_read(name):
-    if not WORLDS.is_dir():
-        pytest.skip(f"the worlds of others are not in {WORLDS}")
-    world = load_world(WORLDS / name)
+def test_worlds_of_others_are_read(name, real_data):
+    path = real_data(f"worlds/{name}")
+    world = load_world(path)
     assert world.mesh is not None and len(world.places) == 4
     if "world/model" in name:  # pillars of 0.15 m radius, drawn with 32 sides, every 1.1 m
         for x in (-1.1, 0.0, 1.1):
             assert distance_m(world, np.array([x, 0.55]))[0] == pytest.approx(0.4, abs=1e-3)
     if "turtlebot3_house" in name:  # every wall box of the file that reaches through the robot's height
-        scene = read_scene(WORLDS / name)
+        scene = read_scene(path)
         grid = truth_grid(world)
         boxes = [p.corners_m for p in scene.parts if len(p.corners_m) == 12 and p.corners_m[..., 2].min() < 0.05]
         boxes = [b.reshape(-1, 3) for b in boxes if b[..., 2].max() > 1.0]

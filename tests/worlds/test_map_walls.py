@@ -1,6 +1,5 @@
 """A flat map pulled up into walls: where they stand, that doors stay open, and what is refused with which words."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from rhs.worlds.map_walls import outlines, room_of, simplified, walls_of
 from rhs.worlds.maps import load_map, save_map
 from rhs.worlds.world import load_world
 
-MAPS = Path("/work/shared/data/maps")
 FREE, WALL = 0.0, 1.0
 
 
@@ -139,11 +137,9 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path, keys, words):
 
 
 @pytest.mark.parametrize("name", ["aws_small_house", "maze", "playground", "robopark_plan"])
-def test_maps_of_others_keep_their_walls_within_a_cell(name):
-    if not MAPS.is_dir():
-        pytest.skip(f"the maps of others are not in {MAPS}")
-    grid = load_map(MAPS / f"{name}.yaml")
-    world = load_world(MAPS / f"{name}.yaml")
+def test_maps_of_others_keep_their_walls_within_a_cell(name, real_data):
+    path = real_data(f"maps/{name}.yaml")
+    grid, world = load_map(path), load_world(path)
     room = room_of(grid, world.robot_radius_m)
     sides = np.concatenate(outlines(room)) * grid.resolution_m + grid.origin_m
     assert distance_to_m(segments_of(world.walls), sides).max() <= grid.resolution_m

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range, check_ranges
 
-from ..advanced import GuessNoise, PatchSearch, SurfaceSettings, SwaySettings
+from ..advanced import DirectSettings, GuessNoise, PatchSearch, SurfaceSettings, SwaySettings
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Odometry
@@ -29,6 +29,14 @@ class KeyframeAdvanced:
     Lucas-Kanade brings the points near first"""
     wheels_probability: float = 0.999999
     """points that the wheels contradict so surely (chi-square test) are looked for once more where the wheels put them"""
+    direct_share: float = 0.3
+    """in a hand a view with fewer inliers than this share of `points` is laid on an earlier one by all its pixels, too,"""
+    corner_share: float = 0.5
+    """or with fewer than this share of the points followed: the others were noise, and are not missed"""
+    outvote: float = 3.0
+    """so many times min_inliers are right where they contradict all pixels"""
+    least_full: float = 0.25
+    """but fewer points than keep_share of this share of `points` make a key frame in any case"""
     rescue_features: int = 600
     """ORB key-points compared when following fails"""
     rescue_ratio: float = 0.85
@@ -47,6 +55,14 @@ class KeyframeAdvanced:
     """chance that wheels or a command err by no more than what finding the camera again may move it"""
     relocate_every: int = 3
     """while it is not found, every so many views are made key frames and looked for"""
+    floor_stretch: float = 1.5
+    """on a floor, where the camera goes smoothly, a key frame is made after so many times the way and the turn, and when so
+    much less of the last one's points is followed; 1: as in a hand"""
+    floor_points: int = 120
+    """where fewer points than this are followed, no smaller share of them will do on a floor than in a hand"""
+    floor_settled: float = 1e-3
+    """on a floor a step of the pose graph that lowers what its edges cost by less than this share is the last: drift is
+    little; in a hand one in a thousand million"""
     left_m: float = 2.0
     """in a hand as many key frames again are looked up of those that so much way ago were left, metres; a radian of turning
     counts as one"""
@@ -78,9 +94,12 @@ class KeyframeAdvanced:
     sway: SwaySettings = field(default_factory=SwaySettings)
     patches: PatchSearch = field(default_factory=PatchSearch)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
+    direct: DirectSettings = field(default_factory=DirectSettings)
 
     def __post_init__(self) -> None:
         check_ranges("", self, gate=(0.5, 1000.0), student_dof=(0.5, 1e6), trusted_share=(0.0, 1.0), found_share=(0.0, 10.0),
+                     direct_share=(0.0, 1.0), corner_share=(0.0, 1.0), outvote=(0.0, 1e6),
+                     least_full=(0.0, 1.0),
                      wheels_probability=(0.5, 1.0 - 1e-12), rescue_features=(20, 100_000), rescue_ratio=(0.1, 1.0),
                      rescue_px=(0.05, 100.0),
                      rescue_hypotheses=(1, 100_000), rescue_gate_sigma=(0.5, 100.0), min_edge=(6, 100_000),
@@ -88,6 +107,7 @@ class KeyframeAdvanced:
                      relocate_probability=(0.5, 1.0 - 1e-12),
                      edge_share=(0.0, 1.0), correlated=(1.0, 1e4), least_edge_m=(1e-9, 1.0), least_edge_rad=(1e-9, 1.0),
                      sharpest=(0.0, 1.0), held=(4, 1_000_000), picture_mb=(0.0, 1e6),
+                     floor_stretch=(1.0, 10.0), floor_points=(0, 5000), floor_settled=(0.0, 0.1),
                      settle_rounds=(1, 10_000), spacing_share=(0.001, 0.5),
                      visible_per_m=(0.0, 10.0))
 
@@ -115,7 +135,8 @@ class Keyframe:
     shake_deg: float = 0.5
     """A hand shakes: the same for the turn, degrees per image interval. No effect on a global shutter."""
     keep_share: float = 0.6
-    """A new key frame is made when fewer than this share of the last one's points is still followed."""
+    """A new key frame is made when fewer than this share of the last one's points is still followed. This and the next two
+    are stretched on a floor: advanced.floor_stretch."""
     keep_turn_deg: float = 15.0
     """A new key frame is made after turning this far from the last one, degrees."""
     keep_move_m: float = 0.2

@@ -23,12 +23,14 @@ from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import adjoint, inverse, log_se3, log_so3, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.estimation.filters.kalman import gate
+from rhs.estimation.filters.settings import Effort
 from rhs.estimation.views import features as vision
 
 from ..features.floor import Floor, on_floor
 from ..fused.fallback import guess_motion
 from .culling import Edge
 from .keyframe_map import KeyframeMap
+from .laying import Direct, Laid
 from .relocation import Relocation, matched
 from .reprojection import PoseFit
 from .tracker import PreparedView, Tracker
@@ -61,6 +63,7 @@ class KeyframeOdometry(Odometry):
         on_floor = settings.planar and camera.height_m > 0.0  # a hand-held camera stands on nothing
         self._floor = Floor(a.sway) if on_floor else None
         self._map = KeyframeMap(settings)
+        self._effort = Effort(a.settle_rounds, a.floor_settled) if on_floor else Effort(a.settle_rounds)
         self._tracker = Tracker(settings, camera, self._map)
         self._disagrees = gate(6, a.wheels_probability)
         self._previous: Observation | None = None
@@ -68,8 +71,10 @@ class KeyframeOdometry(Odometry):
         self._spread = FIRST  # covariance of the last pose
         self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
         self._relocation = Relocation(a, camera, self._map)
+        self._direct = Direct(settings, camera, self._map)
         self._adrift: Adrift | None = None  # since the camera lost its way, until it is found again in the map
-        self._full = 0  # points followed when the last key frame was made
+        self._unseen = np.zeros((6, 6))  # by how much less sure than the last key frame the camera is, where no points tell
+        self._full, self._fresh = 0, False  # points followed when the last key frame was made; no view came since
         self._hangs_on = array("l")  # per view: serial of its key frame,
         self._hangs = array("d")  # and the upper 12 numbers of keyframe_from_camera
 
@@ -83,7 +88,13 @@ class KeyframeOdometry(Odometry):
             return self._report(FIRST, Tracking.OK, "first view")
         name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
         guess = self._tracker.pose @ self._in_camera(body_motion)
+        followed = self._tracker.ids, self._tracker.pixels
         fit = self._fit(look, guess, previous, wide if name == "wheel" else None)
+        held = self._floor is None and name == "same again"
+        if held and self._direct.wanted(fit, len(followed[0])):
+            fit, laid = self._laid(look, fit, guess, wide, followed)
+            if fit is None and laid is not None:
+                return self._felt(look, laid)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
             return self._lost(look, orthonormal(guess), wide, reason, name == "same again")
@@ -92,9 +103,12 @@ class KeyframeOdometry(Odometry):
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)
         followed_to = self._tracker.pose
+        if held and self._fresh:
+            self._miss_no_noise(fit, len(followed[0]))
+        self._fresh = False
         if self._wants_keyframe():
             self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
-        spread = _covariance(fit)
+        spread = fit.misfit * _covariance(fit)  # what is said of it; the graph weighs its edges by the noise told
         both, self._spread = spread + self._spread + self._corrected(followed_to), spread
         if self._unfound():
             return self._report(both, Tracking.LOST, "followed, but not found again in the map", fit)
@@ -150,6 +164,39 @@ class KeyframeOdometry(Odometry):
                 self._tracker.ids, self._tracker.pixels = followed
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
+    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wide: np.ndarray,
+              followed: tuple[np.ndarray, np.ndarray]) -> tuple[PoseFit | None, Laid | None]:
+        """What points and all pixels say together, and what the pixels say; without these the fit as it is."""
+        laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), wide)
+        return (fit if laid is None else self._direct.joined(look, self._tracker, fit, laid, followed)), laid
+
+    def _miss_no_noise(self, fit: PoseFit, followed: int) -> None:
+        """Points of a key frame that the very next view does not find were noise: that they are gone makes no other one."""
+        if self._direct.noise(fit, followed):
+            self._full = max(len(self._tracker.ids), int(self._advanced.least_full * self._settings.points))
+
+    def _felt(self, look: PreparedView, laid: Laid) -> Motion:
+        """Go on by all pixels where there are no points to follow."""
+        weak = self._weakness(laid.covariance)
+        if self._adrift is not None:
+            self._adrift.spread = self._adrift.spread + laid.covariance
+        elif weak:
+            self._adrift = Adrift(self._map.made, laid.covariance, blind=False)
+        self._unseen = self._unseen + laid.covariance
+        self._begin_again(look, laid.map_from_camera, laid.covariance, self._unseen)
+        if self._unfound():
+            return self._report(laid.covariance, Tracking.LOST, "followed, but not found again in the map")
+        return self._report(laid.covariance, Tracking.DEGENERATE if weak else Tracking.OK, weak or "by all pixels")
+
+    def _begin_again(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, since: np.ndarray) -> None:
+        """A new key frame as soon as there is something to follow. spread, since (6, 6): of the motion from the last view
+        and from the last key frame."""
+        self._tracker.restart(look, pose)
+        self._spread = spread
+        if self._tracker.seeable(look) >= self._settings.min_inliers:
+            k = len(self._map.poses)
+            self._new_keyframe(look, [Edge(k - 1, k, inverse(self._map.poses[-1]) @ pose, since)])
+
     def _contradicts(self, fit: PoseFit, guess: np.ndarray, wide: np.ndarray) -> bool:
         """Whether the fit is further from the wheels' guess than these err."""
         move = adjoint(inverse(self._camera.body_from_camera))
@@ -169,18 +216,21 @@ class KeyframeOdometry(Odometry):
         return found.a_from_b if found is not None and found.count >= self._settings.min_inliers else None
 
     def _wants_keyframe(self) -> bool:
-        s, tracker = self._settings, self._tracker
+        """Whether little of the last key frame is left; a camera on a floor makes do with less."""
+        s, tracker, a = self._settings, self._tracker, self._advanced
         moved = inverse(self._map.poses[-1]) @ tracker.pose
+        stretch = a.floor_stretch if self._floor is not None else 1.0
+        least = min(s.keep_share * self._full, max(s.keep_share / stretch * self._full, a.floor_points))
         return bool(
-            len(tracker.ids) < s.keep_share * self._full
-            or np.linalg.norm(log_so3(moved[:3, :3])) > np.radians(s.keep_turn_deg)
-            or np.linalg.norm(moved[:3, 3]) > s.keep_move_m
-            or (self._adrift is not None and self._adrift.views % self._advanced.relocate_every == 0)
+            len(tracker.ids) < least
+            or np.linalg.norm(log_so3(moved[:3, :3])) > np.radians(s.keep_turn_deg) * stretch
+            or np.linalg.norm(moved[:3, 3]) > s.keep_move_m * stretch
+            or (self._adrift is not None and self._adrift.views % a.relocate_every == 0)
         )
 
     def _new_keyframe(self, look: PreparedView, edges: list[Edge]) -> None:
         """Make this view a key frame tied by edges and by old key frames seen again; settle; top up the points."""
-        tracker = self._tracker
+        tracker, self._unseen = self._tracker, np.zeros((6, 6))
         k = self._map.add_keyframe(tracker.pose, look.picture)
         self._relocation.note(k, look.depth)
         self._map.tie(edges)
@@ -190,10 +240,10 @@ class KeyframeOdometry(Odometry):
             loops = self._find_again(look, k, self._adrift)
         if loops:
             self._map.tie(loops)
-            self._map.settle()
+            self._map.settle(self._effort)
             tracker.pose = self._map.poses[k]
         tracker.top_up(look, k)
-        self._full = len(tracker.ids)
+        self._full, self._fresh = len(tracker.ids), True
         stays, tracker.ids = self._map.cull(tracker.ids)
         tracker.pixels = tracker.pixels[stays]
 
@@ -280,19 +330,15 @@ class KeyframeOdometry(Odometry):
 
     def _lost(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, reason: str, blind: bool) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
-        self._tracker.restart(look, pose)
         move = adjoint(inverse(self._camera.body_from_camera))
-        self._spread = move @ spread @ move.T
-        k, since = len(self._map.poses), self._map.made
+        spread = move @ spread @ move.T
         if self._adrift is None:
-            self._adrift = Adrift(since, np.zeros((6, 6)), blind)
-        self._adrift.spread = self._adrift.spread + self._spread
+            self._adrift = Adrift(self._map.made, np.zeros((6, 6)), blind)
+        self._adrift.spread = self._adrift.spread + spread
         self._adrift.blind |= blind
         self._adrift.views += 1
-        if self._tracker.seeable(look) >= self._settings.min_inliers:
-            drift = Edge(k - 1, k, inverse(self._map.poses[-1]) @ pose, self._adrift.spread)
-            self._new_keyframe(look, [drift])
-        return self._report(self._spread + self._corrected(pose), Tracking.LOST, reason)
+        self._begin_again(look, pose, spread, self._adrift.spread)
+        return self._report(spread + self._corrected(pose), Tracking.LOST, reason)
 
     def _put_on_floor(self, floor: Floor, before: np.ndarray, fit: PoseFit) -> None:
         """A robot neither climbs nor tilts, unless it sways: take the planar pose nearest to the fitted one."""

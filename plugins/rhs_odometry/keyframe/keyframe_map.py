@@ -96,14 +96,16 @@ class KeyframeMap:
                 known[hung] = known[host] @ host_from_k
         return np.array([known[serial] for serial in serials.tolist()]).reshape(-1, 4, 4)
 
-    def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Anchor new points, (N, 3) in its camera on surfaces of inverse depth slopes (N, 2), to a key frame; their ids."""
+    def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray, slopes: np.ndarray,
+                   depth_times: float = 1.0) -> np.ndarray:
+        """Anchor new points, (N, 3) in its camera on surfaces of inverse depth slopes (N, 2), to a key frame; their ids.
+        depth_times: noise of their depths, times what the settings say."""
         first = len(self.anchor)
         self.anchor = np.concatenate([self.anchor, np.full(len(pixels), keyframe)])
         self.pixels = np.concatenate([self.pixels, np.asarray(pixels, np.float32)])
         self.rays = np.concatenate([self.rays, points / points[:, 2:]])
         self.rho = np.concatenate([self.rho, 1.0 / points[:, 2]])
-        self.sigma = np.concatenate([self.sigma, np.full(len(pixels), self._sigma)])
+        self.sigma = np.concatenate([self.sigma, np.full(len(pixels), depth_times * self._sigma)])
         self.slopes = np.concatenate([self.slopes, slopes])
         return np.arange(first, len(self.anchor))
 
@@ -134,8 +136,9 @@ class KeyframeMap:
         centres = self.poses[self.anchor[ids], :3, 3]
         return Sightings(self.points(ids), centres, self.rho[ids], self.sigma[ids], rays[:, :2], 1.0 / depth_m, rows)
 
-    def sharpen(self, ids: np.ndarray, camera_from_map: np.ndarray, seen: np.ndarray) -> None:
-        """Fuse points seen (N, 3) in a camera of known pose into the inverse depths kept; NaN where depth is unknown."""
+    def sharpen(self, ids: np.ndarray, camera_from_map: np.ndarray, seen: np.ndarray, depth_times: float = 1.0) -> None:
+        """Fuse points seen (N, 3) in a camera of known pose into the inverse depths kept; NaN where depth is unknown.
+        depth_times: noise of these depths, times what the settings say."""
         known = np.isfinite(seen).all(axis=1)
         ids, seen = ids[known], seen[known]
         in_map = (seen - camera_from_map[:3, 3]) @ camera_from_map[:3, :3]
@@ -143,22 +146,22 @@ class KeyframeMap:
         z = np.einsum("ni,ni->n", in_map - poses[:, :3, 3], poses[:, :3, 2])
         good = z > 0.1
         ids, rho = ids[good], 1.0 / z[good]
-        prior, reading = self.sigma[ids] ** -2, self._sigma**-2
+        prior, reading = self.sigma[ids] ** -2, (depth_times * self._sigma) ** -2
         self.rho[ids] = (prior * self.rho[ids] + reading * rho) / (prior + reading)
-        self.sigma[ids] = np.maximum((prior + reading) ** -0.5, self._advanced.sharpest * self._sigma)
+        self.sigma[ids] = np.maximum((prior + reading) ** -0.5, self._advanced.sharpest * depth_times * self._sigma)
 
     def tie(self, edges: list[Edge]) -> None:
         """Take up measured relative poses."""
         self.edges.extend(edges)
 
-    def settle(self) -> None:
+    def settle(self, effort: Effort) -> None:
         """Let the pose graph settle; the first key frame stays."""
         e = self.edges
         edges = posegraph.Edges(
             np.array([x.a for x in e]), np.array([x.b for x in e]), np.array([x.a_from_b for x in e]),
             np.array([x.covariance for x in e]), np.array([x.loop for x in e]),
         )
-        self.poses = posegraph.optimise(self.poses, edges, effort=Effort(self._advanced.settle_rounds)).poses
+        self.poses = posegraph.optimise(self.poses, edges, effort=effort).poses
 
     def left_behind(self, k: int, left_m: float) -> np.ndarray:
         """(K,) bool: key frames from which the way to k is longer than this; a radian of turning counts as a metre."""

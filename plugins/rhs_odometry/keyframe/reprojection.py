@@ -24,6 +24,8 @@ import numpy as np
 from rhs.api.geometry import orthonormal
 from rhs.api.jit import compiled
 
+MEDIAN_CHI2 = 2.366  # of three degrees of freedom
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -63,13 +65,16 @@ class Sightings:
 @dataclass(frozen=True, eq=False)
 class PoseFit:
     """camera_from_map (4x4) of the middle row, shutter twist (6,) over one image height, inlier mask (N,), information
-    (6x6) of a left perturbation exp(d) @ camera_from_map, root mean square of the inliers' pixel residuals."""
+    (6x6) of a left perturbation exp(d) @ camera_from_map, root mean square of the inliers' pixel residuals. misfit:
+    variance of unit weight (Koch 1999), robust, 1 or more: the residuals are so much larger than the noise told explains,
+    and information / misfit is that of the noise that they show."""
 
     camera_from_map: np.ndarray
     inliers: np.ndarray
     information: np.ndarray
     pixel_rms: float
     shutter: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    misfit: float = 1.0
 
 
 def fit_pose(
@@ -92,7 +97,8 @@ def fit_pose(
     )
     inliers = distance < noise.gate
     rms = float(np.sqrt(np.mean(pixels[inliers] ** 2))) if inliers.any() else np.nan
-    return PoseFit(orthonormal(pose), inliers, information, rms, twist)
+    misfit = max(1.0, float(np.median(distance[inliers])) ** 2 / MEDIAN_CHI2) if inliers.any() else 1.0
+    return PoseFit(orthonormal(pose), inliers, information, rms, twist, misfit)
 
 
 def at_middle(points: np.ndarray, rows: np.ndarray, twist: np.ndarray) -> np.ndarray:

@@ -24,12 +24,13 @@ from .surface import surfaces
 @dataclass(frozen=True, eq=False)
 class PreparedView:
     """One image made ready: pyramid of its gray picture, its depth in metres, seconds since the one before; how surfaces are
-    fitted to the depth."""
+    fitted to the depth; its noise beside what is told."""
 
     picture: list[np.ndarray]
     depth: np.ndarray
     interval_s: float
     surface: SurfaceSettings = SurfaceSettings()
+    depth_times: float = 1.0
 
     def depth_at(self, pixels: np.ndarray) -> np.ndarray:
         """(N,) metres at pixels (N, 2); NaN where unknown or over an edge."""
@@ -60,7 +61,8 @@ class Tracker:
         self._stamp = observation.stamp_s
         picture = tracks.pyramid(tracks.gray(observation.image))
         depth = np.asarray(observation.depth, np.float32)
-        return PreparedView(picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0, self._advanced.surface)
+        return PreparedView(picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0, self._advanced.surface,
+                            observation.depth_times)
 
     def follow(self, look: PreparedView, guess: np.ndarray) -> PoseFit:
         """Follow the points into the view from a guess of its map_from_camera, and fit its pose: by their patches alone
@@ -119,7 +121,7 @@ class Tracker:
         self.speed = log_se3(fit.camera_from_map @ self.pose)
         self.pose, self.shutter, self.look = now, fit.shutter, look
         self.ids, self.pixels = self.ids[fit.inliers], self.pixels[fit.inliers]
-        self._map.sharpen(self.ids, fit.camera_from_map, self._seen(look, self.pixels))
+        self._map.sharpen(self.ids, fit.camera_from_map, self._seen(look, self.pixels), look.depth_times)
 
     def restart(self, look: PreparedView, pose: np.ndarray) -> None:
         """Nothing is followed any more; the camera is believed at a pose."""
@@ -132,7 +134,8 @@ class Tracker:
         """The pose of a view in which points `ids` are at pixels, from a start (camera_from_map)."""
         rays = self._camera.rays(pixels.astype(float))
         sightings = self._map.sightings(ids, rays, look.depth_at(pixels), self._rows(pixels))
-        return fit_pose(sightings, start, focal=self._focal, noise=self._noise, shutter=self._expected)
+        noise = replace(self._noise, inverse_depth=self._settings.inverse_depth_sigma * look.depth_times)
+        return fit_pose(sightings, start, focal=self._focal, noise=noise, shutter=self._expected)
 
     def seek(self, look: PreparedView, ids: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of points that should be in view of a pose, those whose patches are found, and their pixels."""
@@ -154,7 +157,7 @@ class Tracker:
         seen = self._seen(look, pixels)
         known = np.isfinite(seen).all(axis=1)
         slopes = surfaces(look.depth, pixels[known], look.surface)[1]
-        ids = self._map.add_points(keyframe, pixels[known], seen[known], slopes)
+        ids = self._map.add_points(keyframe, pixels[known], seen[known], slopes, look.depth_times)
         self.add(ids, pixels[known])
 
     def add(self, ids: np.ndarray, pixels: np.ndarray) -> None:

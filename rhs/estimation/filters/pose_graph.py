@@ -26,8 +26,6 @@ from .settings import Effort
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-_Block = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""positions (M,) of its rows and of its columns, blocks (M, 6, 6)"""
 _Border = tuple[np.ndarray, float, float]
 """of the normal equations, what a common scale adds: its column (6N,), its own entry, its part of the gradient"""
 
@@ -77,13 +75,13 @@ def optimise(
     scale = scale or CommonScale(np.zeros(len(edges), bool), 1.0)
     whitening = np.linalg.inv(np.linalg.cholesky(edges.covariances))
     damping, tried = 1e-6, 0
-    residual = _residual(poses, edges)
+    residual, pattern = _residual(poses, edges), _Pattern(edges, len(poses))
     cost = _cost(residual, whitening, edges, kernel)
     while tried < effort.iterations:
         tried += 1
         information = _weighted(residual, whitening, edges, kernel)
-        matrix, gradient, border = _normal_equations(poses, residual, information, _stretched(edges, scale), scale)
-        steps, more = _solved(matrix, gradient, damping, border)
+        blocks, gradient, border = _normal_equations(poses, residual, information, _stretched(edges, scale), scale)
+        steps, more = _solved(pattern, pattern.filled(blocks), gradient, damping, border)
         candidate, longer = _moved(poses, steps), replace(scale, share=scale.share + more)
         fresh = _residual(candidate, _stretched(edges, longer))
         fresh_cost = _cost(fresh, whitening, edges, kernel) + (longer.share / longer.sigma) ** 2
@@ -180,9 +178,9 @@ def _weighted(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel:
 
 def _normal_equations(
     poses: np.ndarray, residual: np.ndarray, information: np.ndarray, edges: Edges, scale: CommonScale
-) -> tuple[csc_matrix, np.ndarray, _Border]:
-    """Sparse matrix A (6N, 6N) and vector b (6N,) of A delta = -b; and what the common scale adds to them: its column
-    (6N,), its own entry and its part of b."""
+) -> tuple[list[np.ndarray], np.ndarray, _Border]:
+    """Of A delta = -b: the blocks (M, 6, 6) that A sums, of from-from, from-to, to-from and to-to, and the vector b (6N,);
+    and what the common scale adds to them: its column (6N,), its own entry and its part of b."""
     by_to = _right_jacobian_inverse(residual)
     by_from = -by_to @ adjoints(inverse(poses[edges.to_at]) @ poses[edges.from_at])
     by_scale = _by_scale(edges, scale)
@@ -190,11 +188,12 @@ def _normal_equations(
     for at_a, jac_a in ((edges.from_at, by_from), (edges.to_at, by_to)):
         left = np.swapaxes(jac_a, 1, 2) @ information
         np.add.at(gradient, at_a, np.einsum("nij,nj->ni", left, residual))
-        np.add.at(column, at_a, np.einsum("nij,nj->ni", left, by_scale))
-        blocks += [(at_a, at_b, left @ jac_b) for at_b, jac_b in ((edges.from_at, by_from), (edges.to_at, by_to))]
+        if scale.edges.any():
+            np.add.at(column, at_a, np.einsum("nij,nj->ni", left, by_scale))
+        blocks += [left @ jac_b for jac_b in (by_from, by_to)]
     pull = np.einsum("nij,nj->ni", information, by_scale)
     own, along = (pull * by_scale).sum() + scale.sigma**-2, (pull * residual).sum() + scale.share / scale.sigma**2
-    return _assembled(blocks, 6 * len(poses)), gradient.ravel(), (column.ravel(), float(own), float(along))
+    return blocks, gradient.ravel(), (column.ravel(), float(own), float(along))
 
 
 def _by_scale(edges: Edges, scale: CommonScale) -> np.ndarray:
@@ -205,23 +204,48 @@ def _by_scale(edges: Edges, scale: CommonScale) -> np.ndarray:
     return out
 
 
-def _assembled(blocks: list[_Block], size: int) -> csc_matrix:
-    """Sparse (size, size) matrix that sums blocks (M, 6, 6), given with the positions (M,) of their rows and columns."""
-    from scipy.sparse import coo_matrix
+class _Pattern:
+    """Where the blocks of the edges stand in the sparse matrix of all poses but the first, which is held: worked out once,
+    filled at each step."""
 
-    one, six = np.zeros((1, 6, 6), int), np.arange(6)
-    rows = np.concatenate([(6 * at_a[:, None, None] + six[:, None] + one).ravel() for at_a, _, _ in blocks])
-    columns = np.concatenate([(6 * at_b[:, None, None] + six + one).ravel() for _, at_b, _ in blocks])
-    values = np.concatenate([block.ravel() for _, _, block in blocks])
-    return coo_matrix((values, (rows, columns)), (size, size)).tocsc()
+    def __init__(self, edges: Edges, count: int) -> None:
+        rows = np.concatenate([edges.from_at, edges.from_at, edges.to_at, edges.to_at]) - 1
+        columns = np.concatenate([edges.from_at, edges.to_at, edges.from_at, edges.to_at]) - 1
+        self._free = np.flatnonzero((rows >= 0) & (columns >= 0))
+        names = columns[self._free] * count + rows[self._free]
+        self._order = np.argsort(names, kind="stable")
+        places, self._begin = np.unique(names[self._order], return_index=True)
+        column, row = np.divmod(places, count)
+        deep = np.bincount(column, minlength=count - 1)  # blocks that stand in each column of blocks
+        rank = np.arange(len(places)) - np.concatenate([[0], np.cumsum(deep)])[column]
+        self._size, self._ends = 6 * (count - 1), np.concatenate([[0], np.cumsum(np.repeat(6 * deep, 6))])
+        six = np.arange(6)
+        self._at = self._ends[6 * column[:, None] + six][:, None, :] + (6 * rank[:, None] + six)[:, :, None]  # (B, 6, 6)
+        self._rows = np.empty(36 * len(places), np.int32)
+        self._rows[self._at] = (6 * row[:, None] + six)[:, :, None]
+        self._diagonal = self._at[row == column][:, six, six].ravel()
+
+    def filled(self, blocks: list[np.ndarray]) -> np.ndarray:
+        """The values of the matrix, which sums these blocks (M, 6, 6)."""
+        values = np.empty(len(self._rows))
+        values[self._at] = np.add.reduceat(np.concatenate(blocks)[self._free][self._order], self._begin, axis=0)
+        return values
+
+    def damped(self, values: np.ndarray, damping: float) -> csc_matrix:
+        """The sparse matrix of these values with a diagonal longer by a share."""
+        from scipy.sparse import csc_matrix
+
+        values = values.copy()
+        values[self._diagonal] += damping * values[self._diagonal]
+        return csc_matrix((values, self._rows, self._ends), (self._size, self._size))
 
 
-def _solved(matrix: csc_matrix, gradient: np.ndarray, damping: float, border: _Border) -> tuple[np.ndarray, float]:
+def _solved(pattern: _Pattern, values: np.ndarray, gradient: np.ndarray, damping: float, border: _Border,
+            ) -> tuple[np.ndarray, float]:
     """(N, 6) steps, of which the first is none, and the step of the common share. border: its column (6N,), its own entry
     and its part of the gradient."""
     column, own, along = border
-    inner = matrix[6:, 6:]
-    factor = _factored(inner, damping)
+    factor = _factored(pattern.damped(values, damping))
     step = factor.solve(-gradient[6:])
     if not column.any():
         return np.vstack([np.zeros(6), step.reshape(-1, 6)]), 0.0
@@ -230,20 +254,18 @@ def _solved(matrix: csc_matrix, gradient: np.ndarray, damping: float, border: _B
     return np.vstack([np.zeros(6), (step - more * tied).reshape(-1, 6)]), float(more)
 
 
-def _factored(matrix: csc_matrix, damping: float) -> Any:
-    """The factors of the damped matrix."""
-    from scipy.sparse import diags
+def _factored(matrix: csc_matrix) -> Any:
+    """The factors of a matrix."""
+    from scipy.sparse import identity
     from scipy.sparse.linalg import splu
 
-    diagonal = matrix.diagonal()
-    damped = (matrix + damping * diags(diagonal)).tocsc()
     try:
-        return splu(damped, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     except RuntimeError:  # sharp and vague edges side by side: the pivots have to be chosen
         try:
-            return splu(damped)
+            return splu(matrix)
         except RuntimeError:  # or what the edges say of some pose is nothing beside the rest, to the last bit
-            return splu((damped + 1e-9 * diagonal.max() * diags(np.ones(len(diagonal)))).tocsc())
+            return splu((matrix + 1e-9 * matrix.diagonal().max() * identity(matrix.shape[0])).tocsc())
 
 
 def _moved(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -8,10 +8,12 @@ when it is needed.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rhs.api.frozen import freeze
-from rhs.api.geometry import Camera
+from rhs.api.geometry import Camera, exp_so3, se3
 from rhs.api.jit import compiled
 from rhs.api.records import Scan
 
@@ -45,11 +47,16 @@ class ObstacleScanner:
         self.height_m = settings.robot_height_m or camera.height_m + settings.headroom_m
         self._blind_m = self._seen_from_m()
 
-    def scan(self, depth: np.ndarray) -> Scan:
-        """Ranges (N,) of a depth image (H, W): NaN where most of a bearing is unknown, inf where nothing stands in reach."""
-        z = np.ascontiguousarray(depth[np.ix_(self._rows, self._columns)], np.float32)
-        plane, known = self.floor(z)
-        slack = np.float32(self.settings.floor_per_m + (0.0 if known else self.settings.unsure_per_m))
+    def thinned(self, depth: np.ndarray) -> np.ndarray:
+        """The pixels of a depth image (H, W) that are looked at."""
+        return np.ascontiguousarray(depth[np.ix_(self._rows, self._columns)], np.float32)
+
+    def scan(self, depth: np.ndarray, floor: tuple[np.ndarray, bool] | None = None, depth_times: float = 1.0) -> Scan:
+        """Ranges (N,) of a depth image (H, W): NaN where most of a bearing is unknown, inf where nothing stands in reach.
+        floor: of this image, if it is known. depth_times: noise of its depth, times a Kinect's."""
+        z = self.thinned(depth)
+        plane, known = self.floor(z) if floor is None else floor
+        slack = np.float32(depth_times * self.settings.floor_per_m + (0.0 if known else self.settings.unsure_per_m))
         ranges = _nearest(z, self._rays, self._flat, self._bins, self._eye_m, plane.astype(np.float32),
                           (np.float32(self.settings.floor_m), slack, np.float32(self.height_m), np.float32(self._reach_m)))
         return Scan(self._bearings, freeze(ranges), self._reach_m, self._origin, self._blind_m)
@@ -75,6 +82,16 @@ class ObstacleScanner:
         if lowest.max() >= 0.0:
             return self._reach_m
         return float(min(self._reach_m, (self._eye_m[2] - self.settings.floor_m) / -lowest.max()))
+
+
+def levelled(camera: Camera, floor: np.ndarray) -> Camera:
+    """The camera above a level floor, where its body sees the floor (3,) a + b x + c y: turned about the horizontal axis
+    that brings the floor's normal up."""
+    normal = np.array([-floor[1], -floor[2], 1.0]) / np.sqrt(1.0 + floor[1] ** 2 + floor[2] ** 2)
+    axis = np.array([normal[1], -normal[0], 0.0])
+    length = float(np.hypot(*axis[:2]))
+    turn = exp_so3(axis / length * np.arctan2(length, normal[2])) if length > 0.0 else np.eye(3)
+    return replace(camera, body_from_camera=se3(turn, np.zeros(3)) @ camera.body_from_camera)
 
 
 def _plane(terms: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -185,6 +185,9 @@ class BandSettings:
     """a patch may belong to the floor when it rises by less than this share of its length"""
     most_tilt: float = 0.1
     """greatest slope of the floor before the camera: it pitches and rolls by less than 6 degrees"""
+    tilted_deg: float = 1.0
+    """a camera that sees its floor tilted by more than this sways, degrees: its scans are then read along the horizon;
+    less is the noise of the floor"""
     floor_within_m: float = 5.0
     """the floor is fitted to what is nearer than this, metres"""
     floor_patches: int = 30
@@ -193,7 +196,7 @@ class BandSettings:
     def __post_init__(self) -> None:
         check_ranges("", self, robot_height_m=(0.0, 10.0), headroom_m=(0.0, 5.0), floor_m=(0.0, 1.0), floor_per_m=(0.0, 0.5),
                      unsure_per_m=(0.0, 0.5), range_m=(0.2, 100.0), columns=(8, 10_000), level_slope=(0.01, 10.0),
-                     most_tilt=(0.0, 1.0), floor_within_m=(0.2, 100.0), floor_patches=(3, 1_000_000))
+                     most_tilt=(0.0, 1.0), tilted_deg=(0.0, 90.0), floor_within_m=(0.2, 100.0), floor_patches=(3, 1_000_000))
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,9 @@ class PointNoise:
         return out
 
 
+KINECT = PointNoise(295.0)  # of a Kinect whose picture is 320 pixels wide
+
+
 @dataclass(frozen=True, eq=False)
 class Rigid:
     """a_from_b: 4x4. covariance: 6x6 of its right perturbation. inliers (N,) bool: the pairs that agree with it.

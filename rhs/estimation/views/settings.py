@@ -210,6 +210,30 @@ class ContinuitySettings:
 
 
 @dataclass(frozen=True)
+class DepthNoiseSettings:
+    """Depth noisier than a Kinect's: when it is averaged away, and how far."""
+
+    above: float = 1.5
+    """depth whose noise is more than so many times a Kinect's is averaged over a window that brings it back to that; 1000:
+    never"""
+    memory: int = 10
+    """views that the level is averaged over"""
+    widest_share: float = 0.04
+    """half the side of the widest window, share of the image's width: more would average over whole things"""
+    edge_sigma: float = 4.0
+    """residuals whose mean square is larger than that of the noise by so many of its own deviations hold an edge"""
+    known: float = 0.6
+    """share of a window that must be known"""
+    cut_sigma: float = 3.0
+    """what lies nearer to the end of the range than so many deviations of a reading is unknown: the range cut off some of
+    its readings, and the mean of the others is too near"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, above=(1.0, 1000.0), memory=(1, 10_000), widest_share=(0.0, 0.25), edge_sigma=(0.5, 100.0),
+                     known=(0.0, 1.0), cut_sigma=(0.0, 10.0))
+
+
+@dataclass(frozen=True)
 class DriftBounds:
     """How wrong the odometry may be between two loops that are held against each other."""
 

@@ -1,0 +1,123 @@
+"""When a view is laid by all its pixels (direct.py) on an earlier one, on which, and what that says beside its points.
+
+One view is kept to lay the next ones on, so that errors do not add up from view to view, until too little of it is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rhs.api.geometry import Camera, adjoint, exp_se3, inverse, log_se3, orthonormal
+from rhs.estimation.filters.kalman import gate
+
+from .config import Keyframe
+from .direct import Level, align, levels
+from .reprojection import PoseFit
+
+if TYPE_CHECKING:
+    from .keyframe_map import KeyframeMap
+    from .tracker import PreparedView, Tracker
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """map_from_camera (4, 4) of a view and the covariance (6, 6) of its right perturbation."""
+
+    map_from_camera: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """The levels of a view, the serial of its key frame, keyframe_from_camera (4, 4), and how surely (metres, 1 sigma) the
+    first view was laid on it."""
+
+    levels: list[Level]
+    serial: int
+    hangs: np.ndarray
+    sigma: float
+
+
+class Direct:
+    """Lays views on a kept one. Only for views that ask for it."""
+
+    def __init__(self, settings: Keyframe, camera: Camera, keyframes: KeyframeMap) -> None:
+        self._settings, self._camera, self._map = settings, camera, keyframes
+        self._advanced = settings.advanced
+        self._gate = gate(6, self._advanced.direct.probability)
+        self._kept: Kept | None = None
+
+    def noise(self, fit: PoseFit, followed: int) -> bool:
+        """Whether most of what was followed is there no more: noise, not corners. Rows read one by one bend a view, and make
+        corners fail, too."""
+        return self._camera.readout_s == 0.0 and bool(fit.inliers.sum() < self._advanced.corner_share * followed)
+
+    def wanted(self, fit: PoseFit | None, followed: int) -> bool:
+        """Whether all pixels are worth asking, too."""
+        few = self._advanced.direct_share * self._settings.points
+        if self._camera.readout_s > 0.0:  # of which all pixels know nothing
+            few = self._advanced.outvote * self._settings.min_inliers
+        return fit is None or self.noise(fit, followed) or bool(fit.inliers.sum() < few)
+
+    def lay(self, look: PreparedView, tracker: Tracker, start: np.ndarray, wide: np.ndarray) -> Laid | None:
+        """The view on the one kept, or on the tracker's last one, which is then kept. start: of its map_from_camera; wide
+        (6, 6): covariance of the body's guessed motion. None, too, of a picture all of one brightness: no camera that works
+        shows that, noise being what it is, and who believes its depth?"""
+        if np.ptp(look.picture[0]) == 0:
+            return None
+        s, camera, move = self._advanced.direct, self._camera, adjoint(inverse(self._camera.body_from_camera))
+        now, wide = levels(look.picture[0], look.depth, camera, s), move @ wide @ move.T
+        if self._kept is not None:
+            pose = self._map.stand(np.array([self._kept.serial]))[0] @ self._kept.hangs
+            found = align(self._kept.levels, now, camera, inverse(pose) @ start, wide, s)
+            if found is not None and found.shared > s.keep_shared and (
+                    _size(found.covariance) < min(s.keep_sigmas * self._kept.sigma, s.vague_m)):
+                return Laid(orthonormal(pose @ found.then_from_now), found.covariance)
+        assert tracker.look is not None
+        then, pose = levels(tracker.look.picture[0], tracker.look.depth, camera, s), tracker.pose
+        found = align(then, now, camera, inverse(pose) @ start, wide, s)
+        vague = found is None or _size(found.covariance) > s.vague_m
+        self._kept = None if found is None or vague else Kept(
+            then, int(self._map.serials[-1]), inverse(self._map.poses[-1]) @ pose, _size(found.covariance))
+        return None if found is None or vague else Laid(orthonormal(pose @ found.then_from_now), found.covariance)
+
+    def joined(self, look: PreparedView, tracker: Tracker, fit: PoseFit | None, laid: Laid,
+               followed: tuple[np.ndarray, np.ndarray]) -> PoseFit | None:
+        """What the points and all pixels say together. Where they contradict, many points are right, and a few are looked up
+        anew from where the pixels put the view; None when those do not bear the pixels out. followed: ids (N,) and pixels
+        (N, 2) before the view."""
+        if fit is not None and fit.inliers.sum() >= self._advanced.outvote * self._settings.min_inliers:
+            if self._contradicts(fit, laid):
+                self._kept = None
+                return fit
+        elif fit is None or self._contradicts(fit, laid):
+            tracker.ids, tracker.pixels = followed
+            fit = tracker.find(look, laid.map_from_camera)
+            if fit.inliers.sum() < self._settings.min_inliers or self._contradicts(fit, laid):
+                return None
+        more = np.linalg.inv(laid.covariance)
+        information = self._information(fit) + more
+        step = np.linalg.solve(information, more @ _apart(fit, laid))
+        return replace(fit, camera_from_map=orthonormal(exp_se3(step) @ fit.camera_from_map), information=information)
+
+    def _contradicts(self, fit: PoseFit, laid: Laid) -> bool:
+        """Whether points and pixels cannot both be right."""
+        off, spread = _apart(fit, laid), np.linalg.inv(self._information(fit) + 1e-3 * np.eye(6)) + laid.covariance
+        return bool(off @ np.linalg.solve(spread, off) > self._gate)
+
+    def _information(self, fit: PoseFit) -> np.ndarray:
+        information: np.ndarray = fit.information / self._advanced.correlated
+        return information
+
+
+def _apart(fit: PoseFit, laid: Laid) -> np.ndarray:
+    """(6,) left perturbation of the fit's camera_from_map that leads to the laid one."""
+    return log_se3(inverse(laid.map_from_camera) @ inverse(fit.camera_from_map))
+
+
+def _size(covariance: np.ndarray) -> float:
+    """Deviation of a position (m) with this covariance (6, 6), along its worst direction."""
+    return float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
