@@ -5,6 +5,7 @@ All lengths in metres, angles in radians, world frame: x east, y north, z up, th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -72,8 +73,8 @@ class Box:
     def corners_m(self) -> np.ndarray:
         """(4, 2) corners of its footprint, counter-clockwise."""
         half = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size_m[:2])
-        c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        corners: np.ndarray = half @ np.array([[c, s], [-s, c]]) + np.array(self.centre_m)
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        corners: np.ndarray = half[:, :1] * (c, s) + half[:, 1:] * (-s, c) + np.array(self.centre_m)
         return corners
 
 
@@ -301,7 +302,7 @@ def _touch(touched: np.ndarray, polygon: np.ndarray, resolution_m: float, origin
     axes += [np.array([-e[1], e[0]]) / np.hypot(*e) for e in np.diff(polygon, axis=0)]
     meets = np.ones((len(y), len(x)), bool)
     for axis in axes:
-        shadow = polygon @ axis
+        shadow = polygon[:, 0] * axis[0] + polygon[:, 1] * axis[1]
         thin = np.ptp(shadow) <= 2.0 * _MEET_M
         reach = half * np.abs(axis).sum() + (_MEET_M if thin else -_MEET_M)
         centre = axis[0] * x[None, :] + axis[1] * y[:, None]
@@ -318,8 +319,9 @@ def distance_m(world: World, point_m: np.ndarray) -> tuple[float, str]:
             if d < best:
                 best, name = d, f"wall '{wall.name}'"
     for box in world.boxes:
-        c, s = np.cos(box.yaw_rad), np.sin(box.yaw_rad)
-        local = np.array([[c, s], [-s, c]]) @ (np.asarray(point_m) - box.centre_m)
+        c, s = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
+        x, y = np.asarray(point_m) - box.centre_m
+        local = np.array([c * x + s * y, -s * x + c * y])
         d = float(np.hypot(*np.maximum(np.abs(local) - 0.5 * np.array(box.size_m[:2]), 0.0)))
         if d < best:
             best, name = d, f"box '{box.name}'"
@@ -333,5 +335,5 @@ def distance_m(world: World, point_m: np.ndarray) -> tuple[float, str]:
 
 
 def _to_segment(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    along = np.clip((point - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-12), 0.0, 1.0)
+    along = np.clip(((point - a) * (b - a)).sum() / max(float(((b - a) ** 2).sum()), 1e-12), 0.0, 1.0)
     return float(np.hypot(*(point - a - along * (b - a))))

@@ -6,6 +6,7 @@ nor one another: their paths are checked when the world is read. A door or a thi
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +27,7 @@ class Walk:
     def __init__(self, person: Person) -> None:
         self.person = person
         legs = np.diff(np.vstack([person.path_m, person.path_m[:1]]), axis=0)
-        self.headings = np.arctan2(legs[:, 1], legs[:, 0])
+        self.headings = np.array([math.atan2(y, x) for x, y in legs.tolist()])
         self.corners_m = np.concatenate([[0.0], np.cumsum(np.hypot(*legs.T))])  # arc length of each corner, and of the end
         self.way_m = float(self.corners_m[-1])
         self.at_m, self.ahead = person.start_m % self.way_m, 1.0
@@ -38,7 +39,7 @@ class Walk:
         leg = min(int(np.searchsorted(self.corners_m, at_m, side="right")) - 1, len(self.headings) - 1)
         along, heading = at_m - self.corners_m[leg], self.headings[leg]
         x, y = self.person.path_m[leg]
-        return np.array([x + along * np.cos(heading), y + along * np.sin(heading), heading])
+        return np.array([x + along * math.cos(heading), y + along * math.sin(heading), heading])
 
     def gap_m(self, at_m: float, robot: np.ndarray) -> float:
         """From there to the side of a robot (x, y, radius)."""
@@ -150,7 +151,7 @@ def _put(timed: Timed, was: Box | None, now_s: float, robot: np.ndarray) -> Box 
     wanted = timed.at(now_s)
     if wanted is None or wanted == was:
         return wanted
-    c, s = np.cos(wanted.yaw_rad), np.sin(wanted.yaw_rad)
+    c, s = math.cos(wanted.yaw_rad), math.sin(wanted.yaw_rad)
     local = np.array([[c, s], [-s, c]]) @ (robot[:2] - np.array(wanted.centre_m))
     gap_m = float(np.hypot(*np.maximum(np.abs(local) - 0.5 * np.array(wanted.size_m[:2]), 0.0))) - robot[2]
     return wanted if gap_m > CLEAR_M else was

@@ -9,6 +9,7 @@ and Peucker 1973) where that costs no clearance. No chance: equal grids give equ
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +29,8 @@ BEND_M = 0.3  # a bend flatter than this is pulled straight
 ROOMY_M = 0.5  # clearance beyond what is needed that a detour is worth
 MOST_CELLS = 250_000  # of the grid that is searched; finer grids are searched with larger cells
 RAYS = 72
+TURNS = 2.0 * np.pi * (np.arange(RAYS) + 0.37) / RAYS
+UNITS = np.array([(math.sin(turn), math.cos(turn)) for turn in TURNS.tolist()]).T  # by the C library: see random/shapes.py
 PLACE_M = 1.3  # a known place may be moved so far
 VIEW_RAD = np.radians(50.0)  # what a camera sees at once; a Kinect sees 57 degrees
 VIEW_M = 4.0  # and so far
@@ -89,7 +92,7 @@ def _heading(route_m: np.ndarray) -> float:
     if len(route_m) < 2:
         return 0.0
     dx, dy = route_m[1] - route_m[0]
-    return round(float(np.arctan2(dy, dx)), 6)
+    return round(math.atan2(dy, dx), 6)
 
 
 class Ground:
@@ -192,9 +195,8 @@ class Ground:
     def _seen(self, cell: np.ndarray, rays: np.ndarray, sight_m: float) -> np.ndarray:
         """(squares,) bool: squares of about 0.3 m that these of the RAYS meet before anything that is not free."""
         step = self.grid.resolution_m
-        turn = 2.0 * np.pi * (np.arange(RAYS)[rays] + 0.37) / RAYS
         along = np.arange(0.0, sight_m, step) / step
-        offsets = (np.stack([np.sin(turn), np.cos(turn)])[:, :, None] * along).round().astype(int)  # (2, rays, steps)
+        offsets = (UNITS[:, rays, None] * along).round().astype(int)  # (2, rays, steps)
         seen = np.zeros(int(self._square(np.array(self.grid.shape))) + 1, bool)
         limit = np.array(self.grid.shape) - 1
         r, c = np.clip(cell[0] + offsets[0], 0, limit[0]), np.clip(cell[1] + offsets[1], 0, limit[1])
@@ -211,7 +213,7 @@ class Ground:
     def seen_ahead(self, route_m: np.ndarray) -> np.ndarray:
         """(squares,) bool: seen by a camera that looks ahead along the route and turns on the spot in its corners."""
         legs = np.diff(route_m, axis=0)
-        headings = np.arctan2(legs[:, 1], legs[:, 0])
+        headings = [math.atan2(y, x) for x, y in legs.tolist()]
         seen = np.zeros(self.needed.shape, bool)
         for number, (a, leg, heading) in enumerate(zip(route_m[:-1], legs, headings, strict=True)):
             before = headings[number - 1] if number else heading
@@ -348,9 +350,8 @@ class Ground:
 
 def _rays_between(heading: float, turn: float) -> np.ndarray:
     """(RAYS,) bool: within the view of a camera that turns from a heading by so much."""
-    angle = 2.0 * np.pi * (np.arange(RAYS) + 0.37) / RAYS
     low, high = heading + min(turn, 0.0) - 0.5 * VIEW_RAD, heading + max(turn, 0.0) + 0.5 * VIEW_RAD
-    between: np.ndarray = (angle - low) % (2.0 * np.pi) <= high - low
+    between: np.ndarray = (TURNS - low) % (2.0 * np.pi) <= high - low
     return between
 
 
@@ -388,6 +389,6 @@ def past_start(route_m: np.ndarray) -> np.ndarray:
 def _aside(points: np.ndarray) -> np.ndarray:
     """(N,) distance of points from the straight line between the first and the last."""
     a, b = points[0], points[-1]
-    along = np.clip((points - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-12), 0.0, 1.0)
+    along = np.clip(((points - a) * (b - a)).sum(axis=1) / max(float(((b - a) ** 2).sum()), 1e-12), 0.0, 1.0)
     aside: np.ndarray = np.hypot(*(points - a - along[:, None] * (b - a)).T)
     return aside

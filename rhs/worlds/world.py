@@ -4,6 +4,7 @@ it, in one line, when something is wrong."""
 from __future__ import annotations
 
 import difflib
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -170,7 +171,7 @@ def _pilasters(wall: Wall, section: Section) -> list[Box]:
     section.finish()
     boxes: list[Box] = []
     for a, b in wall.segments_m:
-        length, yaw = float(np.hypot(*(b - a))), float(np.arctan2(*(b - a)[::-1]))
+        length, yaw = float(np.hypot(*(b - a))), math.atan2(*(b - a)[::-1])
         count = int(length / spacing)
         for along in (np.arange(count) + 0.5) * length / max(count, 1):
             x, y = a + (b - a) * along / length
@@ -255,4 +256,4 @@ def reversed_world(world: World) -> World:
     """The same building surveyed the other way: from the end of the route back to its beginning."""
     route = world.route_m[::-1].copy()
     dx, dy = route[1] - route[0]
-    return replace(world, route_m=route, start=(float(route[0, 0]), float(route[0, 1]), float(np.arctan2(dy, dx))))
+    return replace(world, route_m=route, start=(float(route[0, 0]), float(route[0, 1]), math.atan2(dy, dx)))

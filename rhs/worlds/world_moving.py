@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -56,7 +57,7 @@ def _door(section: Section, surface: Painter) -> Timed:
 
     def leaf(key: str) -> Box:
         yaw = float(np.radians(section.number(key, low=-360.0, high=360.0)))
-        return Box(name, (x + 0.5 * width * float(np.cos(yaw)), y + 0.5 * width * float(np.sin(yaw))), size, yaw, 0.0, look)
+        return Box(name, (x + 0.5 * width * math.cos(yaw), y + 0.5 * width * math.sin(yaw)), size, yaw, 0.0, look)
 
     closed, wide = leaf("closed_deg"), leaf("open_deg")
     door = Timed(closed, _pairs(section, "closed_s"), section.number("every_s", 0.0, low=0.0), wide)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rhs.base.errors import ConfigError
 
 from .furniture import furnish
-from .shapes import edges_of, is_convex, shifted_sides
+from .shapes import edges_of, is_convex, shifted_sides, units
 from .sketch import Door, Sketch
 
 
@@ -21,7 +23,7 @@ def draw_ring(sketch: Sketch) -> None:
     pieces, wide = int(sketch.rng.integers(24, 37)), sketch.draw(1.3, 2.4)
     a, b = sketch.draw(1.6, 2.6) + wide, sketch.draw(1.4, 2.2) + wide
     angle = 2.0 * np.pi * np.arange(pieces) / pieces
-    unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    unit = units(angle)
     outer, inner = unit * (a, b), unit * (a - wide, b - wide)
     sketch.wall("outer", outer, closed=True)
     sketch.wall("block", inner[::-1], closed=True)
@@ -34,7 +36,7 @@ def draw_polygon(sketch: Sketch) -> None:
     for _ in range(40):
         angle = 2.0 * np.pi * (np.arange(count) + sketch.rng.uniform(-0.16, 0.16, count)) / count
         radius = sketch.draw(5.2, 6.0) if count == 3 else sketch.draw(3.9, 4.8)
-        outer = np.stack([np.cos(angle), np.sin(angle)], axis=1) * radius * sketch.rng.uniform(0.92, 1.08, count)[:, None]
+        outer = units(angle) * radius * sketch.rng.uniform(0.92, 1.08, count)[:, None]
         widths = sketch.rng.uniform(1.2, 1.7 if count == 3 else 2.1, count)
         inner = shifted_sides(outer, widths)
         if is_convex(outer, least_side_m=2.0) and is_convex(inner, least_side_m=1.0):
@@ -52,15 +54,15 @@ def draw_star(sketch: Sketch) -> None:
     angle = np.cumsum(2.0 * np.pi * steps / steps.sum())
     half = 0.5 * sketch.rng.uniform(1.2, 2.3, arms)
     length = sketch.rng.uniform(3.2, 5.0, arms)
-    way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    way = units(angle)
     left = np.stack([-way[:, 1], way[:, 0]], axis=1)
     outer: list[np.ndarray] = []
     for i in range(arms):
         j = (i + 1) % arms
         end = way[i] * length[i]
         # where the left side of arm i meets the right side of the next
-        system = np.stack([way[i], -way[j]], axis=1)
-        along = np.linalg.solve(system, -left[j] * half[j] - left[i] * half[i])
+        (a, b), (c, d), (x, y) = way[i], way[j], -left[j] * half[j] - left[i] * half[i]
+        along = (c * y - d * x) / (b * c - a * d), (a * y - b * x) / (b * c - a * d)
         outer += [end - left[i] * half[i], end + left[i] * half[i], left[i] * half[i] + way[i] * along[0]]
         if not (-1.5 < along[0] < length[i] - 1.0 and along[1] < length[j] - 1.0):
             raise ConfigError("two arms of the star run into each other")
@@ -76,7 +78,7 @@ def draw_zigzag(sketch: Sketch) -> None:
     bends, wide = int(sketch.rng.integers(2, 5)), sketch.draw(1.3, 2.3)
     heading, points = 0.0, [np.zeros(2)]
     for i in range(bends + 1):
-        points.append(points[-1] + sketch.draw(2.6, 4.2) * np.array([np.cos(heading), np.sin(heading)]))
+        points.append(points[-1] + sketch.draw(2.6, 4.2) * np.array([math.cos(heading), math.sin(heading)]))
         sign = 1.0 if (i % 2 == 0 or sketch.chance(0.2)) else -1.0
         heading += sign * sketch.draw(np.radians(30.0), np.radians(75.0))
     middle = np.array(points)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .furniture import furnish
@@ -50,5 +52,5 @@ def _screens(sketch: Sketch, hall: Room) -> None:
         length = sketch.draw(1.0, 2.2)
         where = sketch.in_the_open(hall, length, 0.05)
         if where is not None:
-            half = 0.5 * length * np.array([np.cos(where[1]), np.sin(where[1])])
+            half = 0.5 * length * np.array([math.cos(where[1]), math.sin(where[1])])
             sketch.wall("screen", np.array([where[0] - half, where[0] + half]))

@@ -3,6 +3,7 @@ barrier that closes it."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -63,7 +64,7 @@ def _barred(world: World, rng: np.random.Generator) -> World:
     for _ in range(TRIES):
         middle, heading = _on_way(world.route_m, rng)
         across = heading + 0.5 * np.pi
-        way = np.array([np.cos(across), np.sin(across)])
+        way = np.array([math.cos(across), math.sin(across)])
         walls = np.concatenate([wall.segments_m for wall in world.walls])
         reach = np.arange(0.0, 2.0, 0.02)
         left, right = (_open_m(middle + sign * reach[:, None] * way, walls, reach) for sign in (1.0, -1.0))
@@ -90,7 +91,7 @@ def _on_way(route_m: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, 
     leg = min(int(np.searchsorted(ends, at)), len(lengths) - 1)
     a, b = route_m[leg], route_m[leg + 1]
     share = 1.0 - (ends[leg] - at) / lengths[leg]
-    return a + share * (b - a), float(np.arctan2(*(b - a)[::-1]))
+    return a + share * (b - a), math.atan2(*(b - a)[::-1])
 
 
 def _beside_way(route_m: np.ndarray, rng: np.random.Generator, *, out_m: float) -> np.ndarray:
@@ -99,10 +100,10 @@ def _beside_way(route_m: np.ndarray, rng: np.random.Generator, *, out_m: float) 
     if rng.uniform() < 0.5 and len(route_m) > 3:
         corner = int(rng.integers(1, len(route_m) - 1))
         a, b = route_m[corner], route_m[corner + 1]
-        heading = float(np.arctan2(*(b - a)[::-1]))
-        middle = a + float(rng.uniform(0.5, 1.4)) * np.array([np.cos(heading), np.sin(heading)])
+        heading = math.atan2(*(b - a)[::-1])
+        middle = a + float(rng.uniform(0.5, 1.4)) * np.array([math.cos(heading), math.sin(heading)])
     aside = float(rng.uniform(-out_m, out_m))
-    point: np.ndarray = middle + aside * np.array([-np.sin(heading), np.cos(heading)])
+    point: np.ndarray = middle + aside * np.array([-math.sin(heading), math.cos(heading)])
     return point
 
 

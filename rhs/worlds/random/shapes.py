@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+
+
+def units(angles_rad: np.ndarray) -> np.ndarray:
+    """(N, 2) unit vectors along angles (N,). By the C library, as everywhere here: NumPy's own sine differs in its last
+    bit from processor to processor, and the same seed would draw another building."""
+    return np.array([(math.cos(angle), math.sin(angle)) for angle in angles_rad.tolist()])
 
 
 def edges_of(polygon_m: np.ndarray) -> np.ndarray:
@@ -70,7 +78,7 @@ def _cross(sides: np.ndarray, segments: np.ndarray) -> np.ndarray:
 
 def turned(points_m: np.ndarray, angle_rad: float) -> np.ndarray:
     """(N, 2) points turned about the origin."""
-    c, s = float(np.cos(angle_rad)), float(np.sin(angle_rad))
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
     x, y = points_m[..., 0], points_m[..., 1]
     return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 

@@ -6,6 +6,7 @@ drawn in a room ever closes a part of it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -14,7 +15,7 @@ import numpy as np
 from rhs.api.floorplan import Box, Surface, Wall
 
 from .looks import Looks, furniture_surface
-from .shapes import edges_of, polygon_gaps_m, turned, within
+from .shapes import edges_of, polygon_gaps_m, turned, units, within
 
 FLUSH_M = 0.06  # nearer than this is beside the wall
 LEAF_M = 0.04  # thickness of a door leaf
@@ -103,10 +104,10 @@ class Sketch:
         furniture. One that would swing into another wall is left out."""
         for hinge, way, width in self.leaves:
             swing = np.radians(self.draw(85.0, 120.0))
-            c, s = float(np.cos(swing)), float(np.sin(swing))
+            c, s = math.cos(swing), math.sin(swing)
             along = np.array([c * way[0] - s * way[1], s * way[0] + c * way[1]])
             middle = hinge + along * (0.5 * width + 0.015) - way * 0.5 * LEAF_M
-            yaw, look = float(np.arctan2(along[1], along[0])), furniture_surface(self.rng)
+            yaw, look = math.atan2(along[1], along[0]), furniture_surface(self.rng)
             if polygon_gaps_m(rectangle(middle, (width, LEAF_M), yaw), self.segments_m()).min() > 0.0:
                 size = (width, LEAF_M, min(2.0, self.looks.wall_height_m - 0.05))
                 self.box("door", middle, size, yaw_rad=yaw, surface=look)
@@ -145,8 +146,8 @@ class Sketch:
     def pillar(self, middle: Sequence[float] | np.ndarray, width_m: float, *, corners: int, yaw_rad: float = 0.0) -> None:
         """A free-standing pillar up to the ceiling, as a closed wall: round with many corners, square with four."""
         turn = yaw_rad - 2.0 * np.pi * (np.arange(corners) + 0.5) / corners  # clockwise: the pattern faces outwards
-        radius = 0.5 * width_m / float(np.cos(np.pi / corners))
-        ring = np.array(middle, float) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        radius = 0.5 * width_m / math.cos(math.pi / corners)
+        ring = np.array(middle, float) + radius * units(turn)
         self.wall("pillar", ring, closed=True, paintings=False)
 
     def box(self, name: str, middle: Sequence[float] | np.ndarray, size: Sequence[float], *, yaw_rad: float = 0.0,
@@ -170,7 +171,7 @@ class Sketch:
             way = (b - a) / length
             at = 0.5 * width_m + 0.04 + (length - width_m - 0.08) * (0.0 if share < 0.25 else min(1.0, share * 1.2 - 0.2))
             middle = a + way * at + np.array([-way[1], way[0]]) * (0.5 * depth_m + behind)
-            yaw = float(np.arctan2(way[1], way[0]))
+            yaw = math.atan2(way[1], way[0])
             if self.fits(rectangle(middle, (width_m, depth_m), yaw)):
                 return middle, yaw
         return None
@@ -181,7 +182,7 @@ class Sketch:
         first = room.floor_m[1] - room.floor_m[0]
         for _ in range(8):
             middle = low + (high - low) * self.rng.uniform(0.0, 1.0, 2)
-            yaw = float(np.arctan2(first[1], first[0])) + (self.draw(-0.8, 0.8) if self.chance(0.3) else 0.0)
+            yaw = math.atan2(first[1], first[0]) + (self.draw(-0.8, 0.8) if self.chance(0.3) else 0.0)
             if within(middle[None], room.floor_m)[0] and self.fits(rectangle(middle, (width_m, depth_m), yaw)):
                 return middle, yaw
         return None
