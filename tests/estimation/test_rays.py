@@ -17,10 +17,10 @@ def test_the_walk_visits_exactly_the_cells_a_dense_sampling_visits():
         count = mark_scan(marks, touched, start, np.array([angle]), np.array([length]), np.array([True]))
         steps = np.linspace(0, length, 200_000)
         dense = start + steps[:, None] * [np.cos(angle), np.sin(angle)]
-        cells = np.unique(np.floor(dense).astype(int), axis=0)
-        cells = cells[(cells >= 0).all(1) & (cells[:, 0] < 40) & (cells[:, 1] < 30)]
+        columns, rows = np.floor(dense).astype(int).T
+        inside = (columns >= 0) & (rows >= 0) & (columns < 40) & (rows < 30)
         visited = {tuple(rc) for rc in touched[:count]}
-        sampled = {(row, column) for column, row in cells}
+        sampled = {divmod(int(cell), 40) for cell in np.unique(40 * rows[inside] + columns[inside])}
         assert sampled <= visited
         assert len(visited - sampled) <= 1  # a corner clipped by less than the sampling step
         assert (marks == HIT).sum() <= 1
