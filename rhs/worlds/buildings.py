@@ -4,6 +4,7 @@ it visits and how it is led are proposed where nobody says."""
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
 FOREIGN = (*PICTURES, *MESHES, *SCENES)
 MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
+APART_M = 0.5  # places that are proposed
 LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
 
 
@@ -89,16 +91,17 @@ def settled(world: World, building: Building, file: Section) -> World:
 
 def on_route(places: tuple[Place, ...], route_m: np.ndarray) -> tuple[Place, ...]:
     """Each place moved to the nearest point of the route (N, 2): a camera that looks ahead has not seen all that lies beside
-    its way."""
+    its way. One that thereby comes within APART_M of another, or of the last, is left out."""
     a, along = route_m[:-1], np.diff(route_m, axis=0)
     squared = np.maximum((along * along).sum(axis=1), 1e-12)
-    moved = []
-    for name, x, y in places:
+    moved: list[Place] = []
+    for name, x, y in (places[-1], *places[:-1]):  # the last is home
         share = np.clip((((x, y) - a) * along).sum(axis=1) / squared, 0.0, 1.0)
         feet = a + share[:, None] * along
         foot = feet[np.argmin(np.hypot(*(feet - (x, y)).T))].round(4)
-        moved.append((name, float(foot[0]), float(foot[1])))
-    return tuple(moved)
+        if all(math.dist(foot, other[1:]) >= APART_M for other in moved):
+            moved.append((name, float(foot[0]), float(foot[1])))
+    return (*moved[1:], moved[0])
 
 
 def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...], places: int | tuple[Place, ...],

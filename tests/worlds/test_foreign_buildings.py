@@ -190,6 +190,12 @@ def test_places_are_moved_onto_the_route():
         ("a", 1.0, 0.0), ("b", 4.0, 1.0), ("home", 0.0, 0.0))
 
 
+def test_of_two_places_that_come_to_one_spot_of_the_route_one_is_left():
+    route = np.array([[0.0, 0.0], [4.0, 0.0]])
+    proposed = (("a", 3.0, 2.0), ("b", 3.0, -2.0), ("c", 0.2, 1.0), ("home", 0.0, 0.0))
+    assert on_route(proposed, route) == (("a", 3.0, 0.0), ("home", 0.0, 0.0))
+
+
 BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;'>]><sdf><model name='&b;'/></sdf>"
 
 
