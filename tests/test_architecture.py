@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import subprocess
 import sys
 import tomllib
@@ -210,3 +211,13 @@ def test_a_short_module_that_one_other_imports_has_a_reason():
 def is_short(name: str) -> bool:
     path = ROOT / (name.replace(".", "/") + ".py")
     return path.stem not in ("__init__", "__main__") and len(path.read_text(encoding="utf-8").splitlines()) < SHORT
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests" / "benchmarks").glob("*.py")), ids=lambda path: path.stem)
+def test_what_a_benchmark_imports_of_the_program_is_there(path):
+    """They are run by hand, long after what they measure has moved."""
+    wanted = [(node.module, name.name) for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)
+              for name in node.names if str(node.module).split(".")[0].startswith("rhs")]
+    missing = [f"{module}.{name}" for module, name in wanted
+               if not hasattr(importlib.import_module(module), name) and importlib.util.find_spec(f"{module}.{name}") is None]
+    assert not missing

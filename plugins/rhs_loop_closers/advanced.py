@@ -88,6 +88,10 @@ class PoseGraphAdvanced(ClosingAdvanced):
     """and its heading, radians (1 sigma)"""
     gate_probability: float = 0.999
     """chance that a true loop passes the chi-square gate of the solved graph"""
+    level_m: float = 0.05
+    """a robot on a floor stays on its plane within this, at each view, metres (1 sigma); 0: nothing is held"""
+    level_rad: float = 0.03
+    """and upright within this, radians (1 sigma): it sways"""
     drift: DriftBounds = field(default_factory=DriftBounds)
     scan_loops: ScanLoopSettings = field(default_factory=ScanLoopSettings)
     walls: WallSettings = field(default_factory=WallSettings)
@@ -96,4 +100,5 @@ class PoseGraphAdvanced(ClosingAdvanced):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_ranges("", self, apart_m=(0.1, 1000.0), turn_share=(0.0, 1.0), edge_sigma_m=(1e-6, 10.0),
-                     edge_sigma_rad=(1e-6, 1.0), gate_probability=(0.5, 1.0 - 1e-12))
+                     edge_sigma_rad=(1e-6, 1.0), level_m=(0.0, 10.0), level_rad=(1e-4, 10.0),
+                     gate_probability=(0.5, 1.0 - 1e-12))

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rhs.api.contracts import Context
-from rhs.api.geometry import log_so3
+from rhs.api.geometry import inverse, log_so3
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, chain, joined, log_poses, optimise
@@ -37,6 +37,8 @@ from .advanced import PoseGraphAdvanced
 from .candidates import beside, possible_pairs, progress_m, spread
 from .pose_graph_config import PoseGraph
 from .walls import WallGraph, crooked, followed, wall_graph
+
+ANYWHERE = 1e3  # metres and radians: says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +106,8 @@ class PoseGraphCloser:
         if every_m > 0 and len(views) > 1:
             walls = wall_graph(followed(views, poses, rules, every_m=every_m), poses, rules)
         odometry = _odometry_edges(views, poses, way_m, self._settings)
+        if self._advanced.level_m > 0.0 and not in_a_hand(views):
+            odometry = joined(odometry, level_edges(poses, self._advanced))
         return Between(poses, odometry, walls)
 
     def _recognised(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> tuple[list[LoopEdge], int]:
@@ -200,6 +204,21 @@ def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray,
     floor[:, range(3), range(3)] = (drift_m**2)[:, None]
     floor[:, range(3, 6), range(3, 6)] = (drift_rad**2)[:, None]
     return chain(poses, turn + floor)
+
+
+def level_edges(poses: np.ndarray, s: PoseGraphAdvanced) -> Edges:
+    """A robot on a floor: every pose lies in the plane of the first and stands upright, wherever in it (loops of few points
+    err in height and tilt, which the floor knows)."""
+    level = np.broadcast_to(np.eye(4), (max(len(poses) - 1, 0), 4, 4)).copy()
+    seen = inverse(poses[:1]) @ poses[1:]
+    yaw = np.arctan2(seen[:, 1, 0], seen[:, 0, 0])
+    level[:, 0, 0] = level[:, 1, 1] = np.cos(yaw)
+    level[:, 1, 0], level[:, 0, 1] = np.sin(yaw), -np.sin(yaw)
+    level[:, :2, 3] = seen[:, :2, 3]
+    sigma = np.array([ANYWHERE, ANYWHERE, s.level_m, s.level_rad, s.level_rad, ANYWHERE])
+    count = len(level)
+    return Edges(np.zeros(count, int), np.arange(1, count + 1), level, np.tile(np.diag(sigma**2), (count, 1, 1)),
+                 np.zeros(count, bool))
 
 
 def _loop_edges(edges: Sequence[LoopEdge], s: PoseGraphAdvanced) -> Edges:

@@ -31,8 +31,8 @@ from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.config.compose import compose_config
 from rhs.estimation.survey import draw
 from rhs.metrics.calibration import WITHIN_M, Beliefs, calibration_error, kidnaps, reliability
+from rhs.plots.figure import new_figure, save
 from rhs.reports.calibration_pictures import draw_reliability
-from rhs.reports.charts import new_figure, save
 from rhs.worlds.world import load_world
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"

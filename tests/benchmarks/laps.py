@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
+import rhs
 from rhs.api.geometry import Camera, camera_from_fov
 from rhs.api.randomness import generator
 from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan, Thumbnail, Tracking, View
 from rhs.config.compose import compose_config
 from rhs.estimation.views.features import features, share
 from rhs.testing.room import context
-from rhs_tasks.places.task import lap as led_lap
 
 ODOMETRIES = ("procrustes", "procrustes:refine=none", "wheel")
 SETTINGS = FeatureSettings()
@@ -53,7 +53,7 @@ class Lap:
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """A lap as led. truth (N, 4, 4); observations without images whose key-points are known to rhs.vision; motions: name
+    """A lap as led. truth (N, 4, 4); observations without images whose key-points are known by now; motions: name
     of an odometry -> one Motion per view; features: one per view."""
 
     truth: np.ndarray
@@ -95,14 +95,14 @@ def taken(lap: Lap, keep: Path) -> Taken:
 
 
 def _lead(lap: Lap) -> dict[str, np.ndarray]:
-    words = [f"world={lap.world}", f"source.direction={lap.direction}", "localiser=sift_db", *lap.words]
+    words = [f"world={lap.world}", f"source.direction={lap.direction}", "task=survey", "odometry=procrustes",
+             f"seed={lap.seed}", *lap.words]
     if lap.off_m:
-        words += [f"places.off_route_m={lap.off_m}", f"places.off_route_deg={lap.off_deg}"]
+        words += [f"source.wobble_m={lap.off_m}", f"source.wobble_deg={lap.off_deg}"]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        pairs, _ = led_lap(compose_config(words), folder, seed=lap.seed, off_route=bool(lap.off_m))
-        steps = [step for _, step in pairs]
-        out: dict[str, Any] = {"truth": np.stack([view.map_from_body for view, _ in pairs])}
+        steps = [step for step in rhs.steps(words) if step.phase == "survey"]
+        out: dict[str, Any] = {"truth": np.stack([step.truth for step in steps])}
         for odometry in ODOMETRIES:
             motions = [step.motion for step in steps]
             if odometry != "procrustes":

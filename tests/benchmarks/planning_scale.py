@@ -24,7 +24,7 @@ from rhs.api.records import PlanningProblem
 from rhs.config import registry
 from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
-from rhs.reports.charts import new_figure, save
+from rhs.plots.figure import new_figure, save
 from rhs.worlds.planning_question import load_arena
 from rhs_tasks.planning.task import problem_of
 

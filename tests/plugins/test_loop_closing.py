@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 from painted_survey import context, ring, survey
 
-from rhs.api.geometry import inverse, log_se3, se2
+from rhs.api.geometry import exp_se3, inverse, log_se3, se2
 from rhs.api.records import LoopEdge
+from rhs.estimation.filters.pose_graph import Edges, chain, joined, optimise
 from rhs.estimation.views.edge_consistency import DriftBounds, agreement, largest_agreeing, supported
 from rhs.estimation.views.loops import travelled_m
+from rhs_loop_closers.advanced import PoseGraphAdvanced
 from rhs_loop_closers.error_distribution_config import ErrorDistribution
+from rhs_loop_closers.pose_graph import level_edges
 from rhs_loop_closers.pose_graph_config import PoseGraph
 
 TRUTH = ring(24)
@@ -91,6 +94,18 @@ def test_pose_graph_halves_the_error_of_a_lap_and_a_half_and_more():
     assert closure.details["closures"] >= 5
     assert _ate_m(closure.poses, truth) < 0.3 * _ate_m([view.map_from_body for view in views], truth)
     np.testing.assert_array_equal(closure.poses[0], views[0].map_from_body)
+
+
+def test_a_loop_that_errs_in_height_and_tilt_lifts_no_robot_off_its_floor():
+    """Out and back along a line by an odometry that is unsure; the loop at its end says 0.2 m lower and 3 degrees down."""
+    poses = np.stack([se2(0.3 * k, 0.0, 0.0) for k in range(20)] + [se2(0.3 * k, 0.0, np.pi) for k in range(19, -1, -1)])
+    wrong = poses[-1] @ exp_se3(np.array([0.0, 0.0, -0.2, 0.0, 0.05, 0.0]))
+    unsure = chain(poses, np.tile(1e-3 * np.eye(6), (39, 1, 1)))
+    loop = Edges(np.array([0]), np.array([39]), wrong[None], 4e-4 * np.eye(6)[None], np.zeros(1, bool))
+    free = optimise(poses, joined(unsure, loop)).poses
+    held = optimise(poses, joined(joined(unsure, level_edges(poses, PoseGraphAdvanced())), loop)).poses
+    assert np.abs(free[:, 2, 3]).mean() > 0.04 and np.abs(held[:, 2, 3]).mean() < 0.01
+    np.testing.assert_allclose(held[:, :2, 3], poses[:, :2, 3], atol=0.01)
 
 
 def test_pose_graph_refuses_a_planted_lie_with_a_reason():
