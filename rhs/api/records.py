@@ -207,12 +207,13 @@ class Thumbnail:
 class Features:
     """Key-points of one view. pixels (N, 2) float32; descriptors (N, D) (float32 RootSIFT or uint8 ORB);
     points (N, 3) float32 in the camera frame, NaN where depth is unknown; thumbnail: of the view they are of, if it is
-    kept."""
+    kept; sift (N, 128) uint8: of what the descriptors are the roots, where they are."""
 
     pixels: np.ndarray
     descriptors: np.ndarray
     points: np.ndarray
     thumbnail: Thumbnail | None = None
+    sift: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,5 @@
-"""What the C library does with the memory of an image when it is freed: kept for the next one, not handed back.
+"""What the C library does with the memory of an image when it is freed: kept for the next one, not handed back until a run
+is through with images.
 
 glibc gives large blocks back to the system at once and asks for them again a moment later. A view's image pyramids are
 some 75 MB, so nearly half the time of SIFT at 640x480 went into fresh pages (60 views: 152 ms each, 89 ms when kept).
@@ -26,3 +27,12 @@ def keep_freed_memory() -> bool:
     except (AttributeError, OSError, TypeError):
         return False
     return bool(mallopt(M_MMAP_THRESHOLD, LARGEST_BLOCK_BYTES) and mallopt(M_TRIM_THRESHOLD, KEPT_BYTES))
+
+
+def hand_back() -> bool:
+    """Give the system all memory that is freed by now: what comes next needs other memory. False where that cannot be told."""
+    try:
+        trim = ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):
+        return False
+    return bool(trim(0))

@@ -16,6 +16,7 @@ from rhs.api.task import Parts, StepJob
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.api.validate import reach_of
 from rhs.base.errors import ConfigError, RhsError
+from rhs.base.memory import hand_back
 from rhs.estimation import survey as surveying
 from rhs.estimation.scans.settings import SEES_AROUND_RAD
 from rhs.estimation.survey import Survey as Surveyed
@@ -98,6 +99,7 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
                 ) -> Generator[Step, None, Surveyed]:
     """Lead, settle, close the loop, draw the map; the files of the survey are written here. sights: keeps its pictures."""
     collected = yield from collect(parts, context, settings, log, sights=sights)
+    hand_back()
     survey = settle(collected, parts, log)
     if sights is not None:
         sights.settle(survey.views)

@@ -15,7 +15,7 @@ from rhs.api.records import Step
 from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError
-from rhs.base.memory import keep_freed_memory
+from rhs.base.memory import hand_back, keep_freed_memory
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.parts import Chosen, build, build_part
@@ -81,6 +81,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
         row = finished(run, row, run.outcome_of(cause))
     if cause is not None:
         write_traceback(folder, cause)
+    run.forget_parts()
     draw(run, row)
     return row | {"_cause": cause}
 
@@ -247,6 +248,11 @@ class RunContext:
             except BaseException as error:  # a source may even exit; the files are closed all the same
                 first = first or error
         return first
+
+    def forget_parts(self) -> None:
+        """Let the parts and all that they hold go: what follows looks at files."""
+        self._built, self._parts, self._eyes, self.shared = [], {}, [], None
+        hand_back()
 
     def columns(self) -> dict[str, Any]:
         """What the run itself knows: what it cost, and what its parts say of themselves."""

@@ -12,7 +12,6 @@ from rhs.base.errors import RecordingError
 
 from . import ros
 
-
 PACKING = 1  # zstd's level: of pictures and depth as small as its usual 3, in a third of the time
 
 
@@ -29,7 +28,7 @@ class _Zstd:
 def _pack_soon() -> None:
     from mcap import writer
 
-    writer.zstandard = _Zstd
+    writer.zstandard = _Zstd  # type: ignore[assignment]
 
 
 class Tape:

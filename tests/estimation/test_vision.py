@@ -12,6 +12,7 @@ from rhs.api.geometry import camera_from_fov, inverse, se2, transform
 from rhs.api.records import Features, FeatureSettings, Observation
 from rhs.api.spare import grant
 from rhs.estimation.views import features as vision
+from rhs.estimation.views.packed import held_bytes, packed
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)
 SETTINGS = FeatureSettings()
@@ -73,6 +74,17 @@ def test_a_view_that_is_forgotten_takes_its_foreseen_key_points_along():
     gone = weakref.ref(seen)
     del seen
     assert gone() is None
+
+
+def test_packed_key_points_are_the_same_to_the_bit_in_a_third_of_the_memory():
+    found = vision.features(view(), SETTINGS)
+    kept = packed(replace(found, thumbnail=None))
+    assert np.array_equal(kept.descriptors, found.descriptors) and np.allclose((kept.descriptors**2).sum(axis=1), 1.0)
+    assert 3 * held_bytes(kept) < held_bytes(replace(found, thumbnail=None, sift=None))
+    moved = replace(kept, points=kept.points + 1.0)
+    assert np.array_equal(moved.descriptors, found.descriptors) and held_bytes(moved) == held_bytes(kept)
+    theirs = Features(found.pixels, found.descriptors, found.points)  # a stranger's, of whom nobody knows such bytes
+    assert packed(theirs) is theirs
 
 
 def test_descriptors_have_unit_length():

@@ -23,6 +23,8 @@ from rhs.api.spare import granted, later
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 
+from .packed import rooted
+
 # The image size that FeatureSettings.count is meant for.
 REFERENCE_PX = 320 * 240
 THUMBNAIL_COLUMNS = 80  # of a thumbnail: blocks of 4 by 4 pixels of a picture of 320 by 240
@@ -190,9 +192,9 @@ def _sift(observation: Observation, settings: FeatureSettings) -> Features:
     pixels = 0 if observation.image is None else observation.image.shape[0] * observation.image.shape[1]
     detector = _detector("sift", max(1, round(settings.count * pixels / REFERENCE_PX)), settings.contrast)
     pixels, sizes, descriptors = _detect(observation, detector, np.empty((0, 128), np.float32))
-    descriptors = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
-    found = _lifted(observation, (pixels, sizes, descriptors.astype(np.float32)), settings.advanced)
-    return replace(found, thumbnail=freeze(thumbnail(observation)))
+    sift = descriptors.astype(np.uint8)  # whole numbers, which OpenCV hands out as floats
+    found = _lifted(observation, (pixels, sizes, rooted(sift)), settings.advanced)
+    return replace(found, thumbnail=freeze(thumbnail(observation)), sift=freeze(sift))
 
 
 def _orb(observation: Observation, count: int) -> Features:
