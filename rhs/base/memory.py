@@ -30,7 +30,7 @@ def keep_freed_memory() -> bool:
 
 
 def hand_back() -> bool:
-    """Give the system all memory that is freed by now: what comes next needs other memory. False where that cannot be told."""
+    """Give the system all memory that is freed by now: what comes next needs other memory. False where it cannot be told."""
     try:
         trim = ctypes.CDLL(None).malloc_trim
     except (AttributeError, OSError, TypeError):

@@ -45,7 +45,9 @@ class PatrolJob(StepJob):
 
     def __init__(self, settings: Survey, context: RunContext, world: World | None) -> None:
         self.settings, self.context, self.world = settings, context, world
-        self.parts = context.parts(world=world)
+        self.patrols = isinstance(settings, Patrol) and world is not None  # a recording cannot be driven
+        idle = () if self.patrols else set(Patrol.kinds) - set(Survey.kinds)
+        self.parts = context.parts(world=world, without=() if explores(settings) else idle)
         if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
             raise ConfigError(f"task=patrol drives the robot, which {self.parts.who['source']} cannot do here; "
                               "type task=survey for the map alone")
@@ -62,7 +64,7 @@ class PatrolJob(StepJob):
         """Both phases; the row's columns follow from the files they leave."""
         log = self.context.open_log(self.parts, self.world)
         settings, sights = self.settings, None
-        if isinstance(settings, Patrol) and self.context.config.pictures != "off":
+        if self.patrols and isinstance(settings, Patrol) and self.context.config.pictures != "off":
             sights = Sights(settings.places.every, self.context.features)
         if self.context.shared is not None:
             survey = self.context.shared.hand_over(log)

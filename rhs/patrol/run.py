@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -172,15 +172,16 @@ class RunContext:
         return load_world(self.world, seed=self.seed) if self.config.driving else None
 
     def parts(self, *, world: World | None = None, seed: int | None = None,
-              changes: Mapping[str, Mapping[str, Any]] | None = None) -> Parts:
-        chosen = dict(self.config.parts)
+              changes: Mapping[str, Mapping[str, Any]] | None = None, without: Collection[str] = ()) -> Parts:
+        """As every task has it. without: kinds that nothing will be asked of."""
+        chosen = {kind: part for kind, part in self.config.parts.items() if kind not in without}
         for kind, values in (changes or {}).items():
             chosen[kind] = Chosen(chosen[kind].name, replace(chosen[kind].settings, **values))
         parts = build(chosen, seed=self.seed if seed is None else seed, folder=self.folder, features=self.features,
                       world=self.floor_plan() if world is None else world,
                       made=None if self.shared is None else self.shared.parts)
         self._built.append(parts)
-        self._parts = {kind: getattr(parts, kind) for kind in self.config.parts if hasattr(parts, kind)}
+        self._parts = {kind: getattr(parts, kind) for kind in chosen if hasattr(parts, kind)}
         return parts
 
     def build_part(self, kind: str, context: Context) -> Any:

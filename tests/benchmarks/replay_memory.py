@@ -29,6 +29,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=Path, default=SHARED / "rgbd/tum_fr1_rpy_60", help="a folder of the TUM form")
     parser.add_argument("--views", type=int, nargs="+", default=[60, 600, 3000])
+    parser.add_argument("--camera", type=float, nargs="+", help="fx fy cx cy and lens; as of freiburg1 where it is not said",
+                        default=[517.3, 516.5, 318.6, 255.3, 0.2624, -0.9531, -0.0054, 0.0026, 1.1633])
     parser.add_argument("--coarse", type=int, default=1, help="every how many pixels of the pictures")
     parser.add_argument("--out", type=Path, default=Path("results/tables/replay_memory.csv"))
     parser.add_argument("words", nargs="*", help="of the run, after --: task=survey odometry=procrustes ...")
@@ -36,7 +38,9 @@ def main() -> None:
     for views in chosen.views:
         with tempfile.TemporaryDirectory() as name:
             folder = forth_and_back(chosen.frames, Path(name) / "frames", views, chosen.coarse)
-            rows.append({"views": views} | replayed(folder, Path(name) / "run", chosen.words))
+            camera = [f"{v / chosen.coarse if k < 4 else v:g}" for k, v in enumerate(chosen.camera)]
+            words = [f"source.camera=[{','.join(camera)}]", *chosen.words]
+            rows.append({"views": views} | replayed(folder, Path(name) / "run", words))
         print(*(f"{key} {value:.4g} " for key, value in rows[-1].items()), flush=True)
     write(chosen.out, rows)
 
