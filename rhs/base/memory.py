@@ -13,10 +13,13 @@ from functools import cache
 # mallopt(3) parameters, malloc.h
 M_TRIM_THRESHOLD = -1
 M_MMAP_THRESHOLD = -3
+M_ARENA_MAX = -8
 # Blocks up to this size come from the heap: the most that every glibc takes; a plane of a 2000x2000 float64 image.
 LARGEST_BLOCK_BYTES = 32 << 20
 # The heap shrinks only when this much lies free at its end.
 KEPT_BYTES = 256 << 20
+# One heap for all threads: each with a heap of its own would keep what it freed from the others, a tenth of a run's memory.
+HEAPS = 1
 
 
 @cache
@@ -26,7 +29,8 @@ def keep_freed_memory() -> bool:
         mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError, TypeError):
         return False
-    return bool(mallopt(M_MMAP_THRESHOLD, LARGEST_BLOCK_BYTES) and mallopt(M_TRIM_THRESHOLD, KEPT_BYTES))
+    wanted = ((M_MMAP_THRESHOLD, LARGEST_BLOCK_BYTES), (M_TRIM_THRESHOLD, KEPT_BYTES), (M_ARENA_MAX, HEAPS))
+    return all([mallopt(*each) for each in wanted])
 
 
 def hand_back() -> bool:

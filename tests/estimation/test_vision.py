@@ -102,6 +102,20 @@ def test_count_grows_with_the_image():
     assert 200 <= large_count <= 210
 
 
+def test_a_large_picture_is_looked_at_made_smaller():
+    """Every pixel four times over: the same key-points, where they are in the large picture."""
+    seen = view()
+    camera = replace(CAMERA, width=640, height=480, fx=2 * CAMERA.fx, fy=2 * CAMERA.fy, cx=2 * CAMERA.cx + 0.5,
+                     cy=2 * CAMERA.cy + 0.5)
+    large = replace(seen, camera=camera, image=seen.image.repeat(2, axis=0).repeat(2, axis=1),
+                    depth=seen.depth.repeat(2, axis=0).repeat(2, axis=1))
+    ours, theirs = vision.features(seen, FeatureSettings(count=400)), vision.features(large, FeatureSettings(count=100))
+    assert len(ours.pixels) > 100 and np.array_equal(ours.sift, theirs.sift)
+    assert np.allclose(theirs.pixels + 0.5, 2.0 * (ours.pixels + 0.5), atol=1e-4)
+    known = np.isfinite(ours.points[:, 2]) & np.isfinite(theirs.points[:, 2])
+    assert known.sum() > 50 and np.abs(ours.points - theirs.points)[known].max() < 0.05
+
+
 def test_a_view_without_key_points_has_none():
     grey = np.full((240, 320, 3), 128, np.uint8)
     depth = np.full((240, 320), 2.0, np.float32)
