@@ -36,11 +36,12 @@ def test_the_same_arrays_a_second_time_cost_no_new_pages():
 
 
 HANDED_BACK = """
+import resource
 from pathlib import Path
 import numpy as np
 from rhs.base.memory import hand_back, keep_freed_memory
 def held_mb():
-    return next(int(line.split()[1]) / 1024 for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
 keep_freed_memory()
 small, large = [np.ones(1000) for _ in range(1000)], [np.ones(500_000) for _ in range(20)]
 last = np.ones(1000)  # beyond them: the heap cannot simply shrink
