@@ -167,6 +167,9 @@ class FeatureAdvanced:
     key-point whose patch holds such an edge sees two things that move apart, and is pulled along by the wrong one"""
     patch_diameters: float = 1.5
     """the patch that places a key-point reaches this many of its diameters from its centre"""
+    sift_px: int = 76_800
+    """a picture of 4, 9, ... times so many pixels is made 2, 3, ... times smaller before key-points are looked for: SIFT
+    doubles what it is given, and the finest detail of a real camera is little but noise"""
     few_over_edges: float = 0.1
     """key-points over edges are left without depth when they are at most this share: in a corridor they bend the path, in a
     cluttered view they are too many to lose. Chosen on two places (half the drift in the square, a third more error on a
@@ -174,7 +177,8 @@ class FeatureAdvanced:
 
     def __post_init__(self) -> None:
         check_ranges("", self, window_half_px=(1, 50), window_known=(0.0, 1.0), edge_per_m=(1e-6, 10.0),
-                     occlusion_per_m=(1e-6, 10.0), patch_diameters=(0.0, 100.0), few_over_edges=(0.0, 1.0))
+                     occlusion_per_m=(1e-6, 10.0), patch_diameters=(0.0, 100.0), few_over_edges=(0.0, 1.0),
+                     sift_px=(1, 1_000_000_000))
 
 
 @dataclass(frozen=True)
@@ -207,12 +211,13 @@ class Thumbnail:
 class Features:
     """Key-points of one view. pixels (N, 2) float32; descriptors (N, D) (float32 RootSIFT or uint8 ORB);
     points (N, 3) float32 in the camera frame, NaN where depth is unknown; thumbnail: of the view they are of, if it is
-    kept."""
+    kept; sift (N, 128) uint8: of what the descriptors are the roots, where they are."""
 
     pixels: np.ndarray
     descriptors: np.ndarray
     points: np.ndarray
     thumbnail: Thumbnail | None = None
+    sift: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

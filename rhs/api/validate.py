@@ -99,7 +99,7 @@ def check_belief(belief: Belief, *, who: str, reach_m: float = FAR_M) -> Belief:
 def check_scan(scan: Scan, *, who: str) -> Scan:
     """A Scan: finite bearings, as many ranges: positive, NaN (unknown) or +inf (nothing there), none finite beyond FAR_M."""
     scan = _record(scan, Scan, who)
-    bearings = _array(scan.bearings_rad, who, "scan.bearings_rad", (None,))
+    bearings = _known(_array(scan.bearings_rad, who, "scan.bearings_rad", (None,)))
     ranges = _array(scan.ranges_m, who, "scan.ranges_m", (None,), finite=False)
     if len(bearings) != len(ranges) or len(ranges) > MOST_BEAMS:
         _refuse(who, "scan", f"{len(bearings)} bearings and {len(ranges)} ranges", f"as many, at most {MOST_BEAMS}")
@@ -320,6 +320,17 @@ def _array(value: Any, who: str, field: str, shape: tuple[int | None, ...], *, f
     copy = np.array(array, dtype)
     copy.setflags(write=False)
     return copy
+
+
+_directions: dict[int, np.ndarray] = {}
+
+
+def _known(bearings: np.ndarray) -> np.ndarray:
+    """The same read-only (N,) bearings, of which all scans in a row share one copy: a sensor's beams seldom change."""
+    before = _directions.get(len(bearings))
+    if before is None or not np.array_equal(before, bearings):
+        _directions[len(bearings)] = before = bearings
+    return before
 
 
 def _listed(value: Any) -> np.ndarray:

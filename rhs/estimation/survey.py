@@ -16,6 +16,7 @@ from rhs.api.spare import later
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
 from rhs.estimation.scans.settings import VoteSettings
 from rhs.estimation.scans.wall_rays import lift_on_scan, lift_on_walls
+from rhs.estimation.views.packed import held_bytes, packed
 from rhs.estimation.views.thinning import thinned
 
 FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing of the map: one alone may be a speck
@@ -79,16 +80,7 @@ class ViewCollector:
                 self._held -= self._places.pop(row)
 
     def _with_features(self, view: View, seen: Observation) -> Callable[[], View]:
-        return later(lambda: replace(view, features=freeze(self.features(seen, self.settings))))
-
-
-def held_bytes(features: Features | None) -> int:
-    """Of the arrays of a view's features."""
-    if features is None:
-        return 0
-    small = features.thumbnail
-    arrays = [features.pixels, features.descriptors, features.points, *([] if small is None else [small.grey, small.depth])]
-    return sum(array.nbytes for array in arrays)
+        return later(lambda: replace(view, features=packed(freeze(self.features(seen, self.settings)))))
 
 
 def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",

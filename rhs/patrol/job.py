@@ -16,6 +16,7 @@ from rhs.api.task import Parts, StepJob
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.api.validate import reach_of
 from rhs.base.errors import ConfigError, RhsError
+from rhs.base.memory import hand_back
 from rhs.estimation import survey as surveying
 from rhs.estimation.scans.settings import SEES_AROUND_RAD
 from rhs.estimation.survey import Survey as Surveyed
@@ -44,7 +45,9 @@ class PatrolJob(StepJob):
 
     def __init__(self, settings: Survey, context: RunContext, world: World | None) -> None:
         self.settings, self.context, self.world = settings, context, world
-        self.parts = context.parts(world=world)
+        self.patrols = isinstance(settings, Patrol) and world is not None  # a recording cannot be driven
+        idle = () if self.patrols else set(Patrol.kinds) - set(Survey.kinds)
+        self.parts = context.parts(world=world, without=() if explores(settings) else idle)
         if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
             raise ConfigError(f"task=patrol drives the robot, which {self.parts.who['source']} cannot do here; "
                               "type task=survey for the map alone")
@@ -61,7 +64,7 @@ class PatrolJob(StepJob):
         """Both phases; the row's columns follow from the files they leave."""
         log = self.context.open_log(self.parts, self.world)
         settings, sights = self.settings, None
-        if isinstance(settings, Patrol) and self.context.config.pictures != "off":
+        if self.patrols and isinstance(settings, Patrol) and self.context.config.pictures != "off":
             sights = Sights(settings.places.every, self.context.features)
         if self.context.shared is not None:
             survey = self.context.shared.hand_over(log)
@@ -98,6 +101,7 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
                 ) -> Generator[Step, None, Surveyed]:
     """Lead, settle, close the loop, draw the map; the files of the survey are written here. sights: keeps its pictures."""
     collected = yield from collect(parts, context, settings, log, sights=sights)
+    hand_back()
     survey = settle(collected, parts, log)
     if sights is not None:
         sights.settle(survey.views)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from rhs.api.records import Step
 from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError
-from rhs.base.memory import keep_freed_memory
+from rhs.base.memory import hand_back, keep_freed_memory
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.parts import Chosen, build, build_part
@@ -81,6 +81,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
         row = finished(run, row, run.outcome_of(cause))
     if cause is not None:
         write_traceback(folder, cause)
+    run.forget_parts()
     draw(run, row)
     return row | {"_cause": cause}
 
@@ -171,15 +172,16 @@ class RunContext:
         return load_world(self.world, seed=self.seed) if self.config.driving else None
 
     def parts(self, *, world: World | None = None, seed: int | None = None,
-              changes: Mapping[str, Mapping[str, Any]] | None = None) -> Parts:
-        chosen = dict(self.config.parts)
+              changes: Mapping[str, Mapping[str, Any]] | None = None, without: Collection[str] = ()) -> Parts:
+        """As every task has it. without: kinds that nothing will be asked of."""
+        chosen = {kind: part for kind, part in self.config.parts.items() if kind not in without}
         for kind, values in (changes or {}).items():
             chosen[kind] = Chosen(chosen[kind].name, replace(chosen[kind].settings, **values))
         parts = build(chosen, seed=self.seed if seed is None else seed, folder=self.folder, features=self.features,
                       world=self.floor_plan() if world is None else world,
                       made=None if self.shared is None else self.shared.parts)
         self._built.append(parts)
-        self._parts = {kind: getattr(parts, kind) for kind in self.config.parts if hasattr(parts, kind)}
+        self._parts = {kind: getattr(parts, kind) for kind in chosen if hasattr(parts, kind)}
         return parts
 
     def build_part(self, kind: str, context: Context) -> Any:
@@ -247,6 +249,11 @@ class RunContext:
             except BaseException as error:  # a source may even exit; the files are closed all the same
                 first = first or error
         return first
+
+    def forget_parts(self) -> None:
+        """Let the parts and all that they hold go: what follows looks at files."""
+        self._built, self._parts, self._eyes, self.shared = [], {}, [], None
+        hand_back()
 
     def columns(self) -> dict[str, Any]:
         """What the run itself knows: what it cost, and what its parts say of themselves."""

@@ -23,8 +23,8 @@ class StoredViews:
 
     every: int = 3
     """a view is stored every so many steps of the survey (thesis 5.2: 3)"""
-    most_mb: float = 200.0
-    """what their key-points may take, megabytes (0.16 a view at 320x240, 0.64 at 640x480): beyond it those whose place
+    most_mb: float = 60.0
+    """what their key-points may take, megabytes (0.07 a view at 320x240, 0.2 at 640x480): beyond it those whose place
     another view shows as well are given up"""
 
     def __post_init__(self) -> None:

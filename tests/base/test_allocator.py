@@ -33,3 +33,27 @@ def test_the_same_arrays_a_second_time_cost_no_new_pages():
     pages = 40_000_000 // resource.getpagesize()
     assert faults("pass") > pages / 2, "without it the test would show nothing"
     assert faults("assert keep_freed_memory()") < pages / 10
+
+
+HANDED_BACK = """
+import resource
+from pathlib import Path
+import numpy as np
+from rhs.base.memory import hand_back, keep_freed_memory
+def held_mb():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
+keep_freed_memory()
+small, large = [np.ones(1000) for _ in range(1000)], [np.ones(500_000) for _ in range(20)]
+last = np.ones(1000)  # beyond them: the heap cannot simply shrink
+del large
+before = held_mb()
+hand_back()
+print(before - held_mb())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc can be told")
+def test_what_was_freed_is_handed_back_when_asked():
+    """Twenty arrays of 4 MB."""
+    done = subprocess.run([sys.executable, "-c", HANDED_BACK], capture_output=True, text=True, check=True)
+    assert float(done.stdout) > 60.0

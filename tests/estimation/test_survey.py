@@ -24,7 +24,8 @@ from rhs.api.records import (
     Wall,
 )
 from rhs.estimation import survey
-from rhs.estimation.survey import ViewCollector, furnished, held_bytes
+from rhs.estimation.survey import ViewCollector, furnished
+from rhs.estimation.views.packed import held_bytes
 
 CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
 

@@ -12,6 +12,7 @@ from rhs.api.geometry import camera_from_fov, inverse, se2, transform
 from rhs.api.records import Features, FeatureSettings, Observation
 from rhs.api.spare import grant
 from rhs.estimation.views import features as vision
+from rhs.estimation.views.packed import held_bytes, packed
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)
 SETTINGS = FeatureSettings()
@@ -75,6 +76,17 @@ def test_a_view_that_is_forgotten_takes_its_foreseen_key_points_along():
     assert gone() is None
 
 
+def test_packed_key_points_are_the_same_to_the_bit_in_a_third_of_the_memory():
+    found = vision.features(view(), SETTINGS)
+    kept = packed(replace(found, thumbnail=None))
+    assert np.array_equal(kept.descriptors, found.descriptors) and np.allclose((kept.descriptors**2).sum(axis=1), 1.0)
+    assert 3 * held_bytes(kept) < held_bytes(replace(found, thumbnail=None, sift=None))
+    moved = replace(kept, points=kept.points + 1.0)
+    assert np.array_equal(moved.descriptors, found.descriptors) and held_bytes(moved) == held_bytes(kept)
+    theirs = Features(found.pixels, found.descriptors, found.points)  # a stranger's, of whom nobody knows such bytes
+    assert packed(theirs) is theirs
+
+
 def test_descriptors_have_unit_length():
     features = vision.features(view(), SETTINGS)
     assert features.descriptors.dtype == np.float32
@@ -88,6 +100,20 @@ def test_count_grows_with_the_image():
     large_count = len(vision.features(observe(large, se2(0, 0, 0.3), paintings()), settings).pixels)
     assert 50 <= small_count <= 55  # OpenCV keeps ties
     assert 200 <= large_count <= 210
+
+
+def test_a_large_picture_is_looked_at_made_smaller():
+    """Every pixel four times over: the same key-points, where they are in the large picture."""
+    seen = view()
+    camera = replace(CAMERA, width=640, height=480, fx=2 * CAMERA.fx, fy=2 * CAMERA.fy, cx=2 * CAMERA.cx + 0.5,
+                     cy=2 * CAMERA.cy + 0.5)
+    large = replace(seen, camera=camera, image=seen.image.repeat(2, axis=0).repeat(2, axis=1),
+                    depth=seen.depth.repeat(2, axis=0).repeat(2, axis=1))
+    ours, theirs = vision.features(seen, FeatureSettings(count=400)), vision.features(large, FeatureSettings(count=100))
+    assert len(ours.pixels) > 100 and np.array_equal(ours.sift, theirs.sift)
+    assert np.allclose(theirs.pixels + 0.5, 2.0 * (ours.pixels + 0.5), atol=1e-4)
+    known = np.isfinite(ours.points[:, 2]) & np.isfinite(theirs.points[:, 2])
+    assert known.sum() > 50 and np.abs(ours.points - theirs.points)[known].max() < 0.05
 
 
 def test_a_view_without_key_points_has_none():

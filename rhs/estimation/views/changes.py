@@ -53,6 +53,20 @@ class Sight:
         pixels = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(float)
         return transform(self.map_from_camera, self.camera.points(pixels, self.depth.ravel().astype(float)))
 
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """(H, W, 3) unit normals of what each pixel shows, from the neighbours three pixels off; NaN at the rim and where
+        depth jumps or is unknown."""
+        points = self.points_m.reshape(*self.depth.shape, 3)
+        right, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
+        right[:, 3:-3], down[3:-3] = points[:, 6:] - points[:, :-6], points[6:] - points[:-6]
+        normal = np.cross(right, down)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+            bend = np.abs(((points[:, 6:] + points[:, :-6] - 2.0 * points[:, 3:-3]) * normal[:, 3:-3]).sum(axis=2))
+            normal[:, 3:-3][~(bend < 0.1)] = np.nan
+        return normal
+
 
 @dataclass(frozen=True, eq=False)
 class Change:

@@ -28,12 +28,11 @@ def aligned(moved: Sight, fixed: Sight) -> Sight:
     points = moved.points_m.reshape(*moved.depth.shape, 3)[::STRIDE, ::STRIDE].reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
     target = fixed.points_m.reshape(*fixed.depth.shape, 3)
-    normals = _normals(target)
     origin = moved.map_from_body[:2, 3]
     step = np.zeros(3)
     for paired_m in np.geomspace(*PAIRED_M, ROUNDS):
         shifted = transform(_about(origin, step), points)
-        found = _pairs(shifted, fixed, target, normals, paired_m)
+        found = _pairs(shifted, fixed, target, paired_m)
         if found is None:
             return moved
         at, distance_m, normal = found
@@ -53,7 +52,7 @@ def _about(origin: np.ndarray, step: np.ndarray) -> np.ndarray:
     return pose
 
 
-def _pairs(points: np.ndarray, fixed: Sight, target: np.ndarray, normals: np.ndarray, paired_m: float,
+def _pairs(points: np.ndarray, fixed: Sight, target: np.ndarray, paired_m: float,
            ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """(points (N, 3), how far each lies before the surface it lands on (N,), that surface's normal (N, 3))."""
     pixels = fixed.camera.project(transform(inverse(fixed.map_from_camera), points))
@@ -62,20 +61,8 @@ def _pairs(points: np.ndarray, fixed: Sight, target: np.ndarray, normals: np.nda
         inside = ((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
     points = points[inside]
     columns, rows = np.rint(pixels[inside]).astype(int).T
-    normal = normals[rows, columns]
+    normal = fixed.normals[rows, columns]
     distance_m = ((points - target[rows, columns]) * normal).sum(axis=1)
     with np.errstate(invalid="ignore"):
         good = np.abs(distance_m) < paired_m
     return (points[good], distance_m[good], normal[good]) if good.sum() >= LEAST_PAIRS else None
-
-
-def _normals(points: np.ndarray) -> np.ndarray:
-    """(H, W, 3) unit normals from the neighbours three pixels off; NaN at the rim and where depth jumps or is unknown."""
-    right, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
-    right[:, 3:-3], down[3:-3] = points[:, 6:] - points[:, :-6], points[6:] - points[:-6]
-    normal = np.cross(right, down)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-        bend = np.abs(((points[:, 6:] + points[:, :-6] - 2.0 * points[:, 3:-3]) * normal[:, 3:-3]).sum(axis=2))
-        normal[:, 3:-3][~(bend < 0.1)] = np.nan
-    return normal

@@ -23,6 +23,8 @@ from rhs.api.spare import granted, later
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 
+from .packed import rooted
+
 # The image size that FeatureSettings.count is meant for.
 REFERENCE_PX = 320 * 240
 THUMBNAIL_COLUMNS = 80  # of a thumbnail: blocks of 4 by 4 pixels of a picture of 320 by 240
@@ -189,10 +191,11 @@ def _found(observation: Observation, key: Any) -> Features:
 def _sift(observation: Observation, settings: FeatureSettings) -> Features:
     pixels = 0 if observation.image is None else observation.image.shape[0] * observation.image.shape[1]
     detector = _detector("sift", max(1, round(settings.count * pixels / REFERENCE_PX)), settings.contrast)
-    pixels, sizes, descriptors = _detect(observation, detector, np.empty((0, 128), np.float32))
-    descriptors = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
-    found = _lifted(observation, (pixels, sizes, descriptors.astype(np.float32)), settings.advanced)
-    return replace(found, thumbnail=freeze(thumbnail(observation)))
+    shrunk = max(1, int(np.sqrt(pixels / settings.advanced.sift_px)))
+    pixels, sizes, descriptors = _detect(observation, detector, np.empty((0, 128), np.float32), shrunk=shrunk)
+    sift = descriptors.astype(np.uint8)  # whole numbers, which OpenCV hands out as floats
+    found = _lifted(observation, (pixels, sizes, rooted(sift)), settings.advanced)
+    return replace(found, thumbnail=freeze(thumbnail(observation)), sift=freeze(sift))
 
 
 def _orb(observation: Observation, count: int) -> Features:
@@ -201,23 +204,36 @@ def _orb(observation: Observation, count: int) -> Features:
 
 
 def _detect(
-    observation: Observation, detector: Any, none: np.ndarray, *, ratio: float = 1.0
+    observation: Observation, detector: Any, none: np.ndarray, *, ratio: float = 1.0, shrunk: int = 1
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pixels (N, 2) float32, diameters (N,) in pixels, descriptors (N, D); `none`: the descriptors of an empty view.
 
     ratio: of the sizes of two levels of a pyramid whose pixels the detector scales from the corner of the image; the
-    middle of a pixel lies elsewhere, so key-points of coarse levels are put right: without it ORB drifts in yaw."""
+    middle of a pixel lies elsewhere, so key-points of coarse levels are put right: without it ORB drifts in yaw. shrunk:
+    so many times smaller the image is made before."""
     empty = np.empty((0, 2), np.float32), np.empty(0), none
     if observation.image is None:
         return empty
-    key_points, descriptors = detector.detectAndCompute(gray(observation.image), None)
+    key_points, descriptors = detector.detectAndCompute(_smaller(gray(observation.image), shrunk), None)
     if not key_points:  # KeyPoint_convert returns a tuple then, and the descriptors are None
         return empty
     pixels = _cv2().KeyPoint_convert(key_points)
     if ratio != 1.0:
         level = np.array([point.octave for point in key_points])
         pixels = pixels + (0.5 * (ratio**level - 1.0))[:, None].astype(np.float32)
-    return pixels, np.array([point.size for point in key_points]), descriptors
+    if shrunk > 1:
+        pixels = (pixels + np.float32(0.5)) * np.float32(shrunk) - np.float32(0.5)
+    return pixels, shrunk * np.array([point.size for point in key_points]), descriptors
+
+
+def _smaller(image: np.ndarray, times: int) -> np.ndarray:
+    """(H, W) image with means over squares of so many pixels."""
+    if times == 1:
+        return image
+    height, width = (side // times for side in image.shape)
+    smaller: np.ndarray = _cv2().resize(image[: height * times, : width * times], (width, height),
+                                        interpolation=_cv2().INTER_AREA)
+    return smaller
 
 
 def _lifted(

@@ -74,7 +74,7 @@ def _by_nearness(now: Sight, references: Sequence[Reference]) -> list[Reference]
 def _placed(now: Sight, features: Snapshot, reference: Reference, rng: np.random.Generator, settings: ChangeSettings,
             ) -> tuple[Sight, np.ndarray]:
     """The earlier picture where most of its surfaces are those of `now`, and which those are."""
-    believed = reference.sight
+    believed = replace(reference.sight)  # what is worked out of it goes with it, the reference stays
     tries = [believed]
     found = sight(reference.snapshot, features, settings=SightingSettings(), rng=rng)
     if found is not None:
