@@ -97,6 +97,26 @@ class DirectSettings:
 
 
 @dataclass(frozen=True)
+class BendSettings:
+    """The smooth error of a depth camera, learnt in a hand (keyframe/bend.py)."""
+
+    sigma_per_m: float = 0.002
+    """what is expected of it, 1/m (1 sigma): 0.1 pixels of disparity of a Kinect; 0: none, nothing is learnt"""
+    rows: int = 4
+    """nodes of the grid over the image, from top to bottom"""
+    columns: int = 5
+    """and from left to right"""
+    least_points: int = 30
+    """a view with fewer teaches nothing"""
+    correlated: float = 4.0
+    """the points of one view err together: so many count as one"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, sigma_per_m=(0.0, 1.0), rows=(2, 100), columns=(2, 100), least_points=(8, 100_000),
+                     correlated=(1.0, 1e4))
+
+
+@dataclass(frozen=True)
 class GuessNoise:
     """How wrong a motion may be that is taken from wheels, the command or the last motion because vision has nothing to say.
     Wide on purpose: a guess that is trusted too much bends the map, one that is trusted too little only leaves the loop
@@ -120,11 +140,21 @@ class GuessNoise:
     """the last motion again: least error of the distance, metres (1 sigma)"""
     again_rad: float = 0.20
     """the last motion again: least error of the turn, radians (1 sigma)"""
+    again_times: float = 1.5
+    """and at most, in a hand, so many times what the motions of late differed from the ones before them (RMS)"""
+    again_memory: int = 30
+    """views of which that is learnt; with less than a third of them nothing is known of it"""
+    again_least_m: float = 0.002
+    """plus so much, metres (1 sigma)"""
+    again_least_rad: float = 0.002
+    """and radians"""
 
     def __post_init__(self) -> None:
         for name in ("wheel", "command", "again"):
             ranges = {f"{name}_share": (0.0, 100.0), f"{name}_m": (1e-6, 100.0), f"{name}_rad": (1e-6, 10.0)}
             check_ranges("", self, **ranges)
+        check_ranges("", self, again_times=(0.0, 100.0), again_memory=(3, 10_000), again_least_m=(0.0, 1.0),
+                     again_least_rad=(0.0, 1.0))
 
     def of(self, name: str) -> tuple[float, float, float]:
         """Share, metres and radians of the guess called `wheel`, `command` or `same again`."""

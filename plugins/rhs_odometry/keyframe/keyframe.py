@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import adjoint, inverse, log_se3, log_so3, orthonormal
+from rhs.api.geometry import adjoint, exp_se3, inverse, log_se3, log_so3, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.settings import Effort
@@ -29,6 +29,7 @@ from rhs.estimation.views import features as vision
 from ..features.floor import Floor, on_floor
 from ..fused.fallback import guess_motion
 from .culling import Edge
+from .going_on import GoingOn
 from .keyframe_map import KeyframeMap
 from .laying import Direct, Laid
 from .relocation import Relocation, matched
@@ -66,8 +67,9 @@ class KeyframeOdometry(Odometry):
         self._effort = Effort(a.settle_rounds, a.floor_settled) if on_floor else Effort(a.settle_rounds)
         self._tracker = Tracker(settings, camera, self._map)
         self._disagrees = gate(6, a.wheels_probability)
-        self._previous: Observation | None = None
         self._motion = np.eye(4)  # previous_from_body of the last step
+        self._going_on = GoingOn(self._advanced.guess)
+        self._ahead = np.eye(4)  # from the camera's last pose to where it is thought to be, views having been skipped
         self._spread = FIRST  # covariance of the last pose
         self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
         self._relocation = Relocation(a, camera, self._map)
@@ -81,28 +83,30 @@ class KeyframeOdometry(Odometry):
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation."""
         look = self._tracker.ready(observation)
-        previous, self._previous = self._previous, observation
-        if previous is None:
+        if self._tracker.look is None:
             self._tracker.restart(look, np.eye(4))
             self._new_keyframe(look, [])
             return self._report(FIRST, Tracking.OK, "first view")
         name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
-        guess = self._tracker.pose @ self._in_camera(body_motion)
-        followed = self._tracker.ids, self._tracker.pixels
-        fit = self._fit(look, guess, previous, wide if name == "wheel" else None)
-        held = self._floor is None and name == "same again"
+        held, guess = self._floor is None and name == "same again", self._tracker.pose @ self._ahead @ self._in_camera(body_motion)
+        before, followed = self._tracker.pose, (self._tracker.ids, self._tracker.pixels)
+        fit = self._fit(look, guess, wide if name == "wheel" else None)
         if held and self._direct.wanted(fit, len(followed[0])):
             fit, laid = self._laid(look, fit, guess, wide, followed)
             if fit is None and laid is not None:
                 return self._felt(look, laid)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
-            return self._lost(look, orthonormal(guess), wide, reason, name == "same again")
-        before = self._tracker.pose
+            since = self._moved_to_camera(self._going_on.since(wide) if held else wide)
+            if held and self._tracker.seeable(look) < 2 * self._settings.min_inliers and not self._weakness(since):
+                self._tracker.ids, self._tracker.pixels = followed
+                return self._skipped(orthonormal(guess), since, reason)
+            return self._lost(look, orthonormal(guess), since, reason, name == "same again")
         self._tracker.accept(look, fit)
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)
         followed_to = self._tracker.pose
+        self._went(before)
         if held and self._fresh:
             self._miss_no_noise(fit, len(followed[0]))
         self._fresh = False
@@ -139,7 +143,7 @@ class KeyframeOdometry(Odometry):
         poses = b @ self._map.stand(np.array(self._hangs_on)) @ relative @ inverse(b)
         return Revision(poses, None)
 
-    def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation, wide: np.ndarray | None) -> PoseFit | None:
+    def _fit(self, look: PreparedView, guess: np.ndarray, wide: np.ndarray | None) -> PoseFit | None:
         """The pose of the view, or None when nothing measures it. wide (6, 6): covariance of a guess by wheels, of the body;
         where points contradict it, somebody's who walks by were followed, and those that are where it puts them count."""
         ids, pixels = self._tracker.ids, self._tracker.pixels
@@ -153,7 +157,7 @@ class KeyframeOdometry(Odometry):
             self._tracker.ids, self._tracker.pixels = followed
         if self._trusted(fit, len(ids)):
             return fit
-        motion = self._rescue(previous)
+        motion = self._rescue(look)
         if motion is not None:
             followed = self._tracker.ids, self._tracker.pixels
             self._tracker.ids, self._tracker.pixels = ids, pixels
@@ -183,7 +187,9 @@ class KeyframeOdometry(Odometry):
         elif weak:
             self._adrift = Adrift(self._map.made, laid.covariance, blind=False)
         self._unseen = self._unseen + laid.covariance
+        before = self._tracker.pose
         self._begin_again(look, laid.map_from_camera, laid.covariance, self._unseen)
+        self._went(before)
         if self._unfound():
             return self._report(laid.covariance, Tracking.LOST, "followed, but not found again in the map")
         return self._report(laid.covariance, Tracking.DEGENERATE if weak else Tracking.OK, weak or "by all pixels")
@@ -208,10 +214,11 @@ class KeyframeOdometry(Odometry):
         enough = max(2 * self._settings.min_inliers, self._advanced.trusted_share * followed)
         return bool(fit.inliers.sum() >= enough)
 
-    def _rescue(self, previous: Observation) -> np.ndarray | None:
+    def _rescue(self, look: PreparedView) -> np.ndarray | None:
         """previous_from_camera by matching ORB features with depth, however far the camera moved."""
-        assert self._previous is not None
-        now, then = (vision.orb_features(view, self._advanced.rescue_features) for view in (self._previous, previous))
+        assert self._tracker.look is not None
+        now, then = (vision.orb_features(view.observation, self._advanced.rescue_features)
+                     for view in (look, self._tracker.look))
         found = matched(now, then, self._advanced, float(self._camera.fx), self._rng)
         return found.a_from_b if found is not None and found.count >= self._settings.min_inliers else None
 
@@ -252,8 +259,8 @@ class KeyframeOdometry(Odometry):
         tracker, known = self._tracker, int(np.searchsorted(self._map.serials, adrift.since))
         followed, here = (tracker.ids, tracker.pixels), tracker.pose
         poses = [here]
-        if self._previous is not None and known > 0:
-            poses += [found.pose for found in self._relocation.candidates(self._previous, here, known, self._rng)]
+        if known > 0:
+            poses += [found.pose for found in self._relocation.candidates(look.observation, here, known, self._rng)]
         for pose in poses:
             tracker.pose = pose
             edges = self._revisit(look, k, range(known, k))
@@ -320,18 +327,32 @@ class KeyframeOdometry(Odometry):
 
     def _recognised(self, look: PreparedView, k: int, a: int) -> list[Edge]:
         """The same where a hand has drifted further than patches are looked for: key-points say where to look."""
-        assert self._previous is not None
-        pose = self._relocation.by(self._previous, a, self._rng)
+        pose = self._relocation.by(look.observation, a, self._rng)
         if pose is None:
             return []
         ids = np.flatnonzero(self._map.anchor == a)
         ids = ids[self._map.visible(ids, inverse(pose), look, self._camera)]
         return self._seen_again(look, k, a, ids, pose) if len(ids) >= 2 * self._advanced.min_edge else []
 
+    def _went(self, before: np.ndarray) -> None:
+        """The camera was measured at the tracker's pose, coming from before (4, 4): how it moved per view."""
+        b, views = self._camera.body_from_camera, self._going_on.views + 1
+        self._motion = b @ exp_se3(log_se3(inverse(before) @ self._tracker.pose) / views) @ inverse(b)
+        self._going_on.measured(self._motion)
+        self._ahead = np.eye(4)
+
+    def _skipped(self, pose: np.ndarray, since: np.ndarray, reason: str) -> Motion:
+        """Nothing measured, but it cannot have gone far: go on as before, and try the next view from the last good one.
+        since (6, 6): covariance of the pose against the camera's last one."""
+        self._ahead = inverse(self._tracker.pose) @ pose
+        self._going_on.views += 1
+        both, self._spread = since + self._spread, since
+        self._unfound()
+        return self._report(both, Tracking.LOST, reason, pose=pose)
+
     def _lost(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, reason: str, blind: bool) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
-        move = adjoint(inverse(self._camera.body_from_camera))
-        spread = move @ spread @ move.T
+        self._ahead, self._going_on = np.eye(4), GoingOn(self._advanced.guess)
         if self._adrift is None:
             self._adrift = Adrift(self._map.made, np.zeros((6, 6)), blind)
         self._adrift.spread = self._adrift.spread + spread
@@ -367,11 +388,16 @@ class KeyframeOdometry(Odometry):
         b = self._camera.body_from_camera
         return inverse(b) @ body_motion @ b
 
-    def _report(self, covariance, status: Tracking, reason: str, fit=None) -> Motion:
+    def _moved_to_camera(self, spread: np.ndarray) -> np.ndarray:
+        """A covariance (6, 6) of the body's motion as one of the camera's."""
+        move = adjoint(inverse(self._camera.body_from_camera))
+        return move @ spread @ move.T
+
+    def _report(self, covariance, status: Tracking, reason: str, fit=None, pose: np.ndarray | None = None) -> Motion:
         """The motion of the body since the pose reported last, and remember where this view hangs in the graph."""
-        b, pose = self._camera.body_from_camera, self._tracker.pose
+        b, pose = self._camera.body_from_camera, self._tracker.pose if pose is None else pose
         motion = orthonormal(b @ inverse(self._reported) @ pose @ inverse(b))
-        self._reported, self._motion = pose, motion
+        self._reported = pose
         k = len(self._map.poses) - 1
         self._hangs_on.append(int(self._map.serials[k]))
         self._hangs.extend((inverse(self._map.poses[k]) @ pose)[:3].ravel())
