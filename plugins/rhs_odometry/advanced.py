@@ -58,6 +58,10 @@ class DirectSettings:
     """degrees of freedom of the Student's t that weighs blocks (Kerl et al. 2013)"""
     correlated: float = 80.0
     """neighbouring blocks err together: so many count as one"""
+    gain_sigma: float = 0.3
+    """how far brightness may change between the views, as a share (1 sigma): the exposure follows the light,"""
+    offset_sigma: float = 5.0
+    """and grey levels beside that; more of them explain anything on a plain wall"""
     grey_sigma: float = 1.0
     """least deviation of the brightness of a block, grey levels"""
     clear_sigmas: float = 1.5
@@ -87,33 +91,13 @@ class DirectSettings:
 
     def __post_init__(self) -> None:
         check_ranges("", self, columns=(8, 10_000), levels=(1, 10), iterations=(1, 1000), still=(0.0, 1.0),
-                     student_dof=(0.5, 1e6),
+                     student_dof=(0.5, 1e6), gain_sigma=(1e-6, 1e3), offset_sigma=(1e-6, 1e6),
                      correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), clear_sigmas=(0.0, 100.0),
                      inverse_depth_sigma=(1e-6, 10.0), least_known=(0.0, 1.0), rough_per_m=(1e-6, 10.0),
                      least_shared=(0.0, 1.0),
                      vague_m=(1e-6, 100.0), keep_shared=(0.0, 1.0), keep_sigmas=(1.0, 1e6), probability=(0.5, 1.0 - 1e-12),
                      depth_off_per_m=(1e-6, 10.0),
                      grey_off=(0.0, 255.0), grey_off_share=(0.0, 10.0))
-
-
-@dataclass(frozen=True)
-class BendSettings:
-    """The smooth error of a depth camera, learnt in a hand (keyframe/bend.py)."""
-
-    sigma_per_m: float = 0.002
-    """what is expected of it, 1/m (1 sigma): 0.1 pixels of disparity of a Kinect; 0: none, nothing is learnt"""
-    rows: int = 4
-    """nodes of the grid over the image, from top to bottom"""
-    columns: int = 5
-    """and from left to right"""
-    least_points: int = 30
-    """a view with fewer teaches nothing"""
-    correlated: float = 4.0
-    """the points of one view err together: so many count as one"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, sigma_per_m=(0.0, 1.0), rows=(2, 100), columns=(2, 100), least_points=(8, 100_000),
-                     correlated=(1.0, 1e4))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range, check_ranges
 
-from ..advanced import BendSettings, DirectSettings, GuessNoise, PatchSearch, SurfaceSettings, SwaySettings
+from ..advanced import DirectSettings, GuessNoise, PatchSearch, SurfaceSettings, SwaySettings
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Odometry
@@ -95,7 +95,6 @@ class KeyframeAdvanced:
     patches: PatchSearch = field(default_factory=PatchSearch)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     direct: DirectSettings = field(default_factory=DirectSettings)
-    bend: BendSettings = field(default_factory=BendSettings)
 
     def __post_init__(self) -> None:
         check_ranges("", self, gate=(0.5, 1000.0), student_dof=(0.5, 1e6), trusted_share=(0.0, 1.0), found_share=(0.0, 10.0),

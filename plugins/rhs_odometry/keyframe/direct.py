@@ -77,7 +77,7 @@ def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray
     perturbation, which stands where the views say nothing. None when they do not lie on each other."""
     prior = np.zeros((8, 8))
     prior[:6, :6] = np.linalg.inv(wide)
-    prior[6, 6], prior[7, 7] = 1.0, 1e-3
+    prior[6, 6], prior[7, 7] = 1.0 / s.gain_sigma**2, 1.0 / s.offset_sigma**2
     pose, light = inverse(guess), np.array([1.0, 0.0])
     for a, b in zip(then, now, strict=True):
         for _ in range(s.iterations):
@@ -135,7 +135,7 @@ def _add(q, at, before, plane, off, lit, sigma, rules, information, gradient):
         if not (np.isfinite(off[i]) and np.isfinite(gu) and np.isfinite(gv)):
             continue
         if lit and gu * gu + gv * gv < clear * clear * sigma * sigma:
-            continue
+            gu = gv = 0.0  # what is all of one brightness tells of the light alone
         x, y, z = q[i, 0], q[i, 1], q[i, 2]
         iz = 1.0 / z
         j[0], j[1] = gu * rules[3] * iz, gv * rules[4] * iz

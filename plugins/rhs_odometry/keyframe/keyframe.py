@@ -92,7 +92,7 @@ class KeyframeOdometry(Odometry):
         before, followed = self._tracker.pose, (self._tracker.ids, self._tracker.pixels)
         fit = self._fit(look, guess, wide if name == "wheel" else None)
         if held and self._direct.wanted(fit, len(followed[0])):
-            fit, laid = self._laid(look, fit, guess, wide, followed)
+            fit, laid = self._laid(look, fit, guess, self._going_on.since(wide), followed)
             if fit is None and laid is not None:
                 return self._felt(look, laid)
         if fit is None:
@@ -106,13 +106,13 @@ class KeyframeOdometry(Odometry):
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)
         followed_to = self._tracker.pose
-        self._went(before)
+        spread = fit.misfit * _covariance(fit)  # what is said of it; the graph weighs its edges by the noise told
+        self._went(before, spread + self._spread, surely=True)
         if held and self._fresh:
             self._miss_no_noise(fit, len(followed[0]))
         self._fresh = False
         if self._wants_keyframe():
             self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
-        spread = fit.misfit * _covariance(fit)  # what is said of it; the graph weighs its edges by the noise told
         both, self._spread = spread + self._spread + self._corrected(followed_to), spread
         if self._unfound():
             return self._report(both, Tracking.LOST, "followed, but not found again in the map", fit)
@@ -181,18 +181,17 @@ class KeyframeOdometry(Odometry):
 
     def _felt(self, look: PreparedView, laid: Laid) -> Motion:
         """Go on by all pixels where there are no points to follow."""
-        weak = self._weakness(laid.covariance)
+        weak, before = self._weakness(laid.adding), self._tracker.pose
         if self._adrift is not None:
-            self._adrift.spread = self._adrift.spread + laid.covariance
+            self._adrift.spread = self._adrift.spread + laid.adding
         elif weak:
-            self._adrift = Adrift(self._map.made, laid.covariance, blind=False)
-        self._unseen = self._unseen + laid.covariance
-        before = self._tracker.pose
-        self._begin_again(look, laid.map_from_camera, laid.covariance, self._unseen)
-        self._went(before)
+            self._adrift = Adrift(self._map.made, laid.adding, blind=False)
+        self._unseen = self._unseen + laid.adding
+        self._begin_again(look, laid.map_from_camera, laid.adding, self._unseen)
+        self._went(before, laid.covariance, surely=False)
         if self._unfound():
-            return self._report(laid.covariance, Tracking.LOST, "followed, but not found again in the map")
-        return self._report(laid.covariance, Tracking.DEGENERATE if weak else Tracking.OK, weak or "by all pixels")
+            return self._report(laid.adding, Tracking.LOST, "followed, but not found again in the map")
+        return self._report(laid.adding, Tracking.DEGENERATE if weak else Tracking.OK, weak or "by all pixels")
 
     def _begin_again(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, since: np.ndarray) -> None:
         """A new key frame as soon as there is something to follow. spread, since (6, 6): of the motion from the last view
@@ -334,11 +333,13 @@ class KeyframeOdometry(Odometry):
         ids = ids[self._map.visible(ids, inverse(pose), look, self._camera)]
         return self._seen_again(look, k, a, ids, pose) if len(ids) >= 2 * self._advanced.min_edge else []
 
-    def _went(self, before: np.ndarray) -> None:
-        """The camera was measured at the tracker's pose, coming from before (4, 4): how it moved per view."""
+    def _went(self, before: np.ndarray, spread: np.ndarray, *, surely: bool) -> None:
+        """The camera was measured at the tracker's pose, coming from before (4, 4): how it moved per view. spread (6, 6): of
+        that motion; surely: by points."""
         b, views = self._camera.body_from_camera, self._going_on.views + 1
         self._motion = b @ exp_se3(log_se3(inverse(before) @ self._tracker.pose) / views) @ inverse(b)
-        self._going_on.measured(self._motion)
+        move = adjoint(b)
+        self._going_on.measured(self._motion, move @ spread @ move.T / views**2, surely=surely)
         self._ahead = np.eye(4)
 
     def _skipped(self, pose: np.ndarray, since: np.ndarray, reason: str) -> Motion:

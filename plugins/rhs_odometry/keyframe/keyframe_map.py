@@ -36,7 +36,6 @@ class KeyframeMap:
         self.pixels = np.zeros((0, 2), np.float32)  # where its key frame saw it
         self.rays = np.zeros((0, 3))  # x/z, y/z, 1 in the anchor camera
         self.rho = np.zeros(0)
-        self.read = np.zeros(0)  # inverse depth as its key frame's depth image had it
         self.sigma = np.zeros(0)
         self.slopes = np.zeros((0, 2))  # of inverse depth around the point, 1/m per pixel of its key frame
 
@@ -79,7 +78,7 @@ class KeyframeMap:
         stay = self.anchor != k
         rows = np.flatnonzero(stay)
         self.anchor = self.anchor[rows] - (self.anchor[rows] > k)
-        for name in ("pixels", "rays", "rho", "read", "sigma", "slopes"):
+        for name in ("pixels", "rays", "rho", "sigma", "slopes"):
             setattr(self, name, np.take(getattr(self, name), rows, axis=0))
         number: np.ndarray = np.maximum(np.cumsum(stay) - 1, 0)
         return number
@@ -98,15 +97,14 @@ class KeyframeMap:
         return np.array([known[serial] for serial in serials.tolist()]).reshape(-1, 4, 4)
 
     def add_points(self, keyframe: int, pixels: np.ndarray, points: np.ndarray, slopes: np.ndarray,
-                   depth_times: float = 1.0, bend: np.ndarray | None = None) -> np.ndarray:
+                   depth_times: float = 1.0) -> np.ndarray:
         """Anchor new points, (N, 3) in its camera on surfaces of inverse depth slopes (N, 2), to a key frame; their ids.
-        depth_times: noise of their depths, times what the settings say; bend (N,): what was added to inverse depths read."""
+        depth_times: noise of their depths, times what the settings say."""
         first = len(self.anchor)
         self.anchor = np.concatenate([self.anchor, np.full(len(pixels), keyframe)])
         self.pixels = np.concatenate([self.pixels, np.asarray(pixels, np.float32)])
         self.rays = np.concatenate([self.rays, points / points[:, 2:]])
         self.rho = np.concatenate([self.rho, 1.0 / points[:, 2]])
-        self.read = np.concatenate([self.read, 1.0 / points[:, 2] - (0.0 if bend is None else bend)])
         self.sigma = np.concatenate([self.sigma, np.full(len(pixels), depth_times * self._sigma)])
         self.slopes = np.concatenate([self.slopes, slopes])
         return np.arange(first, len(self.anchor))

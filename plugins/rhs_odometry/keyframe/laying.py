@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Laid:
-    """map_from_camera (4, 4) of a view and the covariance (6, 6) of its right perturbation."""
+    """map_from_camera (4, 4) of a view and the covariance (6, 6) of its right perturbation; adding (6, 6): what it adds to that
+    of the way, where the guess of one motion by the last hands its error on."""
 
     map_from_camera: np.ndarray
     covariance: np.ndarray
+    adding: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +77,16 @@ class Direct:
             found = align(self._kept.levels, now, camera, inverse(pose) @ start, wide, s)
             if found is not None and found.shared > s.keep_shared and (
                     _size(found.covariance) < min(s.keep_sigmas * self._kept.sigma, s.vague_m)):
-                return Laid(orthonormal(pose @ found.then_from_now), found.covariance)
+                return Laid(orthonormal(pose @ found.then_from_now), found.covariance, _adding(found.covariance, wide))
         assert tracker.look is not None
         then, pose = levels(tracker.look.picture[0], tracker.look.depth, camera, s), tracker.pose
         found = align(then, now, camera, inverse(pose) @ start, wide, s)
         vague = found is None or _size(found.covariance) > s.vague_m
         self._kept = None if found is None or vague else Kept(
             then, int(self._map.serials[-1]), inverse(self._map.poses[-1]) @ pose, _size(found.covariance))
-        return None if found is None or vague else Laid(orthonormal(pose @ found.then_from_now), found.covariance)
+        if found is None or vague:
+            return None
+        return Laid(orthonormal(pose @ found.then_from_now), found.covariance, _adding(found.covariance, wide))
 
     def joined(self, look: PreparedView, tracker: Tracker, fit: PoseFit | None, laid: Laid,
                followed: tuple[np.ndarray, np.ndarray]) -> PoseFit | None:
@@ -111,6 +115,14 @@ class Direct:
     def _information(self, fit: PoseFit) -> np.ndarray:
         information: np.ndarray = fit.information / self._advanced.correlated
         return information
+
+
+def _adding(covariance: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """(6, 6) per view of the sum of motions, each with this covariance, where the guess had `wide`: the share 1 - K of an error
+    that a view does not correct goes on into the next (long-run variance of an autoregression)."""
+    corrected = np.eye(6) - covariance @ np.linalg.inv(wide) + 1e-3 * np.eye(6)
+    long = np.linalg.solve(corrected, covariance)
+    return long + long.T - covariance
 
 
 def _apart(fit: PoseFit, laid: Laid) -> np.ndarray:

@@ -15,7 +15,6 @@ from rhs.api.records import Observation
 from rhs_odometry.tracks import tracks
 
 from ..advanced import SurfaceSettings
-from .bend import DepthBend
 from .keyframe_map import KeyframeMap
 from .patches import find_patches_in
 from .reprojection import Noise, PoseFit, at_middle, fit_pose
@@ -33,7 +32,6 @@ class PreparedView:
     interval_s: float
     surface: SurfaceSettings = SurfaceSettings()
     depth_times: float = 1.0
-    bend: np.ndarray | float = 0.0  # nodes of what was added to its inverse depths
 
     def depth_at(self, pixels: np.ndarray) -> np.ndarray:
         """(N,) metres at pixels (N, 2); NaN where unknown or over an edge."""
@@ -47,7 +45,6 @@ class Tracker:
         self._settings, self._camera, self._map = settings, camera, keyframes
         self._focal = float(np.sqrt(camera.fx * camera.fy))
         a = self._advanced = settings.advanced
-        self.bend = DepthBend(a.bend, camera)
         self._noise = Noise(settings.pixel_sigma, settings.inverse_depth_sigma, a.gate, student_dof=a.student_dof)
         self._expected = np.zeros(6)  # shutter twist to expect in this view
         self._stamp = -np.inf
@@ -64,9 +61,9 @@ class Tracker:
         interval_s = observation.stamp_s - self._stamp
         self._stamp = observation.stamp_s
         picture = tracks.pyramid(tracks.gray(observation.image))
-        depth = self.bend.straightened(np.asarray(observation.depth, np.float32))
+        depth = np.asarray(observation.depth, np.float32)
         return PreparedView(observation, picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0, self._advanced.surface,
-                            observation.depth_times, self.bend.nodes)
+                            observation.depth_times)
 
     def follow(self, look: PreparedView, guess: np.ndarray) -> PoseFit:
         """Follow the points into the view from a guess of its map_from_camera, and fit its pose: by their patches alone
@@ -161,17 +158,8 @@ class Tracker:
         seen = self._seen(look, pixels)
         known = np.isfinite(seen).all(axis=1)
         slopes = surfaces(look.depth, pixels[known], look.surface)[1]
-        ids = self._map.add_points(keyframe, pixels[known], seen[known], slopes, look.depth_times,
-                                   self.bend.at(pixels[known], look.bend))
+        ids = self._map.add_points(keyframe, pixels[known], seen[known], slopes, look.depth_times)
         self.add(ids, pixels[known])
-
-    def learn(self, look: PreparedView) -> None:
-        """What the points followed into a view say of the depth camera."""
-        read = 1.0 / look.depth_at(self.pixels) - self.bend.at(self.pixels, look.bend)
-        poses = inverse(self.pose) @ self._map.poses[self._map.anchor[self.ids]]
-        self.bend.learn((self._map.pixels[self.ids], self._map.read[self.ids]), (self.pixels, read), poses,
-                        pixel_sigma=self._settings.pixel_sigma, student_dof=self._advanced.student_dof,
-                        inverse_depth_sigma=self._settings.inverse_depth_sigma * look.depth_times)
 
     def add(self, ids: np.ndarray, pixels: np.ndarray) -> None:
         """Follow these points as well."""
