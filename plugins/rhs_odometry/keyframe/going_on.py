@@ -10,31 +10,47 @@ from ..advanced import GuessNoise
 
 
 class GoingOn:
-    """The last motion of a body, taken again (a speed that strays: white noise of acceleration; Bar-Shalom, Li and
-    Kirubarajan 2001, section 6.3.2). views: how many on end were guessed so, not measured."""
+    """The last motion (4, 4) of a body that was well measured, taken again; a speed that strays (white noise of acceleration;
+    Bar-Shalom, Li and Kirubarajan 2001, section 6.3.2). views: how many on end were guessed so."""
 
     def __init__(self, settings: GuessNoise) -> None:
         self._settings = settings
-        self._last: np.ndarray | None = None
-        self._spread = np.zeros((6, 6))  # covariance of the last motion
+        self.motion, self._spread = np.eye(4), np.zeros((6, 6))
         self._square, self._count = np.zeros(2), 0  # of the changes of motion: metres, radians; per axis
+        self._stale = 0  # views since the motion was measured, not counting those guessed on end
         self.views = 0
 
-    def measured(self, motion: np.ndarray, spread: np.ndarray, *, surely: bool) -> None:
-        """Take note of a motion (4, 4) per view and its covariance (6, 6). surely: one to learn changes from."""
-        if surely and self._last is not None and self.views == 0:
-            change = log_se3(inverse(self._last) @ motion)
+    def measured(self, motion: np.ndarray, spread: np.ndarray) -> None:
+        """Take note of a motion (4, 4) per view with its covariance (6, 6), unless the last one still tells more."""
+        last, self.views, self._stale = self.views, 0, self._stale + self.views + 1
+        if self._known and np.trace(spread[:3, :3]) > np.trace((self._spread + self._stale * self._change())[:3, :3]):
+            return
+        if last == 0 and self._stale == 1:
+            change = log_se3(inverse(self.motion) @ motion)
             self._count += 1
             share = 1.0 / min(self._count, self._settings.again_memory)
             self._square = (1.0 - share) * self._square + share * (change.reshape(2, 3) ** 2).mean(axis=1)
-        self._last, self._spread, self.views = motion if surely else None, spread, 0
+        self.motion, self._spread, self._stale = motion, spread, 0
+
+    def felt(self) -> None:
+        """A view was measured in some directions only, by the guess in the others."""
+        self._stale, self.views = self._stale + self.views + 1, 0
 
     def since(self, told: np.ndarray) -> np.ndarray:
         """(6, 6) covariance of the next view against the last one measured; told (6, 6): of one motion, as long as little has
         been seen, and of its change at most."""
-        s, n = self._settings, self.views + 1
+        n = self.views + 1
         times = n * (n + 1) * (2 * n + 1) / 6.0  # the speed errs by sqrt(n) changes, the place by their sum
-        if self._count < s.again_memory // 3:
+        if not self._known:
             return told * times
-        change = np.repeat(s.again_times**2 * self._square + np.square([s.again_least_m, s.again_least_rad]), 3)
-        return n * n * self._spread + times * np.diag(np.minimum(change, np.diag(told)))
+        change = np.minimum(self._change(), told)
+        return n * n * (self._spread + self._stale * change) + times * change
+
+    @property
+    def _known(self) -> bool:
+        return self._count >= self._settings.again_memory // 3
+
+    def _change(self) -> np.ndarray:
+        """(6, 6) covariance of what a motion differs by from the one before."""
+        s = self._settings
+        return np.diag(np.repeat(s.again_times**2 * self._square + np.square([s.again_least_m, s.again_least_rad]), 3))

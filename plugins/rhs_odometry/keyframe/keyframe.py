@@ -67,7 +67,6 @@ class KeyframeOdometry(Odometry):
         self._effort = Effort(a.settle_rounds, a.floor_settled) if on_floor else Effort(a.settle_rounds)
         self._tracker = Tracker(settings, camera, self._map)
         self._disagrees = gate(6, a.wheels_probability)
-        self._motion = np.eye(4)  # previous_from_body of the last step
         self._going_on = GoingOn(self._advanced.guess)
         self._ahead = np.eye(4)  # from the camera's last pose to where it is thought to be, views having been skipped
         self._spread = FIRST  # covariance of the last pose
@@ -87,7 +86,7 @@ class KeyframeOdometry(Odometry):
             self._tracker.restart(look, np.eye(4))
             self._new_keyframe(look, [])
             return self._report(FIRST, Tracking.OK, "first view")
-        name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
+        name, body_motion, wide = guess_motion(observation, self._going_on.motion, self._advanced.guess)
         held, guess = self._floor is None and name == "same again", self._tracker.pose @ self._ahead @ self._in_camera(body_motion)
         before, followed = self._tracker.pose, (self._tracker.ids, self._tracker.pixels)
         fit = self._fit(look, guess, wide if name == "wheel" else None)
@@ -107,7 +106,7 @@ class KeyframeOdometry(Odometry):
             self._put_on_floor(self._floor, before, fit)
         followed_to = self._tracker.pose
         spread = fit.misfit * _covariance(fit)  # what is said of it; the graph weighs its edges by the noise told
-        self._went(before, spread + self._spread, surely=True)
+        self._went(before, spread + self._spread)
         if held and self._fresh:
             self._miss_no_noise(fit, len(followed[0]))
         self._fresh = False
@@ -181,14 +180,15 @@ class KeyframeOdometry(Odometry):
 
     def _felt(self, look: PreparedView, laid: Laid) -> Motion:
         """Go on by all pixels where there are no points to follow."""
-        weak, before = self._weakness(laid.adding), self._tracker.pose
+        weak = self._weakness(laid.adding)
         if self._adrift is not None:
             self._adrift.spread = self._adrift.spread + laid.adding
         elif weak:
             self._adrift = Adrift(self._map.made, laid.adding, blind=False)
         self._unseen = self._unseen + laid.adding
         self._begin_again(look, laid.map_from_camera, laid.adding, self._unseen)
-        self._went(before, laid.covariance, surely=False)
+        self._going_on.felt()
+        self._ahead = np.eye(4)
         if self._unfound():
             return self._report(laid.adding, Tracking.LOST, "followed, but not found again in the map")
         return self._report(laid.adding, Tracking.DEGENERATE if weak else Tracking.OK, weak or "by all pixels")
@@ -333,13 +333,12 @@ class KeyframeOdometry(Odometry):
         ids = ids[self._map.visible(ids, inverse(pose), look, self._camera)]
         return self._seen_again(look, k, a, ids, pose) if len(ids) >= 2 * self._advanced.min_edge else []
 
-    def _went(self, before: np.ndarray, spread: np.ndarray, *, surely: bool) -> None:
+    def _went(self, before: np.ndarray, spread: np.ndarray) -> None:
         """The camera was measured at the tracker's pose, coming from before (4, 4): how it moved per view. spread (6, 6): of
-        that motion; surely: by points."""
+        that motion."""
         b, views = self._camera.body_from_camera, self._going_on.views + 1
-        self._motion = b @ exp_se3(log_se3(inverse(before) @ self._tracker.pose) / views) @ inverse(b)
-        move = adjoint(b)
-        self._going_on.measured(self._motion, move @ spread @ move.T / views**2, surely=surely)
+        move, motion = adjoint(b), exp_se3(log_se3(inverse(before) @ self._tracker.pose) / views)
+        self._going_on.measured(b @ motion @ inverse(b), move @ spread @ move.T / views**2)
         self._ahead = np.eye(4)
 
     def _skipped(self, pose: np.ndarray, since: np.ndarray, reason: str) -> Motion:
@@ -353,7 +352,8 @@ class KeyframeOdometry(Odometry):
 
     def _lost(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, reason: str, blind: bool) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
-        self._ahead, self._going_on = np.eye(4), GoingOn(self._advanced.guess)
+        again, self._ahead, self._going_on = self._going_on.motion, np.eye(4), GoingOn(self._advanced.guess)
+        self._going_on.motion = again
         if self._adrift is None:
             self._adrift = Adrift(self._map.made, np.zeros((6, 6)), blind)
         self._adrift.spread = self._adrift.spread + spread
