@@ -96,11 +96,11 @@ class KeyframeOdometry(Odometry):
                 return self._felt(look, laid)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
-            since = self._moved_to_camera(self._going_on.since(wide) if held else wide)
+            since = self._moved_to_camera(self._going_on.since(wide))
             if held and self._tracker.seeable(look) < 2 * self._settings.min_inliers and not self._weakness(since):
                 self._tracker.ids, self._tracker.pixels = followed
                 return self._skipped(orthonormal(guess), since, reason)
-            return self._lost(look, orthonormal(guess), since, reason, name == "same again")
+            return self._lost(look, orthonormal(guess), self._moved_to_camera(wide), reason, name == "same again")
         self._tracker.accept(look, fit)
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)

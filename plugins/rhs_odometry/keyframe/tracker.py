@@ -144,7 +144,7 @@ class Tracker:
 
     def seeable(self, look: PreparedView) -> int:
         """Number of corners with known depth in the view: what one could begin with."""
-        pixels = tracks.corners(look.picture[0], self.pixels, count=100, spacing_px=self._spacing)
+        pixels = tracks.corners(look.picture[0], np.zeros((0, 2), np.float32), count=100, spacing_px=self._spacing)
         return int(np.isfinite(look.depth_at(pixels)).sum())
 
     @property
