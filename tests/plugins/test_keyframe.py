@@ -162,7 +162,7 @@ def test_a_hand_that_drifted_further_than_patches_reach_knows_by_key_points_wher
                     if torn else edge for edge, torn in zip(frames.edges, apart, strict=True)]
     for k, pose in enumerate(poses[16:], 16):
         odometry.update(observe(HAND, pose, TEXTURES, k))
-    assert max(settled_errors_deg(odometry, poses)) < 1.0
+    assert max(settled_errors_deg(odometry, poses)) < 1.2
 
 
 def test_a_camera_in_the_hand_says_that_it_is_lost_until_it_is_found():

@@ -91,7 +91,8 @@ class KeyframeOdometry(Odometry):
         before, followed = self._tracker.pose, (self._tracker.ids, self._tracker.pixels)
         fit = self._fit(look, guess, wide if name == "wheel" else None)
         if held and self._direct.wanted(fit, len(followed[0])):
-            fit, laid = self._laid(look, fit, guess, self._going_on.since(wide), followed)
+            wides = self._moved_to_camera(self._going_on.since(wide)), self._moved_to_camera(wide)
+            fit, laid = self._laid(look, fit, guess, wides, followed)
             if fit is None and laid is not None:
                 return self._felt(look, laid)
         if fit is None:
@@ -167,10 +168,10 @@ class KeyframeOdometry(Odometry):
                 self._tracker.ids, self._tracker.pixels = followed
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
-    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wide: np.ndarray,
+    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wides: tuple[np.ndarray, np.ndarray],
               followed: tuple[np.ndarray, np.ndarray]) -> tuple[PoseFit | None, Laid | None]:
         """What points and all pixels say together, and what the pixels say; without these the fit as it is."""
-        laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), wide)
+        laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), wides)
         return (fit if laid is None else self._direct.joined(look, self._tracker, fit, laid, followed)), laid
 
     def _miss_no_noise(self, fit: PoseFit, followed: int) -> None:
