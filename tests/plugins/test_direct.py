@@ -69,6 +69,22 @@ def test_other_light_is_no_motion():
     assert np.linalg.norm(log_se3(laid(then, replace(then, image=bright)).then_from_now)[:3]) < 0.003
 
 
+def test_the_light_of_a_plain_wall_is_told_by_all_of_it():
+    """A bright corner goes out of view while the exposure rises by a tenth: the motion is found, the wall is no gain of 0."""
+    wall = np.full((240, 320, 3), 110.0)
+    wall[20:100, 200:300] = np.repeat(np.random.default_rng(0).uniform(0, 255, (80, 5)), 20, axis=1)[..., None]
+    depth = np.full((240, 320), 1.5, np.float32)
+
+    def view(shift, gain, seed):
+        grey = gain * np.roll(wall, shift, axis=1) + 2.5 * np.random.default_rng(seed).standard_normal((240, 320, 1))
+        return Observation(0, 0.0, HAND, np.clip(grey, 0, 255).astype(np.uint8), depth)
+
+    found = laid(view(0, 1.0, 1), view(14, 1.1, 2))
+    corner = np.array([0.5, -0.3, 1.5, 1.0])
+    pixels = HAND.project(np.stack([corner, np.linalg.solve(found.then_from_now, corner)])[:, :3])
+    assert pixels[1, 0] - pixels[0, 0] == pytest.approx(14.0, abs=3.0)
+
+
 @pytest.mark.parametrize("turn", [1.0, 1.8, 2.6, -1.4])
 @pytest.mark.parametrize("textures", [PAINTED, PLAIN], ids=["painted", "plain"])
 def test_views_of_different_places_are_not_laid_on_each_other(textures, turn):

@@ -72,13 +72,14 @@ def levels(picture: np.ndarray, depth: np.ndarray, camera: Camera, s: DirectSett
 
 
 def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray, wide: np.ndarray, s: DirectSettings,
-          ) -> Aligned | None:
+          start: np.ndarray | None = None) -> Aligned | None:
     """Lay view `now` on view `then` from a guess of then_from_now (4, 4) with the covariance `wide` (6, 6) of its right
-    perturbation, which stands where the views say nothing. None when they do not lie on each other."""
+    perturbation, which stands where the views say nothing; start (4, 4): where to begin, if elsewhere. None when they do not
+    lie on each other."""
     prior = np.zeros((8, 8))
     prior[:6, :6] = np.linalg.inv(wide)
     prior[6, 6], prior[7, 7] = 1.0 / s.gain_sigma**2, 1.0 / s.offset_sigma**2
-    pose, light = inverse(guess), np.array([1.0, 0.0])
+    pose, light = inverse(guess if start is None else start), np.array([1.0, 0.0])
     for a, b in zip(then, now, strict=True):
         for _ in range(s.iterations):
             sums = _normal_equations(a, b, camera, pose, light, s)

@@ -15,12 +15,11 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import adjoint, exp_se3, inverse, log_se3, log_so3, orthonormal
+from rhs.api.geometry import adjoint, inverse, log_se3, log_so3, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.settings import Effort
@@ -29,7 +28,7 @@ from rhs.estimation.views import features as vision
 from ..features.floor import Floor, on_floor
 from ..fused.fallback import guess_motion
 from .culling import Edge
-from .going_on import GoingOn
+from .going_on import Adrift, GoingOn
 from .keyframe_map import KeyframeMap
 from .laying import Direct, Laid
 from .relocation import Relocation, matched
@@ -37,17 +36,6 @@ from .reprojection import PoseFit
 from .tracker import PreparedView, Tracker
 
 FIRST = 1e-12 * np.eye(6)
-
-
-@dataclass
-class Adrift:
-    """A camera that lost its way. since: serial of the first key frame that nobody knows where to put; spread (6, 6): of
-    the guessed motion up to it; blind: nothing but the last motion was there to guess from; views: since then."""
-
-    since: int
-    spread: np.ndarray
-    blind: bool
-    views: int = 0
 
 
 class KeyframeOdometry(Odometry):
@@ -67,7 +55,7 @@ class KeyframeOdometry(Odometry):
         self._effort = Effort(a.settle_rounds, a.floor_settled) if on_floor else Effort(a.settle_rounds)
         self._tracker = Tracker(settings, camera, self._map)
         self._disagrees = gate(6, a.wheels_probability)
-        self._going_on = GoingOn(self._advanced.guess)
+        self._going_on = GoingOn(self._advanced.guess, camera)
         self._ahead = np.eye(4)  # from the camera's last pose to where it is thought to be, views having been skipped
         self._spread = FIRST  # covariance of the last pose
         self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
@@ -86,28 +74,29 @@ class KeyframeOdometry(Odometry):
             self._tracker.restart(look, np.eye(4))
             self._new_keyframe(look, [])
             return self._report(FIRST, Tracking.OK, "first view")
-        name, body_motion, wide = guess_motion(observation, self._going_on.motion, self._advanced.guess)
-        held, guess = self._floor is None and name == "same again", self._tracker.pose @ self._ahead @ self._in_camera(body_motion)
+        name, body_motion, body_wide = guess_motion(observation, self._going_on.motion, self._advanced.guess)
+        held = self._floor is None and name == "same again"
+        guess, wide = self._tracker.pose @ self._ahead @ self._in_camera(body_motion), self._moved_to_camera(body_wide)
+        since = self._going_on.since(body_wide) if held else wide
         before, followed = self._tracker.pose, (self._tracker.ids, self._tracker.pixels)
-        fit = self._fit(look, guess, wide if name == "wheel" else None)
+        fit = self._fit(look, guess, body_wide if name == "wheel" else None)
         if held and self._direct.wanted(fit, len(followed[0])):
-            wides = self._moved_to_camera(self._going_on.since(wide)), self._moved_to_camera(wide)
-            fit, laid = self._laid(look, fit, guess, wides, followed)
+            fit, laid = self._laid(look, fit, guess, (since, wide), followed)
             if fit is None and laid is not None:
                 return self._felt(look, laid)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
-            since = self._moved_to_camera(self._going_on.since(wide))
             if held and self._tracker.seeable(look) < 2 * self._settings.min_inliers and not self._weakness(since):
                 self._tracker.ids, self._tracker.pixels = followed
                 return self._skipped(orthonormal(guess), since, reason)
-            return self._lost(look, orthonormal(guess), self._moved_to_camera(wide), reason, name == "same again")
+            return self._lost(look, orthonormal(guess), wide, reason, name == "same again")
         self._tracker.accept(look, fit)
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)
         followed_to = self._tracker.pose
-        spread = fit.misfit * _covariance(fit)  # what is said of it; the graph weighs its edges by the noise told
-        self._went(before, spread + self._spread)
+        spread = fit.misfit * fit.covariance  # what is said of it; the graph weighs its edges by the noise told
+        self._going_on.measured(inverse(before) @ followed_to, spread + self._spread)
+        self._ahead = np.eye(4)
         if held and self._fresh:
             self._miss_no_noise(fit, len(followed[0]))
         self._fresh = False
@@ -171,7 +160,7 @@ class KeyframeOdometry(Odometry):
     def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wides: tuple[np.ndarray, np.ndarray],
               followed: tuple[np.ndarray, np.ndarray]) -> tuple[PoseFit | None, Laid | None]:
         """What points and all pixels say together, and what the pixels say; without these the fit as it is."""
-        laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), wides)
+        laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), guess, wides)
         return (fit if laid is None else self._direct.joined(look, self._tracker, fit, laid, followed)), laid
 
     def _miss_no_noise(self, fit: PoseFit, followed: int) -> None:
@@ -207,7 +196,7 @@ class KeyframeOdometry(Odometry):
         """Whether the fit is further from the wheels' guess than these err."""
         move = adjoint(inverse(self._camera.body_from_camera))
         off = log_se3(inverse(guess) @ inverse(fit.camera_from_map))
-        squared = off @ np.linalg.solve(move @ wide @ move.T + _covariance(fit), off)
+        squared = off @ np.linalg.solve(move @ wide @ move.T + fit.covariance, off)
         return bool(squared > self._disagrees)
 
     def _trusted(self, fit: PoseFit, followed: int) -> bool:
@@ -282,12 +271,12 @@ class KeyframeOdometry(Odometry):
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
         few = fit.inliers.sum() < self._advanced.min_edge or fit.inliers.mean() < self._advanced.edge_share
-        return [] if few or self._weakness(_covariance(fit)) else [self._measured(fit, int(a), k, loop=loop)]
+        return [] if few or self._weakness(fit.covariance) else [self._measured(fit, int(a), k, loop=loop)]
 
     def _measured(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> Edge:
         """The edge that a fit measures, on the floor when the camera stands on a robot."""
         a_from_k = inverse(self._map.poses[a]) @ inverse(fit.camera_from_map)
-        covariance = self._advanced.correlated * _covariance(fit) + self._least
+        covariance = self._advanced.correlated * fit.covariance + self._least
         if self._floor is not None and not self._floor.sways:
             b = self._camera.body_from_camera
             there, back = adjoint(b), adjoint(inverse(b))
@@ -334,14 +323,6 @@ class KeyframeOdometry(Odometry):
         ids = ids[self._map.visible(ids, inverse(pose), look, self._camera)]
         return self._seen_again(look, k, a, ids, pose) if len(ids) >= 2 * self._advanced.min_edge else []
 
-    def _went(self, before: np.ndarray, spread: np.ndarray) -> None:
-        """The camera was measured at the tracker's pose, coming from before (4, 4): how it moved per view. spread (6, 6): of
-        that motion."""
-        b, views = self._camera.body_from_camera, self._going_on.views + 1
-        move, motion = adjoint(b), exp_se3(log_se3(inverse(before) @ self._tracker.pose) / views)
-        self._going_on.measured(b @ motion @ inverse(b), move @ spread @ move.T / views**2)
-        self._ahead = np.eye(4)
-
     def _skipped(self, pose: np.ndarray, since: np.ndarray, reason: str) -> Motion:
         """Nothing measured, but it cannot have gone far: go on as before, and try the next view from the last good one.
         since (6, 6): covariance of the pose against the camera's last one."""
@@ -353,8 +334,8 @@ class KeyframeOdometry(Odometry):
 
     def _lost(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, reason: str, blind: bool) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
-        again, self._ahead, self._going_on = self._going_on.motion, np.eye(4), GoingOn(self._advanced.guess)
-        self._going_on.motion = again
+        self._ahead = np.eye(4)
+        self._going_on.forget()
         if self._adrift is None:
             self._adrift = Adrift(self._map.made, np.zeros((6, 6)), blind)
         self._adrift.spread = self._adrift.spread + spread
@@ -368,7 +349,7 @@ class KeyframeOdometry(Odometry):
         b = self._camera.body_from_camera
         there, move = adjoint(b), adjoint(inverse(b))
         information = move.T @ (fit.information + 1e-3 * np.eye(6)) @ move
-        spread = there @ (_covariance(fit) + self._spread) @ there.T
+        spread = there @ (fit.covariance + self._spread) @ there.T
         floor.note(b @ inverse(before) @ self._tracker.pose @ inverse(b), spread)
         if floor.sways:
             return
@@ -411,9 +392,3 @@ class KeyframeOdometry(Odometry):
             details |= {"inliers": float(fit.inliers.sum()), "residual_px": fit.pixel_rms}
         sure = np.sqrt(np.diag(np.linalg.inv(spread)))
         return Motion(motion, spread, status, reason, sure, details=details)
-
-
-def _covariance(fit: PoseFit) -> np.ndarray:
-    """Covariance (6x6) of map_from_camera's right perturbation: exp(d) camera_from_map has the inverse ... exp(-d)."""
-    covariance = np.linalg.inv(fit.information + 1e-3 * np.eye(6))
-    return 0.5 * (covariance + covariance.T)

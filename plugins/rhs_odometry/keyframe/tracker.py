@@ -23,8 +23,8 @@ from .surface import surfaces
 
 @dataclass(frozen=True, eq=False)
 class PreparedView:
-    """One observation made ready: pyramid of its gray picture, its depth in metres, seconds since the one before; how surfaces are
-    fitted to the depth; its noise beside what is told."""
+    """One observation made ready: pyramid of its gray picture, its depth in metres, seconds since the one before; how
+    surfaces are fitted to the depth; its noise beside what is told."""
 
     observation: Observation
     picture: list[np.ndarray]
@@ -62,8 +62,8 @@ class Tracker:
         self._stamp = observation.stamp_s
         picture = tracks.pyramid(tracks.gray(observation.image))
         depth = np.asarray(observation.depth, np.float32)
-        return PreparedView(observation, picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0, self._advanced.surface,
-                            observation.depth_times)
+        return PreparedView(observation, picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0,
+                            self._advanced.surface, observation.depth_times)
 
     def follow(self, look: PreparedView, guess: np.ndarray) -> PoseFit:
         """Follow the points into the view from a guess of its map_from_camera, and fit its pose: by their patches alone
