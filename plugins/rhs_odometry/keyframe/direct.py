@@ -79,7 +79,7 @@ def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray
     prior = np.zeros((8, 8))
     prior[:6, :6] = np.linalg.inv(wide)
     prior[6, 6], prior[7, 7] = 1.0 / s.gain_sigma**2, 1.0 / s.offset_sigma**2
-    pose, light = inverse(guess if start is None else start), np.array([1.0, 0.0])
+    pose, light = inverse(guess if start is None else start), np.array([_brighter(then[0], now[0]), 0.0])
     for a, b in zip(then, now, strict=True):
         for _ in range(s.iterations):
             sums = _normal_equations(a, b, camera, pose, light, s)
@@ -95,6 +95,12 @@ def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray
         return None
     covariance = np.linalg.inv(information / s.correlated + prior)[:6, :6]
     return Aligned(orthonormal(inverse(pose)), 0.5 * (covariance + covariance.T), shared)
+
+
+def _brighter(then: Level, now: Level) -> float:
+    """Gain to begin with, by the medians: a first step that has the light to find, too, leaves the few blocks that tell of the
+    motion far off, and what is far off counts for little."""
+    return float(np.clip(np.median(now.grey) / max(np.median(then.grey), 1.0), 0.5, 2.0))
 
 
 def _normal_equations(a: Level, b: Level, camera: Camera, pose: np.ndarray, light: np.ndarray, s: DirectSettings):
