@@ -98,8 +98,8 @@ def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray
 
 
 def _brighter(then: Level, now: Level) -> float:
-    """Gain to begin with, by the medians: a first step that has the light to find, too, leaves the few blocks that tell of the
-    motion far off, and what is far off counts for little."""
+    """Gain to begin with, by the medians: a first step that has the light to find, too, leaves the few blocks that tell of
+    the motion far off, and what is far off counts for little."""
     return float(np.clip(np.median(now.grey) / max(np.median(then.grey), 1.0), 0.5, 2.0))
 
 
