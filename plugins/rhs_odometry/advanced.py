@@ -58,6 +58,10 @@ class DirectSettings:
     """degrees of freedom of the Student's t that weighs blocks (Kerl et al. 2013)"""
     correlated: float = 80.0
     """neighbouring blocks err together: so many count as one"""
+    gain_sigma: float = 0.3
+    """how far brightness may change between the views, as a share (1 sigma): the exposure follows the light,"""
+    offset_sigma: float = 5.0
+    """and grey levels beside that; more of them explain anything on a plain wall"""
     grey_sigma: float = 1.0
     """least deviation of the brightness of a block, grey levels"""
     clear_sigmas: float = 1.5
@@ -87,7 +91,7 @@ class DirectSettings:
 
     def __post_init__(self) -> None:
         check_ranges("", self, columns=(8, 10_000), levels=(1, 10), iterations=(1, 1000), still=(0.0, 1.0),
-                     student_dof=(0.5, 1e6),
+                     student_dof=(0.5, 1e6), gain_sigma=(1e-6, 1e3), offset_sigma=(1e-6, 1e6),
                      correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), clear_sigmas=(0.0, 100.0),
                      inverse_depth_sigma=(1e-6, 10.0), least_known=(0.0, 1.0), rough_per_m=(1e-6, 10.0),
                      least_shared=(0.0, 1.0),
@@ -120,11 +124,21 @@ class GuessNoise:
     """the last motion again: least error of the distance, metres (1 sigma)"""
     again_rad: float = 0.20
     """the last motion again: least error of the turn, radians (1 sigma)"""
+    again_times: float = 1.5
+    """and at most, in a hand, so many times what the motions of late differed from the ones before them (RMS)"""
+    again_memory: int = 30
+    """views of which that is learnt; with less than a third of them nothing is known of it"""
+    again_least_m: float = 0.002
+    """plus so much, metres (1 sigma)"""
+    again_least_rad: float = 0.002
+    """and radians"""
 
     def __post_init__(self) -> None:
         for name in ("wheel", "command", "again"):
             ranges = {f"{name}_share": (0.0, 100.0), f"{name}_m": (1e-6, 100.0), f"{name}_rad": (1e-6, 10.0)}
             check_ranges("", self, **ranges)
+        check_ranges("", self, again_times=(0.0, 100.0), again_memory=(3, 10_000), again_least_m=(0.0, 1.0),
+                     again_least_rad=(0.0, 1.0))
 
     def of(self, name: str) -> tuple[float, float, float]:
         """Share, metres and radians of the guess called `wheel`, `command` or `same again`."""

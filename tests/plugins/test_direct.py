@@ -69,6 +69,19 @@ def test_other_light_is_no_motion():
     assert np.linalg.norm(log_se3(laid(then, replace(then, image=bright)).then_from_now)[:3]) < 0.003
 
 
+@pytest.mark.parametrize("gain", [0.9, 1.0, 1.1])
+def test_a_picture_at_the_edge_of_a_plain_wall_tells_the_motion_whatever_the_exposure(gain):
+    """It moves 14 of its 30 columns out of view; the wall must be explained by the light, not by a gain of nothing."""
+    wall, rng = np.full((240, 320, 1), 110.0), np.random.default_rng(0)
+    wall[20:100, 290:, 0] = np.repeat(rng.uniform(0, 255, (80, 3)), 10, axis=1)
+    moved = np.concatenate([np.full((240, 14, 1), 110.0), wall[:, :-14]], axis=1)
+    then, now = (Observation(0, 0.0, HAND, np.clip(grey + 2.5 * rng.standard_normal(grey.shape), 0, 255).astype(np.uint8)
+                             .repeat(3, axis=2), np.full((240, 320), 1.5, np.float32)) for grey in (wall, gain * moved))
+    corner = np.array([0.75, -0.3, 1.5, 1.0])
+    seen = np.stack([corner, np.linalg.solve(laid(then, now).then_from_now, corner)])[:, :3]
+    assert np.diff(HAND.project(seen)[:, 0])[0] == pytest.approx(14.0, abs=0.5)
+
+
 @pytest.mark.parametrize("turn", [1.0, 1.8, 2.6, -1.4])
 @pytest.mark.parametrize("textures", [PAINTED, PLAIN], ids=["painted", "plain"])
 def test_views_of_different_places_are_not_laid_on_each_other(textures, turn):

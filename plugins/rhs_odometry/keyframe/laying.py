@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rhs.api.geometry import Camera, adjoint, exp_se3, inverse, log_se3, orthonormal
+from rhs.api.geometry import Camera, exp_se3, inverse, log_se3, orthonormal
 from rhs.estimation.filters.kalman import gate
 
 from .config import Keyframe
@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Laid:
-    """map_from_camera (4, 4) of a view and the covariance (6, 6) of its right perturbation."""
+    """map_from_camera (4, 4) of a view and the covariance (6, 6) of its right perturbation; adding (6, 6): what it adds to
+    that of the way, where the guess of one motion by the last hands its error on."""
 
     map_from_camera: np.ndarray
     covariance: np.ndarray
+    adding: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,27 +64,43 @@ class Direct:
             few = self._advanced.outvote * self._settings.min_inliers
         return fit is None or self.noise(fit, followed) or bool(fit.inliers.sum() < few)
 
-    def lay(self, look: PreparedView, tracker: Tracker, start: np.ndarray, wide: np.ndarray) -> Laid | None:
-        """The view on the one kept, or on the tracker's last one, which is then kept. start: of its map_from_camera; wide
-        (6, 6): covariance of the body's guessed motion. None, too, of a picture all of one brightness: no camera that works
-        shows that, noise being what it is, and who believes its depth?"""
+    def lay(self, look: PreparedView, tracker: Tracker, start: np.ndarray, guess: np.ndarray,
+            wides: tuple[np.ndarray, np.ndarray]) -> Laid | None:
+        """The view on the one kept, or on the tracker's last one, which is then kept. start, guess: of its map_from_camera;
+        wides (6, 6): covariance of the camera's guessed motion, and that of any. None, too, of a picture all of one
+        brightness: no camera that works shows that, noise being what it is, and who believes its depth?"""
         if np.ptp(look.picture[0]) == 0:
             return None
-        s, camera, move = self._advanced.direct, self._camera, adjoint(inverse(self._camera.body_from_camera))
-        now, wide = levels(look.picture[0], look.depth, camera, s), move @ wide @ move.T
+        s, camera = self._advanced.direct, self._camera
+        now = levels(look.picture[0], look.depth, camera, s)
         if self._kept is not None:
             pose = self._map.stand(np.array([self._kept.serial]))[0] @ self._kept.hangs
-            found = align(self._kept.levels, now, camera, inverse(pose) @ start, wide, s)
+            found, wide = self._aligned(self._kept.levels, now, inverse(pose) @ np.stack([start, guess]), wides)
             if found is not None and found.shared > s.keep_shared and (
                     _size(found.covariance) < min(s.keep_sigmas * self._kept.sigma, s.vague_m)):
-                return Laid(orthonormal(pose @ found.then_from_now), found.covariance)
+                return Laid(orthonormal(pose @ found.then_from_now), found.covariance, _adding(found.covariance, wide))
         assert tracker.look is not None
         then, pose = levels(tracker.look.picture[0], tracker.look.depth, camera, s), tracker.pose
-        found = align(then, now, camera, inverse(pose) @ start, wide, s)
+        found, wide = self._aligned(then, now, inverse(pose) @ np.stack([start, guess]), wides)
         vague = found is None or _size(found.covariance) > s.vague_m
         self._kept = None if found is None or vague else Kept(
             then, int(self._map.serials[-1]), inverse(self._map.poses[-1]) @ pose, _size(found.covariance))
-        return None if found is None or vague else Laid(orthonormal(pose @ found.then_from_now), found.covariance)
+        if found is None or vague:
+            return None
+        return Laid(orthonormal(pose @ found.then_from_now), found.covariance, _adding(found.covariance, wide))
+
+    def _aligned(self, then: list[Level], now: list[Level], starts: np.ndarray, wides: tuple[np.ndarray, np.ndarray]):
+        """How `now` lies on `then` from where to start and what is guessed (2, 4, 4), and the covariance that the guess had:
+        the second where the views show a jerk that the first one denies."""
+        start, guess = starts
+        for wide in wides:
+            found = align(then, now, self._camera, guess, wide, self._advanced.direct, start)
+            if found is None:
+                continue
+            off = log_se3(inverse(guess) @ found.then_from_now)
+            if off @ np.linalg.solve(wide, off) < self._gate:
+                break
+        return found, wide
 
     def joined(self, look: PreparedView, tracker: Tracker, fit: PoseFit | None, laid: Laid,
                followed: tuple[np.ndarray, np.ndarray]) -> PoseFit | None:
@@ -111,6 +129,14 @@ class Direct:
     def _information(self, fit: PoseFit) -> np.ndarray:
         information: np.ndarray = fit.information / self._advanced.correlated
         return information
+
+
+def _adding(covariance: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """(6, 6) per view of the sum of motions, each with this covariance, where the guess had `wide`: the share 1 - K of an
+    error that a view does not correct goes on into the next (long-run variance of an autoregression)."""
+    corrected = np.eye(6) - covariance @ np.linalg.inv(wide) + 1e-3 * np.eye(6)
+    long = np.linalg.solve(corrected, covariance)
+    return long + long.T - covariance
 
 
 def _apart(fit: PoseFit, laid: Laid) -> np.ndarray:

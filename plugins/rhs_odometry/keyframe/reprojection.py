@@ -76,6 +76,13 @@ class PoseFit:
     shutter: np.ndarray = field(default_factory=lambda: np.zeros(6))
     misfit: float = 1.0
 
+    @property
+    def covariance(self) -> np.ndarray:
+        """(6, 6) of map_from_camera's right perturbation: exp(d) camera_from_map has the inverse ... exp(-d)."""
+        covariance = np.linalg.inv(self.information + 1e-3 * np.eye(6))
+        out: np.ndarray = 0.5 * (covariance + covariance.T)
+        return out
+
 
 def fit_pose(
     sightings: Sightings, start: np.ndarray, *, focal: float, noise: Noise, iterations: int = 10, shutter=None

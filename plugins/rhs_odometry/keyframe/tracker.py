@@ -23,9 +23,10 @@ from .surface import surfaces
 
 @dataclass(frozen=True, eq=False)
 class PreparedView:
-    """One image made ready: pyramid of its gray picture, its depth in metres, seconds since the one before; how surfaces are
-    fitted to the depth; its noise beside what is told."""
+    """One observation made ready: pyramid of its gray picture, its depth in metres, seconds since the one before; how
+    surfaces are fitted to the depth; its noise beside what is told."""
 
+    observation: Observation
     picture: list[np.ndarray]
     depth: np.ndarray
     interval_s: float
@@ -61,8 +62,8 @@ class Tracker:
         self._stamp = observation.stamp_s
         picture = tracks.pyramid(tracks.gray(observation.image))
         depth = np.asarray(observation.depth, np.float32)
-        return PreparedView(picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0, self._advanced.surface,
-                            observation.depth_times)
+        return PreparedView(observation, picture, depth, interval_s if 0.0 < interval_s < 1.0 else 1.0,
+                            self._advanced.surface, observation.depth_times)
 
     def follow(self, look: PreparedView, guess: np.ndarray) -> PoseFit:
         """Follow the points into the view from a guess of its map_from_camera, and fit its pose: by their patches alone
@@ -143,7 +144,7 @@ class Tracker:
 
     def seeable(self, look: PreparedView) -> int:
         """Number of corners with known depth in the view: what one could begin with."""
-        pixels = tracks.corners(look.picture[0], self.pixels, count=100, spacing_px=self._spacing)
+        pixels = tracks.corners(look.picture[0], np.zeros((0, 2), np.float32), count=100, spacing_px=self._spacing)
         return int(np.isfinite(look.depth_at(pixels)).sum())
 
     @property
