@@ -223,7 +223,7 @@ class Explorer(Sentinel):
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         """What was touched goes into the map; frontiers looked at in vain are not looked at again."""
-        self.low.votes = np.maximum(self.low.votes, self.watch.low_on_map() * (self.contacts > 0))
+        self.low.votes = np.maximum(self.low.votes, self.watch.below.votes * (self.contacts > 0))
         goal_m = np.array(self.book.missions[-1].goal_m)
         if self.book.missions[-1].place == HOME and status is not MissionStatus.ARRIVED:
             self.stop += f"; home not reached: {reason}"

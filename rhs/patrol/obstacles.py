@@ -10,7 +10,6 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
 
-FINER = 2  # a thing is kept in cells so many times smaller than the map's: gaps beside it are hardly wider than the robot
 NEAR_WALL_M, NEAR_WALL_PER_M = 0.12, 0.05  # a hit this near a wall is the wall: map and belief, and 3 degrees of heading
 
 
@@ -35,9 +34,9 @@ def in_map(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
 class ObstacleWatch:
     """Compares scans with the finished map and keeps what the map does not know until it is seen through or forgotten.
 
-    A cell, half as wide as the map's, counts as an obstacle when beams ended in it in at least `confirm` views, less those
-    whose beams went through, the map calls it free, and no wall of the map lies near. Near grows with the distance of the
-    hit up to `tolerance_m`, as the belief's error of heading moves it: a box beside a wall is told from it from near.
+    A cell counts as an obstacle when beams ended in it in at least `confirm` views, less those whose beams went through, the
+    map calls it free, and no wall of the map lies near. Near grows with the distance of the hit up to `tolerance_m`, as the
+    belief's error of heading moves it: a box beside a wall is told from the wall when the robot comes near.
     """
 
     def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, confirm: int = 2,
@@ -53,10 +52,9 @@ class ObstacleWatch:
         self._walls_m = grid.centres(np.argwhere(walls))
         gap_cells = distance_transform_edt(~walls) if walls.any() else np.full(grid.shape, np.inf)
         self.gap_m = np.where(free, gap_cells * grid.resolution_m, 0.0)  # to the nearest wall; 0 where nothing is known
-        shape, self.step_m = (FINER * grid.shape[0], FINER * grid.shape[1]), grid.resolution_m / FINER
-        self.at_eye, self.below = (Votes(shape, self.step_m, grid.origin_m, settings) for _ in range(2))
+        self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
         # of each: when a beam of it last passed a cell or ended there; one at eye height says nothing of what lies lower
-        self.seen_s = np.full((2, *shape), -np.inf)
+        self.seen_s = np.full((2, *grid.shape), -np.inf)
 
     def forget(self) -> None:
         """A new mission begins with the map as surveyed."""
@@ -104,19 +102,12 @@ class ObstacleWatch:
     def bump(self, points_m: np.ndarray) -> None:
         """Something was touched at these map points (K, 2)."""
         points = points_m[self.unknown(points_m)]
-        cells = np.floor((points[:, ::-1] - np.array(self.grid.origin_m)[::-1]) / self.step_m).astype(int)
+        cells = self.grid.cells(points)
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.seen_s[1, cells[:, 0], cells[:, 1]] = np.inf
 
     @property
-    def things_m(self) -> np.ndarray:
-        """(K, 2) metres in the map: the middles of the cells where something stands that the map does not know."""
-        rows, columns = np.nonzero((self.at_eye.votes >= self.least_votes) | (self.below.votes >= self.least_votes))
-        middles: np.ndarray = (np.stack([columns, rows], axis=1) + 0.5) * self.step_m + np.array(self.grid.origin_m)
-        return middles
-
-    def low_on_map(self) -> np.ndarray:
-        """(H, W) the most votes of the layer below the camera in each cell of the map."""
-        rows, columns = self.grid.shape
-        most: np.ndarray = self.below.votes.reshape(rows, FINER, columns, FINER).max(axis=(1, 3))
-        return most
+    def cells(self) -> np.ndarray:
+        """(H, W) bool: where something stands that the map does not know."""
+        cells: np.ndarray = (self.at_eye.votes >= self.least_votes) | (self.below.votes >= self.least_votes)
+        return cells

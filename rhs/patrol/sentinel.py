@@ -239,7 +239,8 @@ class Sentinel:
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += 1
         mission = self.book.missions[-1]
-        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), things_m=self._known_things(pose),
+        things = self._near_things(pose) if self.barred else np.zeros((0, 2))
+        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things,
                                squeeze=self.guard.sees)
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
@@ -247,32 +248,30 @@ class Sentinel:
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
 
-    def _known_things(self, pose: np.ndarray) -> np.ndarray:
-        """(K, 2) what stands where the map knows nothing, metres in the map; for a robot without room also what it has seen
-        round itself lately. Where things move, what it has not looked at for a while may have gone."""
-        if not self.barred:
-            return self.watch.things_m
+    def _near_things(self, pose: np.ndarray) -> np.ndarray:
+        """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map. Where things
+        move, what it has not looked at for a while may have gone."""
         lately_s = self.settings.advanced.guard.fade_s if self.guard.moves else np.inf
         points = in_map(self.guard.around.things(lately_s), pose)
-        near = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
-        return np.concatenate([self.watch.things_m, near])
+        near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
+        return near
 
     def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
-        """A robot too near to things to set off goes back a little, then ignores what may be hidden behind low ones.
-        Where something seen bars every way, ask the replan part. Else, or if it wants to go on: forget what was seen and
-        look again once; then give the place up, with the planner's reason."""
+        """A robot that stands too near to things to set off goes back a little. Where something seen bars every way, ask the
+        replan part. Else, or if it wants to go on: forget what was seen and look again once; then give the place up, with
+        the planner's reason."""
         if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
-        if self.barred and self.guard.around.lift_shadows():
-            return Twist(0.0, 0.0, WAIT_S)
-        seen = self._known_things(pose)
+        seen = self.grid.centres(np.argwhere(self.watch.cells))
+        if self.barred:
+            seen = np.concatenate([seen, self._near_things(pose)])
         if len(seen):
             mission = self.book.current
             command = self._answer(self._told(self._in_the_way(seen, pose), known=True, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
-        if len(self.watch.things_m) and not self.looked_again and self.attempts < self.settings.tries:
+        if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
             self.watch.forget()
             self.look_again = list(LOOK_AGAIN_TURNS)
@@ -284,18 +283,19 @@ class Sentinel:
     def _in_the_way(self, seen_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """(2,) that of the things seen (K, 2) which bars the way that the map alone leaves."""
         way = self.roads.plan(pose[:2], np.array(self.book.missions[-1].goal_m), squeeze=self.guard.sees,
-                              things_m=np.zeros((0, 2)))
+                              obstacles=np.zeros(self.grid.shape, bool), things_m=np.zeros((0, 2)))
         return first_on_way(way, seen_m, pose[:2], self.radius_m + self.settings.margin_m)
 
     def _blockage(self, pose: np.ndarray) -> Blockage | None:
         """What the map does not know and stands on the path ahead."""
-        where = self.watch.things_m
-        if not len(where):
+        obstacles = self.watch.cells
+        if not obstacles.any():
             return None
         assert self.path is not None
         ahead = ahead_on_path(self.path.points_m, pose[:2], self.settings.watch_m)
+        where = self.grid.centres(np.argwhere(obstacles))
         gaps = np.linalg.norm(where[:, None, :] - ahead[None, :, :], axis=2).min(axis=1)
-        hits = where[gaps < self.roads.tight_m]
+        hits = where[gaps < self.radius_m + self.settings.margin_m - 0.5 * self.grid.resolution_m]
         if len(hits) == 0:
             return None
         known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)

@@ -15,7 +15,6 @@ THING = 0.75  # votes from which a cell holds a thing: one beam that ended there
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
 SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
-SHADOW_M = np.arange(11) * CELL_M  # behind the face of a low thing: so deep it may be, or another stands there
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
@@ -84,8 +83,6 @@ class Surroundings:
             self._saw(cells)
             if layer is self.below:
                 self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
-        if obstacle is not None:
-            self._shade(obstacle, low_only(obstacle, scan))
         self._stand()
 
     def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
@@ -116,27 +113,6 @@ class Surroundings:
         if len(came) >= CAME_CELLS:
             self.moved_s = self.now_s
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
-
-    def _shade(self, obstacle: Scan, low: np.ndarray) -> None:
-        """Hold the ground behind the faces of low things, where the beams (N,) bool end, for taken until the floor is seen
-        there: a robot that drives round one is too near to its far side to see it when it turns its camera there."""
-        reach_m = obstacle.ranges_m[low, None] + SHADOW_M
-        angles = obstacle.bearings_rad[low, None]
-        ends = np.stack([reach_m * np.cos(angles), reach_m * np.sin(angles)], axis=-1) + obstacle.origin_xy_m
-        cells = self._cells((ends.reshape(-1, 2) @ self.pose[:2, :2].T) + self.pose[:2, 3]).reshape(*ends.shape)
-        faces = cells[:, 0]
-        behind = cells[self.below.votes[faces[:, 0], faces[:, 1]] >= SPECK_VOTES, 1:].reshape(-1, 2)
-        unseen = np.isneginf(self.below_s[behind[:, 0], behind[:, 1]])
-        shaded = self.below.votes[behind[:, 0], behind[:, 1]] == THING  # before; votes of beams never come to this
-        rows, columns = behind[unseen | shaded].T
-        self.below.votes[rows, columns] = THING
-        self.below_s[rows, columns] = self.seen_s[rows, columns] = self.now_s
-
-    def lift_shadows(self) -> bool:
-        """Whether ground was held for taken only because it is hidden behind low things; it no longer is."""
-        shaded = self.below.votes == THING
-        self.below.votes[shaded] = 0.0
-        return bool(shaded.any())
 
     @property
     def moves(self) -> bool:

@@ -20,10 +20,8 @@ PLACES = (("a", 4.0, 1.0), ("b", 7.0, 4.0), ("c", 4.0, 7.0), ("home", 1.0, 1.0))
 def patrol(world: Flatland, *, localiser=None, settings=None, limit=2000):
     grid = world.grid()
     oracle = Oracle(world)
-    given = parts(localiser or oracle)
-    given.planner.corners = False
-    sentinel = Sentinel(given, grid, (), places=world.facts.places, radius_m=world.radius,
-                        settings=settings or MissionSettings())
+    sentinel = Sentinel(parts(localiser or oracle), grid, (), places=world.facts.places,
+                        radius_m=world.radius, settings=settings or MissionSettings())
     out = []
     for step in steps(world, Through(world.camera), oracle, sentinel):
         out.append(step)
@@ -50,7 +48,7 @@ def test_an_unknown_obstacle_costs_one_mission_and_the_way_round():
     assert [m.status for m in sentinel.book.missions] == ["aborted", "arrived", "arrived", "arrived", "arrived"]
     assert sentinel.book.missions[0].place == sentinel.book.missions[1].place == "a"
     assert not any(step.collided for step in out)
-    assert not len(sentinel.watch.things_m), "the next mission starts with the map as surveyed"
+    assert not sentinel.watch.cells.any(), "the next mission starts with the map as surveyed"
 
 
 def test_a_place_that_cannot_be_reached_is_given_up_with_its_reason_and_the_patrol_goes_on():
