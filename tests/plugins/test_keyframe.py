@@ -177,7 +177,8 @@ def test_a_hand_that_drifted_further_than_patches_reach_knows_by_key_points_wher
                     if torn else edge for edge, torn in zip(frames.edges, apart, strict=True)]
     for k, pose in enumerate(poses[16:], 16):
         odometry.update(observe(HAND, pose, TEXTURES, k))
-    assert max(settled_errors_deg(odometry, poses)) < 1.2
+    *others, torn = sorted(settled_errors_deg(odometry, poses))
+    assert max(others) < 0.6 and torn < 1.2  # the view at which the map was torn hangs on both halves
 
 
 def test_a_camera_in_the_hand_says_that_it_is_lost_until_it_is_found():
