@@ -13,9 +13,10 @@ LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pybullet", "o
 
 @cache
 def versions() -> str:
-    """`name=version` of the libraries that can change a number."""
+    """`name=version` of the libraries that can change a number, and `vectors`: they choose their inner loops by it."""
     known = [("python", platform.python_version()), ("rhs", _version("rhs"))]
     known += [(name, _version(name)) for name in LIBRARIES]
+    known += [("vectors", _vectors())]
     return " ".join(f"{name}={number}" for name, number in known)
 
 
@@ -30,6 +31,15 @@ def commit() -> str:
         return subprocess.run(words, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return ""
+
+
+def _vectors() -> str:
+    """The widest vector unit of the processor by name, `unknown` where Linux does not tell."""
+    try:
+        flags = set(Path("/proc/cpuinfo").read_text().partition("flags")[2].partition("\n")[0].split())
+    except OSError:
+        flags = set()
+    return next((name for name in ("avx512f", "avx2", "avx", "sse2") if name in flags), "unknown")
 
 
 def _version(name: str) -> str:

@@ -131,7 +131,8 @@ def _golden(chosen: argparse.Namespace) -> int:
     with contextlib.chdir(folder):
         configs = {name: compose_config([str(word) for word in typed]) for name, typed in words.items()}
         now = again(configs, chosen.jobs)
-    kept = {name: {column: row[column] for column in row if not machine_dependent(column) and column not in LEFT_OUT}
+    kept = {name: {column: row[column] for column in row
+                   if (not machine_dependent(column) or column == "versions") and column not in LEFT_OUT}
             for name, row in now.items()}
     if chosen.update:
         for name, row in kept.items():
@@ -167,9 +168,18 @@ def _compare(before: Mapping[str, Mapping[str, object]], now: Mapping[str, Mappi
         worst = max([worst, *(one.share for one in found)])
         sys.stdout.write(f"{name}: {kind}, {columns - len(found)} of {columns} columns equal\n")
         sys.stdout.writelines(f"  {line}\n" for line in _lines(found))
+        if found and (others := _made_otherwise(str(row.get("versions") or ""), str(now[name].get("versions") or ""))):
+            sys.stdout.write(f"  {others}\n")
     told = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     sys.stdout.write(f"{len(before)} runs: {told}\n")
     return 3 if worst > tolerance else 0
+
+
+def _made_otherwise(before: str, now: str) -> str:
+    """Which versions (`name=version ...`) differ; empty where none does or those of before are not known."""
+    was, is_ = before.split(), now.split()
+    gone, here = ([one for one in these if one not in those] for these, those in ((was, is_), (is_, was)))
+    return f"made with {' '.join(gone)}; here {' '.join(here)}" if gone and here else ""
 
 
 def _lines(found: Sequence[Difference]) -> Iterator[str]:

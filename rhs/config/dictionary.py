@@ -52,7 +52,7 @@ RUN = _rows(
     ("config_hash", "", "10 hex digits of task, kinds it needs, their settings, world and seed"),
     ("plugins", "", "plugins registered by hand, with their files' names and hashes"),
     ("commit", "", "git commit of the checkout, + with changes"),
-    ("versions", "", "versions of Python and of the libraries that can change a number"),
+    ("versions", "", "versions of Python and of the libraries that can change a number; vectors: the processor's"),
     ("renderer", "", "what drew the views of a simulated run"),
     ("scale_from", "", "what fixes the scale of the odometry: depth, wheel, or a plugin's own words"),
     ("lost", "", "what was lost of a damaged recording"),

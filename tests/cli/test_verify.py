@@ -51,9 +51,10 @@ def test_the_same_again_is_equal_and_what_was_changed_is_named(sweep, capfd):
     out = capfd.readouterr().out
     assert "3 runs: 2 equal, 1 within 1e-6" in out and "ate_rmse_m: " in out and "1e-09 of it" in out
     assert main([str(sweep), "--jobs", "1", "--tolerance", "1e-6"]) == 0
-    change(one, missions=7)
+    change(one, missions=7, versions="python=2.7 numpy=1.0 vectors=mmx")
     assert main([str(one.parent), "--jobs", "1", "--tolerance", "1e-6"]) == 3
-    assert "missions: 7 -> 2" in capfd.readouterr().out
+    out = capfd.readouterr().out
+    assert "missions: 7 -> 2" in out and "made with python=2.7 numpy=1.0 vectors=mmx; here python=3" in out
     for path, text in kept.items():
         path.write_text(text)
 
