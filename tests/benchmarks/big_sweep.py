@@ -107,6 +107,8 @@ def main(jobs: int, words: list[str], seconds: float, kill: bool) -> None:
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(__doc__)
     typed = sys.argv[1:]
     long_s = float(typed.pop(typed.index("--for") + 1)) if "--for" in typed else 1e9
     numbers = [int(word) for word in typed if word.isdigit()]

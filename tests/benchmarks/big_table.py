@@ -73,6 +73,8 @@ def main(count: int, columns: int, real: Path | None) -> None:
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(__doc__)
     numbers = [int(word) for word in sys.argv[1:] if word.isdigit()]
     named = [Path(word) for word in sys.argv[1:] if not word.isdigit()]
     main(*(numbers + [100_000, 80][len(numbers):]), real=named[0] if named else None)

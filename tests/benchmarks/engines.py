@@ -141,6 +141,8 @@ def kills(engine: str, jobs: int) -> None:
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(__doc__)
     chosen = [word for word in sys.argv[1:] if not word.startswith("--")]
     number = int(chosen.pop(0)) if chosen and chosen[0].isdigit() else 1000
     for one in chosen or ["process", "dask"]:

@@ -76,6 +76,8 @@ def test_one_of_a_hundred_never_stops_the_other_99(tmp_path, how):
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(__doc__)
     count = int((sys.argv[1:2] or ["100"])[0])
     with tempfile.TemporaryDirectory() as place:
         for harm in HARMS:

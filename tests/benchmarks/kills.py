@@ -148,5 +148,7 @@ def measure(count: int, seed: int) -> dict[str, Counter]:
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(__doc__)
     for kind, found in measure(int((sys.argv[1:2] or ["200"])[0]), int((sys.argv[2:3] or ["0"])[0])).items():
         print(f"{kind:<12} {found['kills']:>4} kills {found['seen']:>4} to be seen {found['lost']:>4} rows lost or changed")

@@ -57,6 +57,8 @@ def judge(name: str, camera, views) -> None:
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(__doc__)
     for seed in range(3):
         judge(f"by hand, seed {seed}", *by_hand(seed))
     if len(sys.argv) == 3:

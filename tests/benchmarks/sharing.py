@@ -64,5 +64,7 @@ def main(planners: int, localisers: int, more: list[str]) -> None:
 
 
 if __name__ == "__main__":
+    if "--help" in sys.argv:
+        sys.exit(__doc__)
     counts = [int(word) for word in sys.argv[1:] if word.isdigit()]
     main(*(counts + [12, 3][len(counts):]), more=[word for word in sys.argv[1:] if "=" in word])
