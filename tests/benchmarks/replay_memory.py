@@ -21,7 +21,7 @@ from pathlib import Path
 import cv2
 from shared import write
 
-SHARED = Path(os.environ.get("RHS_DATA", "/work/shared/data"))
+SHARED = Path(os.environ.get("RHS_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 SAMPLE_S = 0.02
 
 
