@@ -69,7 +69,8 @@ def test_the_wheels_tell_the_room_from_somebody_who_fills_two_thirds_of_the_pict
                 errors.append(np.linalg.norm(log_se3(inverse(ways[0]) @ motion.previous_from_body)[:3]))
             poses = [pose @ way for pose, way in zip(poses, ways, strict=True)]
         worst[wheel is not None] = min(errors), max(errors)
-    assert worst[False][0] > 0.08 and worst[True][1] < 0.06
+    assert worst[True][1] < 0.06
+    assert worst[False][0] > 1.5 * worst[True][1] and worst[False][1] > 0.2  # alone, vision is off in each view
 
 
 def test_turning_to_and_fro_does_not_add_up():
@@ -177,8 +178,7 @@ def test_a_hand_that_drifted_further_than_patches_reach_knows_by_key_points_wher
                     if torn else edge for edge, torn in zip(frames.edges, apart, strict=True)]
     for k, pose in enumerate(poses[16:], 16):
         odometry.update(observe(HAND, pose, TEXTURES, k))
-    *others, torn = sorted(settled_errors_deg(odometry, poses))
-    assert max(others) < 0.6 and torn < 1.2  # the view at which the map was torn hangs on both halves
+    assert max(settled_errors_deg(odometry, poses)) < 1.0
 
 
 def test_a_camera_in_the_hand_says_that_it_is_lost_until_it_is_found():

@@ -194,9 +194,8 @@ class KeyframeOdometry(Odometry):
 
     def _contradicts(self, fit: PoseFit, guess: np.ndarray, wide: np.ndarray) -> bool:
         """Whether the fit is further from the wheels' guess than these err."""
-        move = adjoint(inverse(self._camera.body_from_camera))
         off = log_se3(inverse(guess) @ inverse(fit.camera_from_map))
-        squared = off @ np.linalg.solve(move @ wide @ move.T + fit.covariance, off)
+        squared = off @ np.linalg.solve(self._moved_to_camera(wide) + fit.covariance, off)
         return bool(squared > self._disagrees)
 
     def _trusted(self, fit: PoseFit, followed: int) -> bool:
