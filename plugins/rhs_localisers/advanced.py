@@ -91,10 +91,13 @@ class SiftDbAdvanced(ByPlaces):
     """weight below which a guess is dropped"""
     steady_m: float = 5.0
     """the drift of the odometry keeps its sign for about so long, metres"""
-    pictured_sigma_m: float = 0.08
-    """a map drawn by one camera errs by so much in a stretch, metres (1 sigma), and the scans laid on it err alike: no
-    belief in it is surer (one patrol of random:loop/1 said 0.03 m, the 95th percentile of its errors was 0.18 m)"""
-    pictured_sigma_rad: float = 0.02
+    pictured_share: float = 0.5
+    """a map drawn by one camera errs by this share of what the survey's last view was unsure by before its loop was closed:
+    the most that is left on a closed loop. Scans laid on it err alike: no belief in it is surer"""
+    pictured_sigma_m: float = 0.05
+    """and by so much besides, metres (1 sigma), as does each place recognised in it. With both 0.1 % of the views of patrols
+    in 24 drawn buildings were further off than three sigmas, in one of them; 0.9 % in three with 0.08 m for all"""
+    pictured_sigma_rad: float = 0.015
     """the same of the heading, radians"""
     pictured: MatchSettings = field(
         default_factory=lambda: MatchSettings(range_max_m=3.0, sigma_m=0.12, trust=0.03, floor_m=0.12))
@@ -104,7 +107,7 @@ class SiftDbAdvanced(ByPlaces):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_ranges("", self, gate_probability=(0.5, 1.0 - 1e-12), keep=(1, 10_000), floor=(0.0, 0.5), steady_m=(0.0, 1e4),
-                     pictured_sigma_m=(0.0, 10.0), pictured_sigma_rad=(0.0, 3.0))
+                     pictured_share=(0.0, 10.0), pictured_sigma_m=(0.0, 10.0), pictured_sigma_rad=(0.0, 3.0))
 
 
 @dataclass

@@ -57,7 +57,8 @@ class PlaceLocaliser:
         self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
         self._matcher: ScanMatcher | None = None  # ... and, if that is wished, to correct the belief by
         self._steps = 0
-        self._of_map = np.zeros((6, 6))  # covariance of a map drawn by one camera, which no fix in it takes away
+        self._of_fix = np.zeros((6, 6))  # what a place lifted on pictures errs by besides what its key-points say ...
+        self._of_map = np.zeros((6, 6))  # ... and covariance of a map drawn by one camera, which no fix in it takes away
         self._contradicted = False
         self._last = np.eye(4)
         self._watching = ContinuityWatch(context.features, None, a.continuity, smooth_share=a.smooth_share)
@@ -71,6 +72,9 @@ class PlaceLocaliser:
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)
         pictured = any(view.motion.scan_measured for view in views)
+        if pictured:
+            self._of_fix = flat(a.pictured_sigma_m**2, a.pictured_sigma_rad**2)
+            self._of_map = self._of_fix + left_on_loop(views[-1].covariance, a.pictured_share)
         self._walls = ScanMatcher(grid, a.pictured if pictured else a.match) if grid is not None else None
         self._watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
         self._matcher = self._walls if self._settings.match_every > 0 else None
@@ -97,8 +101,6 @@ class PlaceLocaliser:
         self._watch(observation, motion)
         details: dict[str, float] = {}
         scan = observation.scan if observation.scan is not None else motion.scan
-        if motion.scan_measured:
-            self._of_map = np.diag([s.advanced.pictured_sigma_m**2] * 2 + [0.0] * 3 + [s.advanced.pictured_sigma_rad**2])
         if self._due():
             answer = self._ask(observation)
             self._use_places(possible(answer, self._walls, s.advanced.confirmation), observation, scan)
@@ -128,7 +130,8 @@ class PlaceLocaliser:
                 self._state = silent(self._state, self._advanced.places.explain.silence, self._trust)
         else:
             weights = shares(places, self._advanced.places)
-            claims = [PlaceFix(r.map_from_body, r.covariance, float(w)) for r, w in zip(places, weights, strict=True)]
+            claims = [PlaceFix(r.map_from_body, r.covariance + self._of_fix, float(w))
+                      for r, w in zip(places, weights, strict=True)]
             self._contradicted = not confirms(self._state, claims, self._trust)
             strong = places[0].score >= self._advanced.confirmation.strong
             if not self._accepts(claims, strong, scan):
@@ -192,6 +195,18 @@ class PlaceLocaliser:
         if weight >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
             return BeliefStatus.TRACKING
         return BeliefStatus.CONVERGING if weight >= self._settings.lost_below else BeliefStatus.LOST
+
+
+def left_on_loop(at_end: np.ndarray, share: float) -> np.ndarray:
+    """(6, 6) of a map whose loop was closed, from that of the survey's last view before: halfway round half of its deviation
+    is left (Brownian bridge)."""
+    return flat(share**2 * 0.5 * (at_end[0, 0] + at_end[1, 1]), share**2 * at_end[5, 5])
+
+
+def flat(place_m2: float, turn_rad2: float) -> np.ndarray:
+    """(6, 6) of a pose on the floor, alike in all directions."""
+    out: np.ndarray = np.diag([place_m2, place_m2, 0.0, 0.0, 0.0, turn_rad2])
+    return out
 
 
 def _inliers(answer: PlaceAnswer) -> float:

@@ -36,6 +36,7 @@ def main() -> int:
     parser.add_argument("--families", nargs="+", default=list(FAMILIES))
     parser.add_argument("--seeds", default="0-9", help="first-last, both included")
     parser.add_argument("--out", type=Path, default=Path("runs/one_eye"))
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=1800.0, help="seconds for one run")
     parser.add_argument("words", nargs="*", help="key=value words of a run")
     options = parser.parse_intermixed_args()
@@ -43,7 +44,7 @@ def main() -> int:
     words = ["sensor=mono", f"world={','.join(f'random:{family}' for family in options.families)}",
              f"seed=range({int(first)},{int(last or first) + 1})", *options.words]
     command = [sys.executable, "-m", "rhs", "-m", *words, f"output={options.out}", "recording=off", "pictures=off",
-               f"--timeout={options.timeout:g}"]
+               f"--jobs={options.jobs}", f"--timeout={options.timeout:g}"]
     resume = ["--resume"] if (options.out / "sweep.json").exists() else []
     subprocess.run([*command, *resume], check=False)
     folders = [path.parent for path in sorted(options.out.glob("*/row.json"))]

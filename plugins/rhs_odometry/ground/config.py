@@ -46,6 +46,15 @@ class StixelSettings:
     """a pixel that no other view shows counts as so different, grey levels"""
     floor_cost: float = 1.0
     """a pixel taken for floor costs so much more than one of a wall, grey levels: floor has to be shown"""
+    low: float = 10.0
+    """a low thing with something further away seen above it costs so much more, grey levels"""
+    low_each: float = 0.75
+    """and each of its pixels so much more: of what stands lower than the camera, in eleven drawn buildings with boxes, 76 %
+    were seen and 5.2 % overlooked; 74 and 6.8 % without low things"""
+    low_m: float = 0.2
+    """it is no lower than this above its foot, metres"""
+    behind: float = 0.25
+    """and what is seen above it is further away by at least this share"""
     above_m: float = 1.2
     """things are no higher above the camera than this, metres"""
     colour: float = 2.0
@@ -134,6 +143,9 @@ class GroundMsckf:
     """pitch and roll of a view (1 sigma): wheels on an ordinary floor"""
     drift_rad_per_rad: float = 0.015
     """heading lost besides what the filter knows, share of the turn (1 sigma)"""
+    drift_spot: float = 0.01
+    """and of a turn on the spot, where nothing has a depth, radians per root radian (1 sigma): 220 stretches of 40 views in
+    24 drawn buildings lost 0.006 square degrees of heading per degree turned on the spot, 0.001 on an arc"""
     drift_rad_per_m: float = 0.005
     """and per metre driven, radians per root metre (1 sigma)"""
     drift_m_per_m: float = 0.02
@@ -151,8 +163,8 @@ class GroundMsckf:
         check_choice(owner, "motion", self.motion, ("command", "wheel"))
         check_ranges(owner, self, motion_scale_sigma=(1e-4, 1.0), forward_noise=(1e-4, 1.0), turn_noise=(1e-4, 1.0),
                      height_share=(1e-5, 1.0), wobble_sigma_deg=(1e-3, 30.0), drift_rad_per_rad=(0.0, 1.0),
-                     drift_rad_per_m=(0.0, 1.0), drift_m_per_m=(0.0, 1.0), window=(5, 40), pixel_sigma_px=(0.05, 20.0),
-                     points=(20, 400))
+                     drift_spot=(0.0, 1.0), drift_rad_per_m=(0.0, 1.0), drift_m_per_m=(0.0, 1.0), window=(5, 40),
+                     pixel_sigma_px=(0.05, 20.0), points=(20, 400))
 
     def build(self, context: Context) -> Odometry:
         from .odometry import build_ground_msckf

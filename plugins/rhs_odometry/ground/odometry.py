@@ -86,11 +86,12 @@ class GroundOdometry(Odometry):
             self._stixels.forget(len(self._poses) - self._settings.advanced.stixels.oldest)
         scan = self._stixels.scan(len(self._poses) - 1, self._poses)
         if before is None:
-            self._ledger.motion(clones[-1], self._drift.covariance(np.eye(4), self._filter))
+            self._ledger.motion(clones[-1], self._filter.state.pose_covariance()[:3, :3])
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view", scan=scan, scan_measured=scan is not None,
                           details=self._details(frame, stands))
         motion = orthonormal(inverse(pose) @ self._pose())
-        covariance = self._ledger.motion(clones[-1], self._drift.covariance(motion, self._filter))
+        covariance = self._ledger.motion(clones[-1], self._filter.state.pose_covariance()[:3, :3])
+        covariance = covariance + self._drift.covariance(motion)
         status, reason = self._status(frame)
         return Motion(motion, embed(covariance), status, reason, scan=scan, scan_measured=scan is not None,
                       details=self._details(frame, stands))
@@ -126,27 +127,20 @@ class GroundOdometry(Odometry):
 
 
 class Drift:
-    """What is lost on the way besides what the filter knows: errors of its points go together along their tracks, and each
-    linearisation lets it believe in a little more heading than anybody saw (Huang, Mourikis and Roumeliotis 2010)."""
+    """What is lost in a step besides what the filter knows: errors of its points go together along their tracks, and each
+    linearisation lets it believe in a little more heading than anybody saw (Huang, Mourikis and Roumeliotis 2010). No view
+    takes it back: whoever adds motions up from a place that he knows again loses it anew."""
 
     def __init__(self, settings: GroundMsckf) -> None:
         self._settings = settings
-        self._lost = np.zeros((3, 3))  # of the pose in the map, x, y, yaw
 
-    def covariance(self, motion: np.ndarray, core: CorridorFilter) -> np.ndarray:
-        """(3, 3) of the present pose in the map. motion (4, 4): since the view before."""
+    def covariance(self, motion: np.ndarray) -> np.ndarray:
+        """(3, 3) of one (4, 4) motion, x, y, yaw along its own axes."""
         s = self._settings
-        x, y, yaw = core.state.clones[-1, :3]
-        step = motion[:2, 3]
-        turn = float(np.arctan2(motion[1, 0], motion[0, 0]))
-        before = yaw - turn
-        dx, dy = np.cos(before) * step[0] - np.sin(before) * step[1], np.sin(before) * step[0] + np.cos(before) * step[1]
-        carry = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-        way = float(np.hypot(dx, dy))
-        more = np.diag([s.drift_m_per_m**2 * way] * 2 + [s.drift_rad_per_m**2 * way + (s.drift_rad_per_rad * turn) ** 2])
-        self._lost = carry @ self._lost @ carry.T + more
-        own: np.ndarray = core.state.pose_covariance()[:3, :3] + self._lost
-        return own
+        turned, way_m = abs(float(np.arctan2(motion[1, 0], motion[0, 0]))), float(np.hypot(*motion[:2, 3]))
+        on_the_spot = s.drift_spot**2 * turned if way_m < s.advanced.stixels.pivot_m else 0.0
+        heading = s.drift_rad_per_m**2 * way_m + (s.drift_rad_per_rad * turned) ** 2 + on_the_spot
+        return np.diag([s.drift_m_per_m**2 * way_m] * 2 + [heading])
 
 
 def standing(before: TrackFrame, now: TrackFrame, camera: Camera, advanced: GroundMsckfAdvanced) -> bool:

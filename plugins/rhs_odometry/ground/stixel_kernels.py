@@ -57,23 +57,22 @@ def column_costs(now, others, poses, bearings, slopes, eye_m, ranges, extra, lim
 
     now (B, T) float32, NaN where nothing is shown; others (K, B, T) from poses (K, 3) x, y, yaw of those cameras seen from
     this one; extra (B, T): what a pixel costs besides as floor; limits: cap, unknown (grey levels), top (height in metres
-    above which nothing is compared)."""
+    above which nothing is compared), and what a low thing (`_over`) costs: grey levels once and per pixel, least height in
+    metres, least share by which what is behind it is further away."""
     beams, rows = now.shape
-    cap, unknown, top = limits
+    cap, unknown, top = limits[:3]
     per_beam, per_row = bearings[1] - bearings[0], slopes[1] - slopes[0]
     floor, compared = np.zeros((beams, rows)), np.zeros((beams, rows))
     _floor(now, others, poses, bearings, slopes, eye_m, cap, unknown, floor, compared)
     pairs = np.zeros((beams, len(ranges)))
     costs, total, count = np.zeros((beams, len(ranges))), np.zeros(rows), np.zeros(rows)
-    below, shared = np.zeros(rows + 1), np.zeros(rows + 1)
+    upright, shared = np.zeros((len(ranges), rows)), np.zeros((len(ranges), rows))
+    feet = np.zeros(len(ranges), np.int64)
     for i in range(beams):
-        for j in range(rows):
-            shown = now[i, j] == now[i, j]
-            below[j + 1] = below[j] + (floor[i, j] + extra[i, j] if shown else 0.0)
-            shared[j + 1] = shared[j] + (compared[i, j] if shown else 0.0)
         for z in range(len(ranges)):
             foot = min(max(int(np.ceil((-eye_m / ranges[z] - slopes[0]) / per_row)), 0), rows)
             end = min(max(int(np.floor(((top - eye_m) / ranges[z] - slopes[0]) / per_row)) + 1, foot), rows)
+            feet[z] = foot
             total[:] = 0.0
             count[:] = 0.0
             for k in range(len(others)):
@@ -94,14 +93,43 @@ def column_costs(now, others, poses, bearings, slopes, eye_m, ranges, extra, lim
                     if off == off:
                         total[j] += min(off, cap)
                         count[j] += 1.0
-            cost, pairs[i, z] = below[foot], shared[foot]
-            for j in range(foot, rows):
-                if now[i, j] == now[i, j]:
-                    both = j < end and count[j] > 0.0
-                    cost += total[j] / count[j] if both else unknown
-                    pairs[i, z] += 1.0 if both else 0.0
-            costs[i, z] = cost
+            for j in range(rows):
+                shown = now[i, j] == now[i, j]
+                both = shown and j < end and count[j] > 0.0
+                if j < foot:
+                    upright[z, j] = floor[i, j] + extra[i, j] if shown else 0.0
+                    shared[z, j] = compared[i, j] if shown else 0.0
+                else:
+                    upright[z, j] = (total[j] / count[j] if both else unknown) if shown else 0.0
+                    shared[z, j] = 1.0 if both else 0.0
+        _over(upright, shared, feet, ranges, slopes, limits[3:], costs[i], pairs[i])
     return costs, pairs
+
+
+@compiled
+def _over(upright, shared, feet, ranges, slopes, low, costs, pairs):
+    """Costs (R,) of a column, and its pixels compared (R,): either one thing that fills it from its foot on, or a low one
+    with something further away, of whatever cost is least, seen above it. upright, shared (R, T): cost and number of each
+    pixel under each distance; feet (R,): their first row that is not floor."""
+    many, rows = upright.shape
+    once, each, least_m, further = low
+    least, seen, behind = np.full(rows + 1, np.inf), np.zeros(rows + 1), many  # of what is behind, from each row on
+    for z in range(many - 1, -1, -1):
+        while behind > 0 and ranges[behind - 1] >= ranges[z] * (1.0 + further):
+            behind -= 1
+            cost, number = 0.0, 0.0
+            for j in range(rows - 1, -1, -1):
+                cost, number = cost + upright[behind, j], number + shared[behind, j]
+                if cost < least[j]:
+                    least[j], seen[j] = cost, number
+        costs[z], pairs[z] = upright[z].sum(), shared[z].sum()
+        cost, number = 0.0, 0.0
+        for j in range(rows):
+            high = j > feet[z] and (slopes[j] - slopes[feet[z]]) * ranges[z] >= least_m
+            if high and cost + least[j] + once < costs[z]:
+                costs[z], pairs[z] = cost + least[j] + once, number + seen[j]
+            cost += upright[z, j] + (each if j >= feet[z] else 0.0)
+            number += shared[z, j]
 
 
 @compiled

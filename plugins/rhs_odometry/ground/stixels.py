@@ -53,7 +53,8 @@ class Stixels:
         seen_from = np.array([self._from(poses[view], poses[k]) for k in others]).reshape(-1, 3)
         eye_m = self.round.eye_m
         costs, pairs = column_costs(now, there, seen_from, self.round.bearings_rad, self.round.slopes, eye_m, self._ranges,
-                                    extra, (s.cap, s.unknown, eye_m + s.above_m))
+                                    extra,
+                                    (s.cap, s.unknown, eye_m + s.above_m, s.low, s.low_each, s.low_m, s.behind))
         costs = cv2.blur(costs, (1, AROUND))
         best = smoothest(costs, s.bend, s.leap)
         ranges, clear = self._ranges[best], self._clearness(costs, best)
