@@ -18,6 +18,7 @@ from rhs.testing.checks import check_plugin
 from rhs.testing.room import FURNISHED, context, ranges
 from rhs_odometry.ground.config import GroundMsckf, StixelSettings
 from rhs_odometry.ground.odometry import Drift, ground_filter, halted, standing
+from rhs_odometry.ground.stixel_kernels import _over
 from rhs_odometry.ground.stixels import Stixels
 from rhs_odometry.tracks.track_frames import TrackFrame
 
@@ -74,16 +75,35 @@ def test_identical_pictures_mean_no_motion_whatever_was_commanded() -> None:
     assert np.abs(core.state.clones[-1, :3]).max() < 1e-9
 
 
-def test_what_is_lost_besides_grows_as_a_random_walk_and_turns_to_the_side() -> None:
-    settings = replace(GroundMsckf(), drift_rad_per_rad=0.0, drift_rad_per_m=0.01, drift_m_per_m=0.02)
-    core = ground_filter(settings, CAMERA, np.zeros(3))
-    drift, way = Drift(settings), np.zeros((3, 3))
-    for _ in range(100):
-        core.state.clones[-1, 0] += 0.1
-        way = drift.covariance(se2(0.1, 0.0, 0.0), core) - core.state.pose_covariance()[:3, :3]
-    assert way[2, 2] == pytest.approx(0.01**2 * 10.0)
-    assert way[0, 0] == pytest.approx(0.02**2 * 10.0)
-    assert way[1, 1] == pytest.approx(0.02**2 * 10.0 + 0.01**2 * 10.0**3 / 3.0, rel=0.03)
+def test_what_is_lost_in_a_step_grows_with_way_and_turn_and_most_on_the_spot() -> None:
+    drift = Drift(replace(GroundMsckf(), drift_rad_per_rad=0.0, drift_rad_per_m=0.01, drift_m_per_m=0.02, drift_spot=0.1))
+    on, arc, spot = (drift.covariance(se2(*motion)) for motion in ((0.1, 0, 0), (0.1, 0, 0.2), (0, 0, 0.2)))
+    assert on[2, 2] == pytest.approx(0.01**2 * 0.1) and on[0, 0] == pytest.approx(0.02**2 * 0.1)
+    assert arc[2, 2] == on[2, 2]
+    assert spot[2, 2] == pytest.approx(0.1**2 * 0.2) and spot[0, 0] == 0.0
+
+
+def test_a_step_is_no_surer_than_its_drift_however_sure_the_filter_becomes(tmp_path: Path) -> None:
+    odometry = GroundMsckf().build(replace(context(tmp_path), camera=CAMERA))
+    room, turned = paintings(), 0.11
+    motions = [odometry.update(observe(CAMERA, se2(0.0, 0.0, turned * k), room, room=FURNISHED)) for k in range(12)]
+    assert min(motion.covariance[5, 5] for motion in motions[2:]) > 0.5 * GroundMsckf().drift_spot**2 * turned
+
+
+def test_a_low_thing_before_a_wall_is_nearer_than_the_wall() -> None:
+    slopes, ranges_m = np.linspace(-1.0, 0.5, 16), np.array([1.0, 1.5, 2.5, 4.0])
+    feet = np.searchsorted(slopes, -1.0 / ranges_m)
+    upright = np.full((4, 16), 10.0)
+    for z, foot in enumerate(feet):
+        upright[z, :min(foot, feet[1])] = 0.0  # floor as far as the thing's foot
+    top = feet[1] + 3
+    upright[1, feet[1]:top] = 0.0  # the thing, 1.5 m off, and nothing but the wall behind it above
+    upright[3, top:] = 0.0
+    for once, nearest in ((1.0, 1), (1e6, 3)):
+        costs, pairs = np.zeros(4), np.zeros(4)
+        _over(upright, np.ones((4, 16)), feet, ranges_m, slopes, (once, 0.0, 0.1, 0.25), costs, pairs)
+        assert np.argmin(costs) == nearest
+        assert (pairs == 16.0).all()
 
 
 def test_a_camera_of_unknown_height_is_refused(tmp_path: Path) -> None:
