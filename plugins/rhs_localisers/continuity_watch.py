@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan
+from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan, Tracking
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import features
 from rhs.estimation.views.motion_consistency import Continuity, continuity, scan_continuity, scan_share
@@ -31,6 +31,7 @@ class ContinuityWatch:
     def goes_on(self, observation: Observation, motion: Motion, expected: np.ndarray | None) -> Continuity:
         """Whether this view can be one motion after the last, which put the robot at `expected` (3,), None if unknown.
 
+        One eye's key-points have no depth: there the odometry tells whether it followed enough points from the last view.
         Where the key-points cannot tell, measured scans do: they break where one cannot follow the other, and go on where
         the new one lies on the walls of the map as well. Key-points that break while half of the scan goes on are those of
         somebody who passes close by, and tell nothing."""
@@ -41,6 +42,8 @@ class ContinuityWatch:
             return Continuity.UNKNOWN
         if seen is not Continuity.UNKNOWN:
             return seen
+        if motion.scan_measured and motion.status is Tracking.OK:
+            return Continuity.GOES_ON
         if scan_continuity(scan, self._scan, motion.previous_from_body, self._rules) is Continuity.BROKEN:
             return Continuity.BROKEN
         return Continuity.GOES_ON if self._on_walls(expected) else seen

@@ -90,6 +90,13 @@ def test_a_step_is_no_surer_than_its_drift_however_sure_the_filter_becomes(tmp_p
     assert min(motion.covariance[5, 5] for motion in motions[2:]) > 0.5 * GroundMsckf().drift_spot**2 * turned
 
 
+def test_a_camera_that_was_carried_off_says_so_though_it_has_new_points(tmp_path: Path) -> None:
+    odometry = GroundMsckf().build(replace(context(tmp_path), camera=CAMERA))
+    room, poses = paintings(), [(-1.0, -0.5, 0.3)] * 3 + [(0.5, 0.8, 2.6)]
+    said = [odometry.update(observe(CAMERA, se2(*pose), room, room=FURNISHED)).status for pose in poses]
+    assert said == [Tracking.OK] * 3 + [said[-1]] and said[-1] is not Tracking.OK
+
+
 def test_a_low_thing_before_a_wall_is_nearer_than_the_wall() -> None:
     slopes, ranges_m = np.linspace(-1.0, 0.5, 16), np.array([1.0, 1.5, 2.5, 4.0])
     feet = np.searchsorted(slopes, -1.0 / ranges_m)

@@ -99,6 +99,9 @@ class GroundMsckfAdvanced:
 
     few_tracks: int = 8
     """fewer followed points than this and the view says nothing: lost"""
+    followed_share: float = 0.4
+    """and fewer than this share of those of the last view: degenerate. Of 981 views that went on from the last 1 % had less
+    than 0.46, of 200 that did not 95 % had less than 0.38 (ten drawn buildings)"""
     few_measured: int = 8
     """fewer points measured in the last `measured_views` views: degenerate, only the command is left"""
     measured_views: int = 8
@@ -118,7 +121,7 @@ class GroundMsckfAdvanced:
 
     def __post_init__(self) -> None:
         check_ranges("", self, few_tracks=(0, 10_000), few_measured=(0, 10_000), measured_views=(1, 1000),
-                     still_px=(0.0, 100.0), still_share=(0.0, 1.0), still_points=(1, 10_000),
+                     followed_share=(0.0, 1.0), still_px=(0.0, 100.0), still_share=(0.0, 1.0), still_points=(1, 10_000),
                      least_step_m=(1e-9, 1.0), least_turn_rad=(1e-9, 1.0))
 
 

@@ -74,6 +74,7 @@ class GroundOdometry(Odometry):
     def update(self, observation: Observation) -> Motion:
         frame = self._front.track(observation)
         before, self._before = self._before, frame
+        followed = 0 if before is None else len(common(before, frame)[0])
         stands = before is not None and standing(before, frame, self._camera, self._settings.advanced)
         pose = self._pose()
         self._filter.step(halted(frame) if stands else frame)
@@ -88,13 +89,13 @@ class GroundOdometry(Odometry):
         if before is None:
             self._ledger.motion(clones[-1], self._filter.state.pose_covariance()[:3, :3])
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view", scan=scan, scan_measured=scan is not None,
-                          details=self._details(frame, stands))
+                          details=self._details(followed, stands))
         motion = orthonormal(inverse(pose) @ self._pose())
         covariance = self._ledger.motion(clones[-1], self._filter.state.pose_covariance()[:3, :3])
         covariance = covariance + self._drift.covariance(motion)
-        status, reason = self._status(frame)
+        status, reason = self._status(followed, len(before.ids))
         return Motion(motion, embed(covariance), status, reason, scan=scan, scan_measured=scan is not None,
-                      details=self._details(frame, stands))
+                      details=self._details(followed, stands))
 
     def revise(self) -> Revision | None:
         """Poses as they left the window, and the scans that all views together give."""
@@ -108,19 +109,22 @@ class GroundOdometry(Odometry):
     def _pose(self) -> np.ndarray:
         return se2(*self._filter.state.clones[-1, :3])
 
-    def _status(self, frame: TrackFrame) -> tuple[Tracking, str]:
+    def _status(self, followed: int, of: int) -> tuple[Tracking, str]:
+        """followed: points of the last view found in this one; of: how many it had."""
         advanced = self._settings.advanced
-        if len(frame.ids) < advanced.few_tracks:
-            return Tracking.LOST, f"{len(frame.ids)} points followed, {advanced.few_tracks} needed; went on blindly"
+        if followed < advanced.few_tracks:
+            return Tracking.LOST, f"{followed} points followed, {advanced.few_tracks} needed; went on blindly"
+        if followed < advanced.followed_share * of:
+            return Tracking.DEGENERATE, f"{followed} of {of} points followed, as of a camera that was carried off"
         if len(self._measured) == advanced.measured_views and sum(self._measured) < advanced.few_measured:
             return Tracking.DEGENERATE, (f"{sum(self._measured)} points measured in {advanced.measured_views} views, "
                                          f"{advanced.few_measured} needed; the {self._settings.motion} alone tells the way")
         return Tracking.OK, ""
 
-    def _details(self, frame: TrackFrame, stands: bool) -> dict[str, float]:
+    def _details(self, followed: int, stands: bool) -> dict[str, float]:
         state, tally = self._filter.state, self._filter.tally
         spread = state.pose_covariance()
-        return {"tracks": float(len(frame.ids)), "due": float(tally.due), "on_floor": float(tally.on_walls),
+        return {"tracks": float(followed), "due": float(tally.due), "on_floor": float(tally.on_walls),
                 "free_points": float(tally.free), "refused": float(tally.refused), "scale": float(state.base[SCALE]),
                 "stands": float(stands), "sigma_m": float(np.sqrt(np.trace(spread[:2, :2]))),
                 "sigma_yaw_rad": float(np.sqrt(spread[2, 2]))}
