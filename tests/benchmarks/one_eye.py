@@ -5,8 +5,9 @@
 
 Patrols with `sensor=mono` as tests/benchmarks/buildings.py runs them: killed, it goes on where it stopped when the same
 command is given again. A view is `wrong` when its belief is off by more than three stated sigmas in x, y or heading, and
-by more than 5 cm or 2 degrees; `doubted` when it says so: motion not `ok` or belief not `tracking`. `honest`: all
-reachable places visited, or some view of the patrol was called lost, or a place was given up with a reason. Writes
+by more than 5 cm or 2 degrees; `doubted` when it says so: motion not `ok` or belief not `tracking`. `honest`: it arrived
+wherever it said so, and all reachable places were visited, or some view of the patrol was called lost, or a place was given
+up with a reason. Writes
 one_eye.csv. Seeds below 10000 are for tuning, those from 10000 on for judging only.
 """
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -51,7 +53,7 @@ def main() -> int:
     if not folders:
         sys.stderr.write(f"no rows in {options.out}\n")
         return 1
-    found = [row | said(folder / "steps.csv") for row, folder in zip(rows(options.out), folders, strict=True)]
+    found = [judged(row | said(folder / "steps.csv") | {"arrived": arrivals(folder)}) for row, folder in zip(rows(options.out), folders, strict=True)]
     write(options.out / "one_eye.csv", found)
     sys.stdout.write("\n".join([*table(found), f"command: {' '.join(command[1:])}", f"commit: {commit()}", ""]))
     return 0
@@ -79,6 +81,18 @@ def said(path: Path) -> dict[str, Any]:
     return values
 
 
+def judged(row: dict[str, Any]) -> dict[str, Any]:
+    """The row with what the goals ask: all that can be reached visited, or the truth told about what was not."""
+    every, told = row["visited"] >= row["reachable"], row["lost"] > 0 or bool(row["cause"])
+    return row | {"every": float(every), "honest": float(row["arrived"] <= row["visited"] and (every or told))}
+
+
+def arrivals(folder: Path) -> int:
+    """Places at which the robot said that it had arrived."""
+    path = folder / "missions.json"
+    return sum(mission["status"] == "arrived" for mission in json.loads(path.read_text())) if path.exists() else 0
+
+
 def table(found: list[dict[str, Any]]) -> list[str]:
     """Lines by building and of all."""
     lines = [f"{'building':<28}{'visited':>8}{'of':>4}{'touches':>8}{'ATE m':>8}{'wrong and sure':>15}"
@@ -87,12 +101,17 @@ def table(found: list[dict[str, Any]]) -> list[str]:
         lines.append(f"{row['building']:<28}{row['visited']:>8.0f}{row['reachable']:>4}{row['collisions']:>8.0f}{row['ate_m']:>8.3f}"
                      f"{row['wrong_sure']:>15.3f}{_share(row, 'survey')}{_share(row, 'patrol')}  {row['cause'][:60]}")
     done = [row for row in found if row["status"] == "ok"]
-    every = sum(row["visited"] >= row["reachable"] for row in done)
-    honest = sum(row["visited"] >= row["reachable"] or row["lost"] > 0 or bool(row["cause"]) for row in done)
-    touched = sum(row["collisions"] > 0 for row in done)
+    every, honest = (sum(row[name] for row in done) for name in ("every", "honest"))
+    free = sum(row["collisions"] == 0 for row in done)
     wrong, doubted = (sum(row[f"{phase}_{name}"] for row in done for phase in PHASES) for name in ("wrong", "doubted"))
-    return [*lines, f"{len(found)} buildings, {len(done)} with a row: all places in {every}, honest in {honest}, touched in "
-                    f"{touched}; {wrong} views wrong by more than three sigmas, {doubted} of them doubted"]
+    views = sum(row[f"{phase}_views"] for row in done for phase in PHASES)
+    return [*lines, f"{len(found)} buildings, {len(done)} with a row: all places in {_of(every, len(done))}, honest in "
+                    f"{_of(honest, len(done))}, no touch in {_of(free, len(done))}; of {views} views {wrong} wrong by more "
+                    f"than three sigmas, doubted {_of(doubted, wrong)}"]
+
+
+def _of(some: float, many: float) -> str:
+    return f"{some:.0f} of {many:.0f} ({some / max(many, 1):.0%})"
 
 
 def _share(row: dict[str, Any], phase: str) -> str:
