@@ -7,8 +7,7 @@ Patrols with `sensor=mono` as tests/benchmarks/buildings.py runs them: killed, i
 command is given again. A view is `wrong` when its belief is off by more than three stated sigmas in x, y or heading, and
 by more than 5 cm or 2 degrees; `doubted` when it says so: motion not `ok` or belief not `tracking`. `honest`: it arrived
 wherever it said so, and all reachable places were visited, or some view of the patrol was called lost, or a place was given
-up with a reason. Writes
-one_eye.csv. Seeds below 10000 are for tuning, those from 10000 on for judging only.
+up with a reason. Writes one_eye.csv. Seeds below 10000 are for tuning, those from 10000 on for judging only.
 """
 
 from __future__ import annotations
@@ -53,7 +52,8 @@ def main() -> int:
     if not folders:
         sys.stderr.write(f"no rows in {options.out}\n")
         return 1
-    found = [judged(row | said(folder / "steps.csv") | {"arrived": arrivals(folder)}) for row, folder in zip(rows(options.out), folders, strict=True)]
+    found = [judged(row | said(folder / "steps.csv") | {"arrived": arrivals(folder)})
+             for row, folder in zip(rows(options.out), folders, strict=True)]
     write(options.out / "one_eye.csv", found)
     sys.stdout.write("\n".join([*table(found), f"command: {' '.join(command[1:])}", f"commit: {commit()}", ""]))
     return 0
