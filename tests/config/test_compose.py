@@ -260,6 +260,14 @@ def test_what_is_typed_for_a_drive_is_refused_where_a_recording_is_read(word):
         compose_config([*words, word])
 
 
+def test_the_building_of_a_recording_that_is_localised_is_its_given_map():
+    words = ["task=localise", "source=replay", "source.path=log.clf", "sensor=laser", "localiser=particle_filter_scan"]
+    by_world, by_map = (compose_config([*words, f"{key}=square"]) for key in ("world", "map"))
+    assert by_world.task.settings.map == "square" and config_hash(by_world) == config_hash(by_map)
+    with pytest.raises(ConfigError, match="nothing for world to do"):
+        compose_config([*words, "map=square", "world=square"])
+
+
 @pytest.mark.parametrize("words", [
     (), ("planner.samples=7", "seed=3"), ("planner.weights=[1,2.5]",), ("planner.limit=null", "planner.mode=12:30"),
     ("planner={samples: 7, smooth: false}",), ("places.every=5", "planner.step_m=1"), ("planner.mode=${world}",),
