@@ -294,7 +294,8 @@ def config_hash(config: RunConfig) -> str:
 
 
 def identity(config: RunConfig) -> dict[str, Any]:
-    """The columns of a row that say which run it is."""
-    names = {kind: chosen.name for kind, chosen in config.parts.items()}
+    """The columns of a row that say which run it is; parts that drive are not asked of a recording, nor named."""
+    idle = OF_A_DRIVE if "source" in config.parts and "planner" in config.parts and not config.driving else ()
+    names = {kind: chosen.name for kind, chosen in config.parts.items() if kind not in idle}
     return {"task": config.task.name, "world": config.world, **names, "seed": config.seed,
             "config_hash": config_hash(config), "plugins": registry.loose(config.task.name, names)}
