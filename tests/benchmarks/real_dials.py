@@ -2,12 +2,12 @@
 
     python tests/benchmarks/real_dials.py [DIAL ...] [--searches 10] [--runs 10] [--jobs 2]
 
-DIAL: milestones, iterations, dark (all). Of each the grid is 30 levels of --runs runs (10), spread as `rhs break` spreads them (over
-the logarithm where the ends lie far apart), each run with a seed of its own: what fails at a level with one seed mostly
-fails beyond it too. Its 50 % level is the maximum of the likelihood of a logistic curve with lapses (SciPy), which shares
-nothing with the search. Then so many searches of 40 runs, with seeds of their own. A row each: the grid's level with its
-95 % interval (bootstrap over its runs), the search's, their difference as a share of the dial, and whether that is at
-most 5 %. Writes results/tables/real_dials.csv.
+DIAL: milestones, iterations, dark (all). Of each the grid is 30 levels of --runs runs (10), spread as `rhs break`
+spreads them (over the logarithm where the ends lie far apart), each run with a seed of its own: what fails at a level
+with one seed mostly fails beyond it too. Its 50 % level is the maximum of the likelihood of a logistic curve with
+lapses (SciPy), which shares nothing with the search. Then so many searches of 40 runs, with seeds of their own. A row
+each: the grid's level with its 95 % interval (bootstrap over its runs), the search's, their difference as a share of
+the dial, and whether that is at most 5 %. Writes results/tables/real_dials.csv.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ def main() -> None:
                 own = (*words, f"seed={100 * number}")
                 told = search(Path(folder) / f"search_{number}", dial, own, chosen.jobs)
                 off = abs(dial.level(told["middle"]) - middle)
-                values = (dial.key, number, len(levels), *told_of_grid, told["middle"], off, float(off <= CLOSE), told["says"], commit())
+                values = (dial.key, number, len(levels), *told_of_grid, told["middle"], off, float(off <= CLOSE),
+                          told["says"], commit())
                 rows.append(dict(zip(NAMES, values, strict=True)))
                 print(*(f"{value:.4g}" if isinstance(value, float) else value for value in values), flush=True)
     write(chosen.out, rows)
