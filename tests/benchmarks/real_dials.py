@@ -35,7 +35,7 @@ SURVEY = ("task=survey", "world=square_small", "odometry=procrustes", "source.im
 DIALS = {
     "milestones": (dial_between("planner.milestones", 5, 200, True), (*PLANNING, "planner=prm", "planner.growth_rounds=0")),
     "iterations": (dial_between("planner.iterations", 10, 3000, True), (*PLANNING, "planner=rrt")),
-    "dark": (dial_between("degrade.dark_share", 0.5, 1.0), SURVEY),
+    "dark": (dial_between("degrade.dark_share", 0.0, 0.95), SURVEY),
 }
 LEVELS, FIRST_GRID_SEED = 30, 5000
 CLOSE = 0.05
