@@ -33,6 +33,8 @@ COMMANDS = {
     "help": ("rhs.cli.commands", "help columns | events | kinds | commands"),
 }
 
+EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # take words alone: --help is what their module says
+
 
 def command(words: Sequence[str]) -> Callable[[], int] | None:
     """What these words ask for, or None when they describe a run. Raises ConfigError for a word that is neither."""
@@ -42,8 +44,11 @@ def command(words: Sequence[str]) -> Callable[[], int] | None:
     if name not in COMMANDS:
         raise ConfigError(f"{name}: neither a command nor key=value{nearest(name, list(COMMANDS))}; "
                           f"commands: {', '.join(COMMANDS)}")
+    asked = any(word in ("-h", "--help") for word in rest)
     if name == "help":
-        return lambda: show_help(rest)
+        return lambda: show_help([] if asked else rest)
+    if asked and name in EXPLAINED:
+        return lambda: _explain(name)
     if name == "compare":
         return lambda: compare(rest)
     return lambda: int(import_module(COMMANDS[name][0]).main(rest))
@@ -63,8 +68,18 @@ def plugin_files(words: list[str]) -> tuple[list[str], list[str]]:
     return files, rest
 
 
+def _explain(name: str) -> int:
+    """The docstring of a command that takes words alone."""
+    said = compare.__doc__ if name == "compare" else import_module(COMMANDS[name][0]).__doc__
+    sys.stdout.write(textwrap.dedent(said or "").replace("`", "").rstrip() + "\n")
+    return 0
+
+
 def compare(words: Sequence[str]) -> int:
-    """`compare KEY FOLDER ...` is `table FOLDER ... --compare KEY`."""
+    """`python -m rhs compare KEY FOLDER ...`: paired differences between the values of a part or setting, same seeds.
+
+    It is `python -m rhs table FOLDER ... --compare KEY`; python -m rhs table --help has the rest.
+    """
     from rhs.reports.table import main
 
     if len(words) < 2 or words[0].startswith("-"):

@@ -1,4 +1,10 @@
-"""`python -m rhs new KIND NAME [FOLDER]`: a package with a plugin that runs, to begin with."""
+"""`python -m rhs new KIND NAME [FOLDER]`: a package with a plugin that runs, to begin with.
+
+    python -m rhs new planner my_planner             the folder my_planner, with pyproject.toml, a part and its test
+    python -m rhs new odometry mine plugins_of_mine
+
+KIND: planner, odometry or localiser. What it writes keeps its contract as it stands; exit code 2 where the folder exists.
+"""
 
 from __future__ import annotations
 

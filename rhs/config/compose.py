@@ -151,10 +151,14 @@ def _check_of_use(config: RunConfig, words: Sequence[Any]) -> None:
     """Refuse what was typed for a robot that is driven, where a recording is read: nothing typed is silently ignored."""
     if "source" not in config.parts or config.driving or not hasattr(config.source.settings, "path"):
         return
+    own = config.task.settings
     for word in words:
         kind = word.key.partition(".")[0]
         if kind in config.parts and "planner" not in config.parts:
             continue  # a task that drives nobody and has a use for it
+        if word.key == "world" and getattr(own, "map", None) == "":  # a task in a given map: that building's
+            own.map, config.world = str(word.value), Core.world
+            continue
         if kind in OF_A_DRIVE:
             raise ConfigError(f"{word.text}: source={config.source.name} is a recording, which nobody drives: there is "
                               f"nothing for {kind} to do; leave it out")
@@ -290,7 +294,8 @@ def config_hash(config: RunConfig) -> str:
 
 
 def identity(config: RunConfig) -> dict[str, Any]:
-    """The columns of a row that say which run it is."""
-    names = {kind: chosen.name for kind, chosen in config.parts.items()}
+    """The columns of a row that say which run it is; parts that drive are not asked of a recording, nor named."""
+    idle = OF_A_DRIVE if "source" in config.parts and "planner" in config.parts and not config.driving else ()
+    names = {kind: chosen.name for kind, chosen in config.parts.items() if kind not in idle}
     return {"task": config.task.name, "world": config.world, **names, "seed": config.seed,
             "config_hash": config_hash(config), "plugins": registry.loose(config.task.name, names)}

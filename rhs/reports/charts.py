@@ -47,7 +47,8 @@ def errors_over_time(steps: pandas.DataFrame) -> Figure | None:
 def errors_by_axis(steps: dict[str, np.ndarray]) -> Figure | None:
     """True error in x, y and heading against the view, inside the band of three sigma that the robot itself gave.
 
-    steps: columns of steps.csv as (N,) float arrays, NaN unknown; `trusted` (N,) bool where the motion was ok."""
+    steps: columns of steps.csv as (N,) float arrays, NaN unknown; `trusted` (N,) bool where the motion was ok,
+    `patrol` (N,) bool of the patrol: it begins with the loop closed, which error and band show by a leap."""
     if not np.isfinite(steps["true_x_m"]).any():
         return None
     figure = new_figure(9.0, 6.5)
@@ -56,18 +57,21 @@ def errors_by_axis(steps: dict[str, np.ndarray]) -> Figure | None:
     panels = (("x [m]", steps["x_m"] - steps["true_x_m"], steps["sigma_x_m"]),
               ("y [m]", steps["y_m"] - steps["true_y_m"], steps["sigma_y_m"]),
               ("heading [deg]", np.degrees(turn), np.degrees(steps["sigma_yaw_rad"])))
-    view = np.arange(len(turn))
+    view, begin = np.arange(len(turn)), int(np.argmax(steps["patrol"]))
     for panel, (label, error, sigma) in zip(axes, panels, strict=True):
         panel.fill_between(view, -3 * sigma, 3 * sigma, color="#cfe3f2", linewidth=0, label="three sigma")
         panel.plot(view, error, color=COLOURS["place"], linewidth=1.2, label="error")
-        panel.fill_between(view, 0, 1, where=~steps["trusted"], transform=panel.get_xaxis_transform(), color="#f5b041",
-                           alpha=0.3, linewidth=0, label="the odometry doubts itself")
+        if not steps["trusted"].all():
+            panel.fill_between(view, 0, 1, where=~steps["trusted"], transform=panel.get_xaxis_transform(), color="#f5b041",
+                               alpha=0.3, linewidth=0, label="the odometry doubts itself")
+        if 0 < begin < len(view):
+            panel.axvline(begin - 0.5, color="#555555", linewidth=0.8, linestyle="--", label="survey ends, patrol begins")
         largest = float(np.nanmax(np.abs(error)))
         limit = 1.3 * max(largest, min(3.0 * float(np.nanmedian(sigma)), 3.0 * largest), 1e-3)
         panel.set_ylim(-limit, limit)
         panel.axhline(0.0, color="#888888", linewidth=0.6)
         panel.set_ylabel(f"error in {label}")
-    axes[0].legend(fontsize=8, frameon=False, loc="upper left", ncols=3)
+    axes[0].legend(fontsize=8, frameon=False, loc="upper left", ncols=4)
     axes[-1].set_xlabel("view")
     return figure
 

@@ -27,9 +27,7 @@ MARGIN_M = 0.3  # round what is drawn
 
 def title(row: dict[str, Any]) -> str:
     """Two lines: what ran, and the key numbers."""
-    steps = row.get("patrol_steps", 1)  # none, or unknown: of a survey alone, which asks nothing of planner and localiser
-    driving = ("planner", "localiser") if steps and steps == steps else ()
-    parts = [row.get(name) for name in ("world", "sensor", "odometry", "loop_closer", *driving)]
+    parts = [row.get(name) for name in ("world", "sensor", "odometry", "loop_closer", "planner", "localiser")]
     first = " · ".join(str(part) for part in parts if part) + (f" · seed {row['seed']}" if "seed" in row else "")
     numbers = [_number(row, "ate_rmse_m", "ATE {:.3f} m"), _number(row, "end_error_m", "end error {:.3f} m"),
                _number(row, "found_share", "found after {:.0%} of the starts"),

@@ -96,6 +96,7 @@ def motion(folder: Path) -> Path | None:
     names = ("x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad")
     steps = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
     steps["trusted"] = np.array([row["motion_status"] == "ok" for row in rows], bool)
+    steps["patrol"] = np.array([row["phase"] == "patrol" for row in rows], bool)
     # the truth of task=localise stands in the frame of its map already
     recorded = not any((folder / name).exists() for name in ("true_map.yaml", "truth_localised.tum"))
     if recorded:

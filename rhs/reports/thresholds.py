@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rhs.metrics.threshold import dial_between, fit, in_words
+from rhs.metrics.threshold import LEAST_SEEDS, between_seeds, dial_between, fit, in_words
 from rhs.runfolder.row import CHOICES
 
 if TYPE_CHECKING:
@@ -28,9 +29,19 @@ def thresholds(table: pandas.DataFrame) -> list[str]:
         for name, part in _groups(known, setting):
             success = part["success"].astype(float) == 1.0
             if success.nunique() == 2:
-                found = fit([dial.level(float(value)) for value in part[setting]], list(success)).summary()
-                lines.append(f"{name}{setting}: {in_words(found, dial)} ({found.runs} runs)")
+                levels, seeds = [dial.level(float(value)) for value in part[setting]], list(part["seed"])
+                found, runs = fit(levels, list(success)).summary(), f"{len(seeds)} runs"
+                if len(set(seeds)) < len(seeds):
+                    low, high = between_seeds(levels, list(success), seeds)
+                    found, runs = replace(found, low=low, high=high), f"{runs} of {_counted(seeds)}"
+                lines.append(f"{name}{setting}: {in_words(found, dial)} ({runs})")
     return lines
+
+
+def _counted(seeds: Sequence[int]) -> str:
+    """How many seeds, and whether they are too few for an interval."""
+    count = len(set(seeds))
+    return f"{count} seed{'s' * (count > 1)}" + (", too few for an interval" if count < LEAST_SEEDS else "")
 
 
 def _groups(table: pandas.DataFrame, setting: str) -> Iterator[tuple[str, pandas.DataFrame]]:

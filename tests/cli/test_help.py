@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from installing import FAKES, environment, installed
 from rhs.api import settings
 from rhs.api.contracts import DEGRADE, KINDS
 from rhs.base.errors import ConfigError
+from rhs.cli.commands import COMMANDS, command
 from rhs.cli.help_text import help_text
 from rhs.config import registry
 from rhs.config.documented import field_docs
@@ -91,3 +93,13 @@ def test_help_loads_no_heavy_library(words):
                           env=environment(FAKES), check=True)
     assert "LOADED []" in done.stderr
     assert "planner=fake" in done.stdout
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_every_command_explains_itself(name, capsys):
+    """`COMMAND --help` ends well and shows how the command is typed."""
+    with contextlib.suppress(SystemExit):  # argparse leaves by it
+        assert command([name, "--help"])() == 0
+    said = capsys.readouterr()
+    assert f"rhs {name}" in said.out or f"rhs.{name}" in said.out
+    assert not said.err

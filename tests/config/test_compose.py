@@ -11,7 +11,17 @@ from installing import CHOICE, FAKES, installed
 from rhs.api import settings
 from rhs.api.errors import ConfigError
 from rhs.config import hydra_glue, parts
-from rhs.config.compose import Composer, Core, RunConfig, build_parts, compose_config, config_hash, from_plain, to_plain
+from rhs.config.compose import (
+    Composer,
+    Core,
+    RunConfig,
+    build_parts,
+    compose_config,
+    config_hash,
+    from_plain,
+    identity,
+    to_plain,
+)
 from rhs.config.overrides import parse, plain_words
 
 
@@ -258,6 +268,21 @@ def test_what_is_typed_for_a_drive_is_refused_where_a_recording_is_read(word):
     assert compose_config(words).source.name == "replay"
     with pytest.raises(ConfigError, match=r"is a recording, which nobody drives"):
         compose_config([*words, word])
+
+
+@pytest.mark.parametrize(("words", "named"), [
+    (["world=square"], True), (["source=replay", "source.path=log.clf", "sensor=laser"], False)])
+def test_a_row_names_the_parts_that_drive_where_something_is_driven(words, named):
+    row = identity(compose_config(words))
+    assert "odometry" in row and all((kind in row) == named for kind in ("planner", "localiser", "replan"))
+
+
+def test_the_building_of_a_recording_that_is_localised_is_its_given_map():
+    words = ["task=localise", "source=replay", "source.path=log.clf", "sensor=laser", "localiser=particle_filter_scan"]
+    by_world, by_map = (compose_config([*words, f"{key}=square"]) for key in ("world", "map"))
+    assert by_world.task.settings.map == "square" and config_hash(by_world) == config_hash(by_map)
+    with pytest.raises(ConfigError, match="nothing for world to do"):
+        compose_config([*words, "map=square", "world=square"])
 
 
 @pytest.mark.parametrize("words", [

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rhs.metrics.threshold import Dial, Posterior, dial_between, fit, in_words
+from rhs.metrics.threshold import Dial, Posterior, between_seeds, dial_between, fit, in_words
 from rhs.reports.thresholds import thresholds
 
 
@@ -31,6 +31,21 @@ def test_forty_runs_come_within_a_twentieth_of_the_dial_in_nine_of_ten():
         held += found.low <= truth <= found.high
     assert np.mean(np.array(off) <= 0.05) >= 0.9
     assert held >= 26  # 95 % of 30 is 28.5; fewer than 26 has a chance of 1 in 60
+
+
+def test_an_interval_between_seeds_holds_the_threshold_where_a_seed_fails_everywhere_beyond_its_own_level():
+    rng, held, as_if_independent = np.random.default_rng(2), 0, 0
+    levels, seeds = np.tile(np.linspace(0, 1, 16), 10), np.repeat(np.arange(10), 16)
+    for _ in range(30):
+        truth, slope = rng.uniform(0.25, 0.75), np.exp(rng.uniform(np.log(0.03), np.log(0.12)))
+        own = truth + slope * np.log(1 / rng.random(10) - 1)  # a logistic spread: half of the seeds fail at the truth
+        succeeded = levels < np.repeat(own, 16)
+        low, high = between_seeds(levels, succeeded, seeds)
+        plain = fit(levels, succeeded).summary()
+        held += low <= truth <= high
+        as_if_independent += plain.low <= truth <= plain.high
+    assert held >= 26 > as_if_independent
+    assert np.isnan(between_seeds(levels[:48], succeeded[:48], seeds[:48])).all()  # three seeds
 
 
 def test_half_succeed_at_the_threshold_of_every_curve():
@@ -66,8 +81,13 @@ def test_ends_far_apart_are_taken_on_the_logarithm():
 
 def test_a_plain_sweep_tells_its_break_point():
     values = np.repeat([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 4)
-    table = pd.DataFrame({"planner": "prm", "sensor.image_sigma": values, "seed": 0})
+    table = pd.DataFrame({"planner": "prm", "sensor.image_sigma": values, "seed": range(24)})
     table["success"] = (values < 3.5).astype(float)
     (line,) = thresholds(table)
     assert line.startswith("sensor.image_sigma: half fail at 3.") and line.endswith("more above (24 runs)")
+    (line,) = thresholds(table.assign(seed=np.tile(range(4), 6)))
+    assert line.startswith("sensor.image_sigma: half fail at 3.") and line.endswith("), more above (24 runs of 4 seeds)")
+    (line,) = thresholds(table.assign(seed=0))
+    assert "(" not in line.partition("more above")[0]
+    assert line.endswith("more above (24 runs of 1 seed, too few for an interval)")
     assert thresholds(table.assign(success=1.0)) == [] and thresholds(table[table["sensor.image_sigma"] < 4]) == []

@@ -201,11 +201,3 @@ def test_a_line_is_broken_where_the_robot_was_carried_off_and_nowhere_else():
     assert len(broken) == 21 and np.isnan(broken[12]).all() and np.isfinite(np.delete(broken, 12, axis=0)).all()
     np.testing.assert_array_equal(broken_at_leaps(12.0 * way), 12.0 * way)  # sparse, but even
     assert broken_at_leaps(np.zeros((3, 2))).shape == (3, 2)
-
-
-@pytest.mark.parametrize(("steps", "told"), [({"patrol_steps": 12}, True), ({}, True), ({"patrol_steps": 0}, False),
-                                             ({"patrol_steps": None}, False), ({"patrol_steps": float("nan")}, False)])
-def test_a_title_names_the_planner_where_something_was_asked_of_it(steps, told):
-    from rhs.reports.drawing import title
-
-    assert ("prm" in title({"world": "room", "planner": "prm", **steps})) == told

@@ -17,7 +17,7 @@ class Localise:
 
     map: str = ""
     """where it is looked for: a ROS map (map.yaml), the folder of a run (its map, and its survey's views as places), or a
-    floor plan (a world of worlds/, or its file)"""
+    floor plan (a world of worlds/, or its file); with a recording world= says the same"""
     start: Any = "unknown"
     """where it begins: unknown (anywhere in the map), or [x_m, y_m, yaw_deg] in the frame of the map"""
     start_sigma_m: float = 0.1
