@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from functools import cache
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -33,12 +33,13 @@ def _kept(function: _Function, *signature: Any, **options: Any) -> _Function:
     import numba
 
     _collect_less()
+    njit: Any = numba.njit
     try:
-        return cast(_Function, numba.njit(*signature, cache=True, **options)(function))
+        return cast(_Function, njit(*signature, cache=True, **options)(function))
     except RuntimeError as error:
         if "locator" not in str(error):  # numba: "no locator available"
             raise
-        return cast(_Function, numba.njit(*signature, **options)(function))
+        return cast(_Function, njit(*signature, **options)(function))
 
 
 @cache
@@ -47,7 +48,7 @@ def _collect_less() -> None:
     from numba.core import event
 
     class Calm(event.Listener):
-        usual: list[tuple[int, int, int]] = []  # noqa: RUF012  one entry for each function being compiled, within another
+        usual: ClassVar[list[tuple[int, int, int]]] = []  # of each function being compiled, one within another
 
         def on_start(self, event: Any) -> None:
             self.usual.append(gc.get_threshold())
@@ -80,7 +81,7 @@ def on_compile(tell: Callable[[], None]) -> None:
 def typed(signature: Any, **options: Any) -> Callable[[_Function], _Function]:
     """Decorator: compiled for one numba signature when the module is imported, so that no call has to wait for it.
 
-    Cached and careful like `compiled`. options: numba's own, such as nogil=True for what may run beside Python code, and INNER.
+    Cached and careful like `compiled`. options: numba's own, such as nogil=True for what may run beside Python code; or
+    INNER.
     """
-
     return lambda function: _kept(function, signature, **options)

@@ -28,6 +28,7 @@ from rhs.api.geometry import orthonormal
 from rhs.api.jit import compiled, inner
 
 MEDIAN_CHI2 = 2.366  # of three degrees of freedom
+_STILL = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def _gauss_newton(points, centres, rho, sigma_rho, rays, inverse_depth, rows, st
     pose, twist = start, expected
     distance, pixels = np.empty(len(points)), np.empty(len(points))
     h, g = np.zeros((12, 12)), np.zeros(12)
-    diagonal = np.einsum("ii->i", h)
+    diagonal = h.ravel()[::13]
     last = False
     for iteration in range(iterations + 1):
         _normal_equations(points, centres, rho, sigma_rho, rays, inverse_depth, rows, pose, twist, scales, h, g, distance,
@@ -134,7 +135,9 @@ def _gauss_newton(points, centres, rho, sigma_rho, rays, inverse_depth, rows, st
         g[6:] += prior * (twist - expected)
         if last or iteration == iterations:
             break
-        step = -_solved(h + np.diag(1e-6 * (1.0 + diagonal)), g)
+        damped = h.copy()
+        damped.ravel()[::13] += 1e-6 * (1.0 + diagonal)
+        step = -_solved(damped, g)
         length = np.sqrt((step[:6] * step[:6]).sum())
         if length > 0.5:
             step *= 0.5 / length
@@ -242,9 +245,9 @@ def _moved(step, pose):
     x, y, z = step[3:].tolist()
     theta = math.sqrt(x * x + y * y + z * z)
     k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation = np.eye(3) + k
+    rotation = _STILL + k
     if theta >= 1e-8:
-        rotation = np.eye(3) + math.sin(theta) / theta * k + (1.0 - math.cos(theta)) / (theta * theta) * (k @ k)
+        rotation = _STILL + math.sin(theta) / theta * k + (1.0 - math.cos(theta)) / (theta * theta) * (k @ k)
     out = pose.copy()
     out[:3, :3] = rotation @ pose[:3, :3]
     out[:3, 3] = rotation @ pose[:3, 3] + step[:3]
