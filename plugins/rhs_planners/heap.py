@@ -5,13 +5,13 @@ from __future__ import annotations
 import numba as nb
 from numba.core import types
 
-from rhs.api.jit import typed
+from rhs.api.jit import INNER, typed
 
 KEYS = types.Array(types.float64, 1, "C")
 ITEMS = types.Array(types.int64, 1, "C")
 
 
-@typed(nb.int64(KEYS, ITEMS, nb.int64, nb.float64, nb.int64))
+@typed(nb.int64(KEYS, ITEMS, nb.int64, nb.float64, nb.int64), **INNER)
 def push(keys, items, size, key, item):
     """Put (key, item) into the first `size` entries; returns the new size. The arrays must have room."""
     at = size
@@ -25,7 +25,7 @@ def push(keys, items, size, key, item):
     return size + 1
 
 
-@typed(nb.int64(KEYS, ITEMS, nb.int64))
+@typed(nb.int64(KEYS, ITEMS, nb.int64), **INNER)
 def pop(keys, items, size):
     """Take the entry at 0 away (read it first); returns the new size."""
     size -= 1

@@ -43,7 +43,8 @@ def sample(grid, points, count, seed):
     rows, columns = grid.shape
     n, state = len(points), seed
     out = np.empty((n + count, 2))
-    out[:n] = points
+    for k in range(n):
+        out[k, 0], out[k, 1] = points[k, 0], points[k, 1]
     for _ in range(_TRIES_PER_VERTEX * count):
         state, u = uniform(state)
         state, v = uniform(state)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from rhs.api.jit import compiled, typed
+from rhs.api.jit import INNER, inner, typed
 
 TOUCH = 1e-7  # cells: overlaps below this are touches, not crossings
 _GRID = nb.types.Array(nb.uint8, 2, "C")
@@ -26,14 +26,14 @@ def point_free(grid, x, y):
     return False
 
 
-@typed(nb.boolean(_GRID, nb.int64, nb.int64))
+@typed(nb.boolean(_GRID, nb.int64, nb.int64), **INNER)
 def pinched(grid, i, j):
     """The lattice point (i, j) is where two blocked cells meet corner to corner, free cells on the other diagonal."""
     sw, se, nw, ne = grid[j - 1, i - 1], grid[j - 1, i], grid[j, i - 1], grid[j, i]
     return (sw and ne and not se and not nw) or (se and nw and not sw and not ne)
 
 
-@typed(nb.boolean(_GRID, nb.float64, nb.float64, nb.float64, nb.float64))
+@typed(nb.boolean(_GRID, nb.float64, nb.float64, nb.float64, nb.float64), **INNER)
 def _along_line_free(grid, fixed, low, high, vertical):
     """A segment lying on a grid line: free unless both sides of it are blocked somewhere, or it is pinched inside."""
     line = int(fixed)
@@ -48,7 +48,7 @@ def _along_line_free(grid, fixed, low, high, vertical):
     return True
 
 
-@compiled
+@inner
 def _touches(grid, i, j, segment, reach):
     """A piece over column i that reaches into blocked cell (i, j) stays within TOUCH of one of its upright sides, and
     the cell beyond that side is free. reach: y at both ends of the piece."""
@@ -123,7 +123,7 @@ def convex_corners(grid):
     return corners[:count].copy(), signs[:count].copy()
 
 
-@typed(nb.boolean(nb.float64, nb.float64, nb.float64, nb.float64))
+@typed(nb.boolean(nb.float64, nb.float64, nb.float64, nb.float64), **INNER)
 def _tangent(dx, dy, sx, sy):
     """A taut path can bend at a corner only on lines that graze its cell: not into it, nor straight away from it."""
     return (dx * sx) * (dy * sy) <= TOUCH
@@ -138,8 +138,9 @@ def visibility_search(grid, corners, signs, ends):
     """
     n = len(corners) + 2
     nodes = np.empty((n, 2))
-    nodes[: n - 2] = corners
-    nodes[n - 2], nodes[n - 1] = ends[0], ends[1]
+    for k in range(n):  # one number at a time: numba takes seconds over the copy of a row
+        row = corners[k] if k < n - 2 else ends[k - n + 2]
+        nodes[k, 0], nodes[k, 1] = row[0], row[1]
     cost, estimate = np.full(n, np.inf), np.full(n, np.inf)
     parent, closed = np.full(n, -1), np.zeros(n, np.uint8)
     cost[n - 2] = estimate[n - 2] = 0.0
@@ -172,7 +173,7 @@ def visibility_search(grid, corners, signs, ends):
     path = np.empty((count, 2))
     node = n - 1
     for k in range(count - 1, -1, -1):
-        path[k] = nodes[node]
+        path[k, 0], path[k, 1] = nodes[node, 0], nodes[node, 1]
         node = parent[node]
     return path
 

@@ -7,10 +7,17 @@ import subprocess
 import sys
 
 TWICE = """
-from rhs.api.jit import compiled, on_compile
+import gc
+from rhs.api.jit import compiled, inner, on_compile
+
+usual = gc.get_threshold()
+
+@inner
+def twice(x):
+    return 2 * x
 
 def doubled(x):
-    return 2 * x
+    return twice(x)
 
 told = []
 on_compile(lambda: told.append(1))
@@ -18,6 +25,7 @@ fast = compiled(doubled)
 assert told == [] and fast(2) == 4
 first = len(told)
 assert fast(3) == 6 and fast(1.5) == 3.0
+assert gc.get_threshold() == usual
 print(first, len(told))
 """
 

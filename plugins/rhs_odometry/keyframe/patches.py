@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from rhs.api.jit import compiled
+from rhs.api.jit import compiled, inner
 
 from ..advanced import PatchSearch
 
@@ -99,7 +99,7 @@ def _align(then, now, rows, pixels, warps, where, found, scale, rules):
             where[i, 0], where[i, 1] = x / scale, y / scale
 
 
-@compiled
+@inner
 def _dot(a, b, sums):
     """Sum of the products of two (side, wide) patches, by column first (sums (wide,) is room for that)."""
     sums[:] = np.float32(0.0)
@@ -112,7 +112,7 @@ def _dot(a, b, sums):
     return total
 
 
-@compiled
+@inner
 def _sum(a, sums):
     """The same of one patch."""
     sums[:] = np.float32(0.0)
@@ -125,7 +125,7 @@ def _sum(a, sums):
     return total
 
 
-@compiled
+@inner
 def _learn(warped, template, gx, gy, sums):
     """Fill template and slopes, each less its mean since brightness may be offset, from a patch with a rim of one pixel.
     Returns the template's mean."""
@@ -151,7 +151,7 @@ def _learn(warped, template, gx, gy, sums):
     return mean
 
 
-@compiled
+@inner
 def _sample(image, x, y, half, less, out):
     """Fill out with the patch centred at (x, y), less an offset; False when it leaves the image. One sub-pixel shift serves
     all."""
@@ -175,7 +175,7 @@ def _sample(image, x, y, half, less, out):
     return True
 
 
-@compiled
+@inner
 def _sample_warped(image, x, y, warp, half, out):
     """Fill out with the patch centred at (x, y), every offset taken through the 2x2 warp; False when it leaves the image.
     Positions are counted in whole 65536ths of a pixel."""

@@ -17,14 +17,18 @@ estimated with its pose under a prior. On TUM freiburg1 this removes most of the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg.blas import dgemm
+from scipy.linalg.lapack import dgesv
 
 from rhs.api.geometry import orthonormal
-from rhs.api.jit import compiled
+from rhs.api.jit import compiled, inner
 
 MEDIAN_CHI2 = 2.366  # of three degrees of freedom
+_STILL = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -113,37 +117,43 @@ def at_middle(points: np.ndarray, rows: np.ndarray, twist: np.ndarray) -> np.nda
     return points - rows[:, None] * (twist[:3] + np.cross(twist[3:], points))
 
 
-@compiled
 def _gauss_newton(points, centres, rho, sigma_rho, rays, inverse_depth, rows, start, expected, prior, scales, iterations):
     """Student-weighted Gauss-Newton over pose and shutter twist (12 unknowns).
 
-    Returns pose, twist, information of the pose alone, Mahalanobis distance and pixel residual per sighting.
+    Returns pose, twist, information of the pose alone, Mahalanobis distance and pixel residual per sighting. Only the sums
+    over sightings are compiled: numba takes 10 s over linear algebra that NumPy and SciPy have ready.
     """
-    pose, twist = start.copy(), expected.copy()
-    distance, pixels = np.empty(points.shape[0]), np.empty(points.shape[0])
+    pose, twist = start, expected
+    distance, pixels = np.empty(len(points)), np.empty(len(points))
     h, g = np.zeros((12, 12)), np.zeros(12)
+    diagonal = h.ravel()[::13]
     last = False
     for iteration in range(iterations + 1):
         _normal_equations(points, centres, rho, sigma_rho, rays, inverse_depth, rows, pose, twist, scales, h, g, distance,
                           pixels)
-        for j in range(6):
-            h[6 + j, 6 + j] += prior[j]
-            g[6 + j] += prior[j] * (twist[j] - expected[j])
+        diagonal[6:] += prior
+        g[6:] += prior * (twist - expected)
         if last or iteration == iterations:
             break
         damped = h.copy()
-        for j in range(12):
-            damped[j, j] += 1e-6 * (1.0 + h[j, j])
-        step = -np.linalg.solve(damped, g)
+        damped.ravel()[::13] += 1e-6 * (1.0 + diagonal)
+        step = -_solved(damped, g)
         length = np.sqrt((step[:6] * step[:6]).sum())
         if length > 0.5:
             step *= 0.5 / length
         pose = _moved(step[:6], pose)
         twist = twist + step[6:]
         last = length < 1e-7
-    cross = np.ascontiguousarray(h[:6, 6:])
-    one = h[:6, :6] - cross @ np.linalg.solve(np.ascontiguousarray(h[6:, 6:]), np.ascontiguousarray(cross.T))
-    return pose, twist, one, distance, pixels
+    cross = h[:6, 6:]
+    return pose, twist, h[:6, :6] - dgemm(1.0, cross, _solved(h[6:, 6:], cross.T)), distance, pixels
+
+
+def _solved(matrix, right):
+    """numpy.linalg.solve for matrices as small as these, without its 10 us of checks."""
+    *_, solution, singular = dgesv(matrix, right)
+    if singular or not np.isfinite(solution).all():
+        raise np.linalg.LinAlgError("Matrix is singular to machine precision, or not finite.")
+    return solution
 
 
 @compiled
@@ -179,10 +189,12 @@ def _normal_equations(points, centres, rho, sigma_rho, rays, inverse_depth, rows
             h[j, k] = h[k, j]
             h[j, 6 + k] = h[k, 6 + j]
             h[6 + j, 6 + k] = h[6 + k, 6 + j]
-    h[6:, :6] = h[:6, 6:].T
+    for j in range(6):
+        for k in range(6):
+            h[6 + j, k] = h[k, 6 + j]
 
 
-@compiled
+@inner
 def _residual(point, centre, rho, sigma_rho, ray, inverse_depth, row, pose, twist, scales, r, w, jacobian):
     """Fill residual r (3,), weight w (3, 3) and Jacobian by a left perturbation (3, 6); returns r' w r."""
     x0 = pose[0, 0] * point[0] + pose[0, 1] * point[1] + pose[0, 2] * point[2] + pose[0, 3]
@@ -228,16 +240,15 @@ def _residual(point, centre, rho, sigma_rho, ray, inverse_depth, row, pose, twis
     return max(total, 0.0)
 
 
-@compiled
 def _moved(step, pose):
     """exp(step) @ pose, translation to first order; steps are small near the optimum."""
-    theta = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
-    k = np.array([[0.0, -step[5], step[4]], [step[5], 0.0, -step[3]], [-step[4], step[3], 0.0]])
-    if theta < 1e-8:
-        rotation = np.eye(3) + k
-    else:
-        rotation = np.eye(3) + np.sin(theta) / theta * k + (1.0 - np.cos(theta)) / theta**2 * (k @ k)
+    x, y, z = step[3:].tolist()
+    theta = math.sqrt(x * x + y * y + z * z)
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation = _STILL + k
+    if theta >= 1e-8:
+        rotation = _STILL + math.sin(theta) / theta * k + (1.0 - math.cos(theta)) / (theta * theta) * (k @ k)
     out = pose.copy()
-    out[:3, :3] = rotation @ np.ascontiguousarray(pose[:3, :3])
-    out[:3, 3] = rotation @ np.ascontiguousarray(pose[:3, 3]) + step[:3]
+    out[:3, :3] = rotation @ pose[:3, :3]
+    out[:3, 3] = rotation @ pose[:3, 3] + step[:3]
     return out

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numba as nb
 import numpy as np
 
-from rhs.api.jit import typed
+from rhs.api.jit import INNER, typed
 from rhs.api.records import Path, PlanningProblem
 
 from .line import GRID, NEW_POINTS, POINTS, polyline_free, scaled, segment_free
@@ -71,7 +71,7 @@ def skip_points(grid: np.ndarray, points: np.ndarray, ahead: int) -> np.ndarray:
     return points[keep[:count]].copy()
 
 
-@typed(nb.float64(GRID, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64))
+@typed(nb.float64(GRID, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64), **INNER)
 def _reach(grid: np.ndarray, fx: float, fy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Largest found share t of the way a -> b from where (fx, fy) is still in sight, by bisection."""
     if segment_free(grid, fx, fy, bx, by):
@@ -90,7 +90,7 @@ def _reach(grid: np.ndarray, fx: float, fy: float, ax: float, ay: float, bx: flo
 def _pull_once(grid: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Each bend split in two where a line across is free, else slid on towards the goal while in sight of the last."""
     out = np.empty((2 * len(points), 2))
-    out[0], count = points[0], 1
+    out[0, 0], out[0, 1], count = points[0, 0], points[0, 1], 1
     for k in range(1, len(points) - 1):
         px, py = out[count - 1]
         vx, vy = points[k]
@@ -116,7 +116,7 @@ def _pull_once(grid: np.ndarray, points: np.ndarray) -> np.ndarray:
                 mx, my = vx, vy
             out[count, 0], out[count, 1] = mx, my
             count += 1
-    out[count] = points[-1]
+    out[count, 0], out[count, 1] = points[-1, 0], points[-1, 1]
     return out[: count + 1].copy()
 
 

@@ -8,15 +8,17 @@ when it is needed.
 
 from __future__ import annotations
 
+import numba as nb
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
-from rhs.api.jit import compiled
+from rhs.api.jit import INNER, compiled, inner, typed
 
 FREE, HIT = 1, 2  # marks of one scan; a larger mark wins
+_MARKS, _TOUCHED = nb.types.Array(nb.uint8, 2, "C"), nb.types.Array(nb.int32, 2, "C")
 
 
-@compiled
+@inner
 def _walk_start(x0: float, y0: float, dx: float, dy: float) -> tuple[int, int, int, int, float, float, float, float]:
     """Cell, steps, and the lengths along (dx, dy) to the next border and between borders, per axis."""
     big = 1e30
@@ -30,7 +32,7 @@ def _walk_start(x0: float, y0: float, dx: float, dy: float) -> tuple[int, int, i
     return column, row, step_x, step_y, next_x, next_y, delta_x, delta_y
 
 
-@compiled
+@typed(nb.int64(_MARKS, _TOUCHED, nb.int64, nb.float64, nb.float64, nb.float64, nb.float64, nb.float64, nb.boolean), **INNER)
 def _mark_beam(marks: np.ndarray, touched: np.ndarray, count: int, x0: float, y0: float, dx: float, dy: float,
                length: float, hit: bool) -> int:
     """Mark the cells of one beam; returns the new number of touched cells (listed once each)."""
@@ -103,7 +105,7 @@ def add_marks(log_odds: np.ndarray, observed: np.ndarray, marks: np.ndarray, tou
         marks[row, column] = 0
 
 
-@compiled
+@inner
 def _cast(blocked: np.ndarray, x0: float, y0: float, dx: float, dy: float, length: float) -> float:
     """Distance in cells along the unit vector (dx, dy) to the first blocked cell; inf if none within length."""
     rows, columns = blocked.shape

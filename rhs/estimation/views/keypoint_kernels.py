@@ -3,9 +3,12 @@ it when it is needed."""
 
 from __future__ import annotations
 
+import numba as nb
 import numpy as np
 
-from rhs.api.jit import compiled
+from rhs.api.jit import compiled, typed
+
+_ROWS = nb.types.Array(nb.float32, 2, "C", readonly=True)
 
 
 @compiled
@@ -50,19 +53,31 @@ def found_again(drawn: np.ndarray, theirs: np.ndarray, pixels: np.ndarray, depth
     return count
 
 
-@compiled
+@typed(nb.types.Array(nb.float32, 1, "C")(_ROWS, _ROWS, _ROWS))
 def residuals(descriptors: np.ndarray, likeness: np.ndarray, words: np.ndarray) -> np.ndarray:
     """(W * 128,) float32: for each word the sum of what the descriptors (N, 128) whose likeness (N, W) is greatest for it
     differ from it, brought to unit length word by word and then as a whole; zero without descriptors."""
-    out = np.zeros(words.shape, np.float32)
+    width = descriptors.shape[1]
+    out = np.zeros((len(words), width), np.float32)
     for k in range(len(descriptors)):
-        word = likeness[k].argmax()
-        for d in range(descriptors.shape[1]):
+        word = 0
+        for other in range(1, len(words)):
+            if likeness[k, other] > likeness[k, word]:
+                word = other
+        for d in range(width):
             out[word, d] += descriptors[k, d] - words[word, d]
     used = 0
     for word in range(len(words)):
-        length = np.sqrt((out[word] ** 2).sum())
+        squared = np.float32(0.0)
+        for d in range(width):
+            squared += out[word, d] * out[word, d]
+        length = np.sqrt(squared)
         if length > 1e-6:  # below, it is what rounding left
-            out[word] /= length
             used += 1
-    return out.ravel() / np.float32(np.sqrt(max(used, 1)))
+            for d in range(width):
+                out[word, d] /= length
+    scale = np.float32(np.sqrt(max(used, 1)))
+    for word in range(len(words)):
+        for d in range(width):
+            out[word, d] /= scale
+    return out.reshape(-1)

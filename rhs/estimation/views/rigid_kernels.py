@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.api.jit import compiled
+from rhs.api.jit import compiled, inner
 
 NEAREST_M, BEHIND_M = 1e-3, 0.05  # depths are cut off below the first; a point nearer than the second is no inlier
 
@@ -45,7 +45,7 @@ def normal_equations(
     return matrix, vector, squared, agree
 
 
-@compiled
+@inner
 def _projected(pose: np.ndarray, moved: np.ndarray, by_p: np.ndarray) -> None:
     """by_p (3, 3): derivative of (x/z, y/z, 1/z) of the moved point by the point before the motion."""
     x, y, z = moved
@@ -55,7 +55,7 @@ def _projected(pose: np.ndarray, moved: np.ndarray, by_p: np.ndarray) -> None:
         by_p[2, j] = -pose[2, j] / z**2
 
 
-@compiled
+@inner
 def _weight(by_p: np.ndarray, p: np.ndarray, q: np.ndarray, noise: np.ndarray, weight: np.ndarray) -> None:
     """weight (3, 3): inverse of the covariance of the residual. Either end is uncertain along its ray and across it
     (rhs.estimation.views.rigid.PointNoise); of q only the inverse depth feels the former."""
@@ -81,25 +81,26 @@ def _weight(by_p: np.ndarray, p: np.ndarray, q: np.ndarray, noise: np.ndarray, w
             weight[i, j] /= determinant
 
 
-@compiled
+@inner
 def _variances(point: np.ndarray, noise: np.ndarray) -> tuple[float, float]:
     """Along the ray, per unit of depth, and across it, square metres."""
     deviation = noise[1] + noise[2] * max(point[2] - noise[3], 0.0) ** 2
     return deviation**2, (noise[0] * point[2]) ** 2
 
 
-@compiled
+@inner
 def _by_motion(by_p: np.ndarray, p: np.ndarray, jacobian: np.ndarray) -> None:
     """jacobian (3, 6): by_p times the derivative of exp(delta) p at zero, [I | -hat(p)]."""
     x, y, z = p
     for i in range(3):
-        jacobian[i, :3] = by_p[i]
+        for j in range(3):
+            jacobian[i, j] = by_p[i, j]
         jacobian[i, 3] = by_p[i, 2] * y - by_p[i, 1] * z
         jacobian[i, 4] = by_p[i, 0] * z - by_p[i, 2] * x
         jacobian[i, 5] = by_p[i, 1] * x - by_p[i, 0] * y
 
 
-@compiled
+@inner
 def _add(matrix: np.ndarray, vector: np.ndarray, jacobian: np.ndarray, weight: np.ndarray, residual: np.ndarray,
          robust: float, pulled: np.ndarray) -> None:
     """Add one pair: robust J' W J and robust J' W r. pulled (3, 6) is room for W J."""
