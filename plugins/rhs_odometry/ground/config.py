@@ -87,7 +87,8 @@ class StixelSettings:
         check_ranges("", self, beams=(8, 1000), rows=(8, 1000), steps=(8, 1000), nearest_m=(0.01, 10.0),
                      farthest_m=(0.1, 100.0), range_m=(0.1, 100.0), turned_rad=(0.01, 3.2), pivot_m=(0.0, 10.0),
                      pivot_rad=(0.0, 3.2), oldest=(1, 1000), cap=(0.1, 255.0), unknown=(0.0, 255.0),
-                     floor_cost=(0.0, 255.0), above_m=(0.0, 100.0), colour=(0.0, 255.0), colour_most=(0.0, 100.0),
+                     floor_cost=(0.0, 255.0), low=(0.0, 1e6), low_each=(0.0, 255.0), low_m=(0.0, 100.0),
+                     behind=(0.0, 100.0), above_m=(0.0, 100.0), colour=(0.0, 255.0), colour_most=(0.0, 100.0),
                      colour_least=(0, 1_000_000), learn=(0.0, 1e6), clear=(0.0, 1e6), compared=(0.0, 1.0),
                      least_m=(0.0, 10.0), steep=(0.0, 10.0), steep_columns=(1, 100), other_share=(0.01, 1.0),
                      bend=(0.0, 1e6), leap=(0.0, 1e6))
