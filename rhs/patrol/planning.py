@@ -15,11 +15,11 @@ from rhs.api.validate import check_path
 
 from .guard import TIGHT_M
 from .mission import MissionSettings
-from .tight import TightMap
 
 LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
 COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
 SIDES = (1.0, 0.75, 0.5, 0.0)  # shares of the margin tried in this order in finer cells, none below TIGHT_M
+FINER = 3  # for them cells of the map are split so often, each way
 GOAL_SLACK_M = 0.05  # a goal may be moved by the distance at which a place counts as visited, less this
 
 
@@ -103,6 +103,42 @@ class RoomyPlanner:
         """Whether anything known to stand somewhere bars the goal; what was never seen does not."""
         things = inflate(self.grid.occupied() | obstacles, self._grown[-1][0]) | (gap_cells < self._grown[-1][0])
         return bool(things[tuple(self.grid.cells(goal_m[None])[0])])
+
+
+class TightMap:
+    """Gaps hardly wider than the robot: the map of a patrol in finer cells, with what was seen just now where it was seen.
+
+    In cells of the map, 10 cm, walls and things are up to a cell thicker than they are, and the robot stands in the middle
+    of cells only: a gap 20 cm wider than the robot may be closed. Here a thing counts at the middle of its cell, and where
+    the robot has just seen what stands there, in cells of 5 cm, that takes the place of the map's cell. It is also what its
+    guard asks, so that a way found here can be driven. grid: the finer cells.
+    """
+
+    def __init__(self, grid: OccupancyGrid, free: np.ndarray) -> None:
+        from scipy.ndimage import binary_erosion
+
+        self._map, self._free = grid, free
+        self.grid = replace(grid, probability=grid.probability.repeat(FINER, axis=0).repeat(FINER, axis=1),
+                            resolution_m=grid.resolution_m / FINER)
+        self._inside = free.repeat(FINER, axis=0).repeat(FINER, axis=1)
+        self._bounds = grid.centres(np.argwhere(~free & ~binary_erosion(~free, np.ones((3, 3)))))  # taken, beside free
+
+    def room_m(self, obstacles: np.ndarray, seen_m: np.ndarray, most_m: float) -> np.ndarray:
+        """(H, W) metres from the middle of each finer cell to the nearest thing, at most most_m; 0 where the map does not
+        call it free. obstacles (H, W) bool: cells of the map where something stands that it does not know. seen_m (K, 2):
+        all that was seen round the robot lately, metres in the map, walls too."""
+        from scipy.spatial import cKDTree
+
+        coarse = np.concatenate([self._bounds, self._map.centres(np.argwhere(obstacles & self._free))])
+        if len(seen_m) and len(coarse):
+            coarse = coarse[cKDTree(seen_m).query(coarse)[0] > self._map.resolution_m]
+        points = np.concatenate([coarse, seen_m])
+        room = np.zeros(self.grid.shape)
+        cells = np.argwhere(self._inside)
+        if len(points) and len(cells):
+            gaps = cKDTree(points).query(self.grid.centres(cells), distance_upper_bound=most_m)[0]
+            room[self._inside] = np.minimum(gaps, most_m)
+        return room
 
 
 def length_m(path: Path) -> float:

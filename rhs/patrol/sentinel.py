@@ -41,6 +41,7 @@ WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
+MOST_BARRED = 6  # commands refused on end after which a gap hardly wider than the robot is not tried again
 MOST_BACK = 2  # times on the way to one place that the robot goes back because no way leads on from where it stands
 MOST_BACK_TO_SEE = 5  # or that it has to see what it waits for
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -88,13 +89,10 @@ class Sentinel:
         self.seen_obstacles: list[np.ndarray] = []
         self.still = 0
         self.turned_rad = 0.0
-        self.waited = 0
-        self.views_spent = 0
+        self.waited = self.views_spent = 0
         self.last_pose: np.ndarray | None = None
         self.lost_steps = 0
-        self.contacts = 0
-        self.barred = 0
-        self.backed = 0
+        self.contacts = self.barred = self.backed = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -241,8 +239,10 @@ class Sentinel:
         self.attempts += 1
         mission = self.book.missions[-1]
         things = self._near_things(pose) if self.barred else np.zeros((0, 2))
+        tight = self.barred <= MOST_BARRED and not self.contacts
+        seen = in_map(self.guard.around.things(least=SURE), pose) if tight else None
         plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things,
-                               squeeze=self.guard.sees, seen_m=in_map(self.guard.around.things(least=SURE), pose))
+                               squeeze=self.guard.sees, seen_m=seen)
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
@@ -274,13 +274,13 @@ class Sentinel:
             command = self._answer(self._told(self._in_the_way(seen, pose), known=True, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
-        if len(seen) and not self.looked_again and self.attempts < self.settings.tries:
+        if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
             self.watch.forget()
             self.guard.around.forget_specks()
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
-        if len(seen) and self.guard.moves and self.waited < WAIT_VIEWS:  # who stands there may go
+        if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
             return self._wait(self._in_the_way(seen, pose), pose, events)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
         status = MissionStatus.GAVE_UP
