@@ -24,14 +24,15 @@ GOAL_SLACK_M = 0.05  # a goal may be moved by the distance at which a place coun
 
 
 class RoomyPlanner:
-    """A planner on one map of a patrol. who: what to call the planner in errors. side_m: of its last way, from
-    what it was planned round; less than the margin where there was no other."""
+    """A planner on one map of a patrol. who: what to call the planner in errors. side_m: metres that its last way
+    keeps from what it was planned round at least; less than the margin where there was no other."""
 
     def __init__(self, planner: Planner, grid: OccupancyGrid, free: np.ndarray, *, radius_m: float,
                  settings: MissionSettings, who: str) -> None:
         self.planner, self.grid, self.settings, self.who = planner, grid, settings, who
         self.radius_m, self.side_m = radius_m, settings.margin_m
-        self._free, self._tight = free, None  # type: np.ndarray, TightMap | None
+        self._free = free
+        self._tight: TightMap | None = None  # made when there is no other way
         least_m, side_m = radius_m + settings.margin_m, min(settings.margin_m, settings.advanced.guard.side_m)
         narrow_cells = (radius_m + side_m) / grid.resolution_m
         self._squeezed = narrow_cells, configuration_space(~free, narrow_cells)
@@ -121,7 +122,8 @@ class TightMap:
         self.grid = replace(grid, probability=grid.probability.repeat(FINER, axis=0).repeat(FINER, axis=1),
                             resolution_m=grid.resolution_m / FINER)
         self._inside = free.repeat(FINER, axis=0).repeat(FINER, axis=1)
-        self._bounds = grid.centres(np.argwhere(~free & ~binary_erosion(~free, np.ones((3, 3)))))  # taken, beside free
+        taken = np.pad(~free, 1, constant_values=True)  # nobody knows what stands outside the map
+        self._bounds = grid.centres(np.argwhere(taken & ~binary_erosion(taken, np.ones((3, 3)))) - 1)  # beside free cells
 
     def room_m(self, obstacles: np.ndarray, seen_m: np.ndarray, most_m: float) -> np.ndarray:
         """(H, W) metres from the middle of each finer cell to the nearest thing, at most most_m; 0 where the map does not

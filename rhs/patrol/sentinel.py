@@ -239,7 +239,7 @@ class Sentinel:
         self.attempts += 1
         mission = self.book.missions[-1]
         things = self._near_things(pose) if self.barred else np.zeros((0, 2))
-        tight = self.barred <= MOST_BARRED and not self.contacts
+        tight = self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
         seen = in_map(self.guard.around.things(least=SURE), pose) if tight else None
         plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things,
                                squeeze=self.guard.sees, seen_m=seen)

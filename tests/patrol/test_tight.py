@@ -48,6 +48,15 @@ def test_a_gap_narrower_than_the_robot_stays_closed():
     assert not way(2 * RADIUS_M + 0.04, 1.73, seen=True)[0].found
 
 
+def test_there_is_no_way_round_the_outside_of_the_map():
+    """The wall ends 30 cm before the border of the map: a robot of 44 cm would lean out by half."""
+    grid, wall = gap(0.3, 3.7)
+    grid.probability[38:, 20], wall = 0.05, wall[wall[:, 1] < 3.71]
+    roads = RoomyPlanner(Dijkstra(), grid, grid.free(), radius_m=RADIUS_M, settings=MissionSettings(), who="dijkstra")
+    assert not roads.plan(np.array([0.8, 3.5]), np.array([3.2, 3.5]), obstacles=np.zeros(grid.shape, bool),
+                          things_m=np.zeros((0, 2)), squeeze=True, seen_m=wall).found
+
+
 def test_a_wide_way_is_planned_as_ever_whatever_was_seen():
     path, _, roads = way(1.5, 1.2, seen=True)
     assert np.array_equal(path.points_m, way(1.5, 1.2, seen=False)[0].points_m)
