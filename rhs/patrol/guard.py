@@ -3,7 +3,7 @@ ground that nobody has looked at, nor faster than the robot can stop in the way 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from rhs.api.records import Event, Motion, Observation, Tracking, Twist
 from rhs.estimation.scans.settings import VoteSettings
 
 from .control import TURN_RATE_MAX_RADPS, Pace, turn
-from .surroundings import NOTHING, Surroundings
+from .surroundings import NOTHING, SURE, THING, Surroundings
 
 CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of the arcs tried when the wished one is barred
 BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and what it sees of it is some time ago
+TIGHT_M = 0.04  # on a way through a gap hardly wider than the robot: half a cell of what was seen, and the noise of depth
+BESIDE_M, SHORT_STEP_M, SHORT_SIGHT_M = 0.2, 0.1, 0.2  # so near to things there: steps and lookahead that keep to the way
 MOST_REFUSED = 6  # commands after which one eye looks anew from where it gets to
 LEAST_M = 0.08  # a shorter way is none
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
@@ -65,6 +67,7 @@ class Guard:
         self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s,
                                    low_s=settings.look_s)
         self.touched = False
+        self.tight = False  # whether the way leads through a gap hardly wider than the robot
         self.given: Twist | None = None
         self._still = self._refused = 0
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
@@ -84,6 +87,21 @@ class Guard:
         """Whether something was seen to move lately."""
         return self.around.moves
 
+    @property
+    def side_m(self) -> float:
+        """Least distance asked for now."""
+        return min(TIGHT_M, self.settings.side_m) if self.tight else self.settings.side_m
+
+    @property
+    def pace_here(self) -> Pace:
+        """How to follow a way from here: beside things on a tight one in short steps, close to it."""
+        if not self.tight or self.pace.arc_radius_m:
+            return self.pace
+        gaps_m = np.linalg.norm(self.around.things(), axis=1)
+        if not len(gaps_m) or gaps_m.min() > self.radius_m + BESIDE_M:
+            return self.pace
+        return replace(self.pace, step_m=min(self.pace.step_m, SHORT_STEP_M), lookahead_m=SHORT_SIGHT_M, cut_m=0.01)
+
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""
         self.around.observe(observation, motion)
@@ -94,11 +112,11 @@ class Guard:
         self.touched = bool(observation.contact) or self._still >= self.settings.still_views
 
     def back_off(self, walls_m: np.ndarray = NOTHING) -> Twist | None:
-        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room.
-        walls_m (K, 2): of the map, in the body frame."""
-        self.touched, self._still = False, 0
+        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room. A
+        robot that went back already and touched nothing goes back further. walls_m (K, 2): of the map, in the body frame."""
+        touched, self.touched, self._still = self.touched, False, 0
         came = self.given
-        if came is None or came.forward_mps == 0.0:
+        if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
         back = Twist(-came.forward_mps, -came.turn_radps, came.duration_s)
         way_m = self.around.free_way_m(back, BEHIND_M, self.settings.back_off_m, walls_m=walls_m)
@@ -136,7 +154,7 @@ class Guard:
         return None, Event.STOPPED
 
     def _free_m(self, command: Twist, up_to_m: float) -> float:
-        return self.around.free_way_m(command, self.settings.side_m, up_to_m)
+        return self.around.free_way_m(command, self.side_m, up_to_m, least=SURE if self.tight else THING)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

@@ -13,6 +13,8 @@ from rhs.base.errors import check_choice, check_range
 from .frontiers import ExploreSettings
 from .guard import GuardSettings
 
+ELSEWHERE_M = 0.5  # so far off places put off may be tried again
+
 
 @dataclass
 class MissionAdvanced:
@@ -120,6 +122,8 @@ class Logbook:
     places: tuple[tuple[str, float, float], ...]
     missions: list[Mission] = field(default_factory=list)
     visited: int = 0
+    put_off_here: list[tuple[str, float, float]] = field(default_factory=list)  # places put off within ELSEWHERE_M of:
+    put_off_at_m: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @property
     def current(self) -> Mission | None:
@@ -150,6 +154,16 @@ class Logbook:
     def place(self) -> tuple[str, float, float]:
         """Of the current mission."""
         return self.places[self.visited]
+
+    def put_off(self, at_m: np.ndarray) -> None:
+        """Remember that the place is put off here, (2,) metres: that one and no other is worth a try from somewhere else."""
+        if np.linalg.norm(at_m - self.put_off_at_m) > ELSEWHERE_M:
+            self.put_off_at_m, self.put_off_here = at_m.copy(), []
+        self.put_off_here.append(self.place)
+
+    def others(self) -> int:
+        """Places left besides the current one that were not put off here."""
+        return sum(place not in self.put_off_here for place in self.places[self.visited + 1:])
 
     def skipped(self) -> int:
         """How often the current place was put off."""

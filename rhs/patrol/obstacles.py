@@ -6,10 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.geometry import planar
-from rhs.api.grid import OccupancyGrid
+from rhs.api.grid import OccupancyGrid, inflate
 from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
 
+PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
 NEAR_WALL_M, NEAR_WALL_PER_M = 0.12, 0.05  # a hit this near a wall is the wall: map and belief, and 3 degrees of heading
 
 
@@ -48,6 +49,7 @@ class ObstacleWatch:
         self.grid, self.within_m, self.tolerance_m = grid, within_m, tolerance_m
         settings = votes or VoteSettings()
         self.least_votes = confirm - settings.clear
+        self._passed: np.ndarray | None = None  # (H, W) bool: what the way now driven squeezes past
         walls = grid.occupied()
         self._walls_m = grid.centres(np.argwhere(walls))
         gap_cells = distance_transform_edt(~walls) if walls.any() else np.full(grid.shape, np.inf)
@@ -60,6 +62,20 @@ class ObstacleWatch:
         """A new mission begins with the map as surveyed."""
         self.at_eye.votes[:] = 0
         self.below.votes[:] = 0
+
+    def planned(self, *, squeezed: bool) -> None:
+        """A way was planned past what is known now; squeezed: nearer to it than its margin, on purpose."""
+        self._passed = inflate(self.cells, PASSED_CELLS) if squeezed else None
+
+    def on_way(self, way_m: np.ndarray, near_m: float) -> np.ndarray:
+        """(K, 2) metres in the map: middles of the cells where something stands within near_m of the way (M, 2), unless the
+        way squeezes past it."""
+        cells = self.cells if self._passed is None else self.cells & ~self._passed
+        where = self.grid.centres(np.argwhere(cells))
+        if not len(where):
+            return where
+        near: np.ndarray = where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
+        return near
 
     def fade(self, before_s: float) -> None:
         """Forget what was not looked at since then: where things move, it may have gone."""

@@ -30,15 +30,18 @@ from .control import Pace, ahead_on_path, closest_gap, first_on_way, steer, targ
 from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
-from .mission import Logbook, MissionSettings
+from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_map
 from .planning import RoomyPlanner
 from .relocate import Search, clear_ahead_m
+from .surroundings import SURE
 
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
+WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
-ELSEWHERE_M, ELSEWHERE_RAD = 0.5, 0.5  # so far off places put off may be tried again, and things seen are not here
+ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
+MOST_BARRED = 6  # commands refused on end after which a gap hardly wider than the robot is not tried again
 MOST_BACK = 2  # times on the way to one place that the robot goes back because no way leads on from where it stands
 MOST_BACK_TO_SEE = 5  # or that it has to see what it waits for
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
@@ -65,7 +68,6 @@ class Sentinel:
         self.lost_in_all = 0
         self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
         self.plans: list[tuple[int, Path]] = []
-        self.put_off: tuple[np.ndarray, list[tuple[str, float, float]]] = (np.zeros(2), [])  # places, and where it was done
         self.kidnapper: Kidnapper | None = None
         self.search = Search(radius_m, self.pace)
         self._begin_place()
@@ -87,13 +89,10 @@ class Sentinel:
         self.seen_obstacles: list[np.ndarray] = []
         self.still = 0
         self.turned_rad = 0.0
-        self.waited = 0
-        self.views_spent = 0
+        self.waited = self.views_spent = 0
         self.last_pose: np.ndarray | None = None
         self.lost_steps = 0
-        self.contacts = 0
-        self.barred = 0
-        self.backed = 0
+        self.contacts = self.barred = self.backed = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -200,10 +199,10 @@ class Sentinel:
         if self.path is None and not self._plan(pose, events):
             return self._after_failed_plan(pose, events)
         assert self.path is not None
-        command = steer(self.path.points_m, belief.map_from_body, self.pace)
+        command = steer(self.path.points_m, belief.map_from_body, pace := self.guard.pace_here)
         if not self.guard.sees:
             return self._with_room(command, scan, events)
-        target = target_on(self.path.points_m, pose[:2], self.pace) - pose[:2]
+        target = target_on(self.path.points_m, pose[:2], pace) - pose[:2]
         c, s = np.cos(pose[2]), np.sin(pose[2])
         return self._safely(command, np.array([[c, s], [-s, c]]) @ target, pose, events)
 
@@ -240,8 +239,12 @@ class Sentinel:
         self.attempts += 1
         mission = self.book.missions[-1]
         things = self._near_things(pose) if self.barred else np.zeros((0, 2))
+        tight = self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
+        seen = in_map(self.guard.around.things(least=SURE), pose) if tight else None
         plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things,
-                               squeeze=self.guard.sees)
+                               squeeze=self.guard.sees, seen_m=seen)
+        self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
+        self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
         self.last_reason = plan.reason
@@ -274,11 +277,25 @@ class Sentinel:
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
             self.watch.forget()
+            self.guard.around.forget_specks()
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
+        if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
+            return self._wait(self._in_the_way(seen, pose), pose, events)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
-        self._finish(MissionStatus.GAVE_UP, f"no path: {self.last_reason}{touched}", events)
+        status = MissionStatus.GAVE_UP
+        if len(seen) and not self.book.skipped() and self.book.others():  # things go, or look different from elsewhere
+            self.book.put_off(pose[:2])
+            status = MissionStatus.SKIPPED
+        self._finish(status, f"no path: {self.last_reason}{touched}", events)
         return None
+
+    def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
+        """Stand for a view before what is in the way; the plan that failed is tried again."""
+        self.waited, self.still = self.waited + 1, 0
+        self.attempts -= self.path is None
+        events.append(event)
+        return self._watching(at_m, pose)
 
     def _in_the_way(self, seen_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """(2,) that of the things seen (K, 2) which bars the way that the map alone leaves."""
@@ -288,14 +305,9 @@ class Sentinel:
 
     def _blockage(self, pose: np.ndarray) -> Blockage | None:
         """What the map does not know and stands on the path ahead."""
-        obstacles = self.watch.cells
-        if not obstacles.any():
-            return None
         assert self.path is not None
         ahead = ahead_on_path(self.path.points_m, pose[:2], self.settings.watch_m)
-        where = self.grid.centres(np.argwhere(obstacles))
-        gaps = np.linalg.norm(where[:, None, :] - ahead[None, :, :], axis=2).min(axis=1)
-        hits = where[gaps < self.radius_m + self.settings.margin_m - 0.5 * self.grid.resolution_m]
+        hits = self.watch.on_way(ahead, self.radius_m + self.settings.margin_m - 0.5 * self.grid.resolution_m)
         if len(hits) == 0:
             return None
         known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)
@@ -303,25 +315,20 @@ class Sentinel:
 
     def _told(self, at_m: np.ndarray, *, known: bool, no_way: bool = False) -> Blockage:
         """What the replan part is told of something in the way there."""
-        left = self.book.places[self.book.visited + 1:]
-        others = sum(place not in self.put_off[1] for place in left)
-        return Blockage(at_m, known, self.waited, self.book.skipped(), others, no_way)
+        return Blockage(at_m, known, self.waited, self.book.skipped(), self.book.others(), no_way)
 
     def _answer(self, blockage: Blockage, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Do what the replan part says of the blockage: a command to wait, or None and no path any more."""
         answer, at = check_blocked(self.replan.blocked(blockage), who=self.who.get("replan", "replan")), blockage.at_m
         if answer in (Blocked.WAIT, Blocked.ASK):
-            self.waited, self.still = self.waited + 1, 0
-            self.attempts -= blockage.no_way  # the plan that failed is tried again
-            events.append(Event.WAIT if answer is Blocked.WAIT else Event.ASK)
-            return self._watching(at, pose)
+            return self._wait(at, pose, events, event=Event.WAIT if answer is Blocked.WAIT else Event.ASK)
         if blockage.no_way and answer in (Blocked.REPLAN, Blocked.NEW_MISSION):
             return None  # it is looked at once more
         self.path, self.waited = None, 0
         self.seen_obstacles.append(at)
         near = f"obstacle near ({at[0]:.1f}, {at[1]:.1f}) m"
         if answer is Blocked.SKIP and blockage.others and blockage.skipped < self.settings.tries:
-            self._put_off(pose)
+            self.book.put_off(pose[:2])
             self._finish(MissionStatus.SKIPPED, near, events)
         elif answer in (Blocked.GIVE_UP, Blocked.SKIP):
             self._finish(MissionStatus.GAVE_UP, near, events)
@@ -345,13 +352,6 @@ class Sentinel:
         if abs(bearing) > WATCH_RAD and self.guard.sees and not self.pace.arc_radius_m:
             return turn(bearing, self.pace)
         return Twist(0.0, 0.0, WAIT_S)
-
-    def _put_off(self, pose: np.ndarray) -> None:
-        """Remember that the place is put off here: that one and no other is worth a try from somewhere else."""
-        where, places = self.put_off
-        if np.linalg.norm(pose[:2] - where) > ELSEWHERE_M:
-            where, places = pose[:2].copy(), []
-        self.put_off = where, [*places, self.book.place]
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)

@@ -14,6 +14,7 @@ KEPT_M = 2.0  # the robot stays this near its middle
 THING = 0.75  # votes from which a cell holds a thing: one beam that ended there and none that passed
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
+SURE = 2.0  # votes of a thing that a tight way has to keep from: what the edges of things smear by a cell has fewer
 SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
@@ -128,6 +129,14 @@ class Surroundings:
         for looked_s in self.looked_s:
             looked_s[:] = -np.inf
 
+    def forget_specks(self) -> None:
+        """What one cell alone holds for a thing, however often it was seen: the flying pixels of an edge make such, and
+        nearer than the camera sees the floor nothing clears them."""
+        cells = np.argwhere(np.maximum(self.at_eye.votes, self.below.votes) >= THING)
+        lone = cells[~in_company(cells * CELL_M)]
+        for layer in (self.at_eye, self.below):
+            layer.votes[lone[:, 0], lone[:, 1]] = 0.0
+
     def _saw(self, cells: np.ndarray) -> None:
         self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
 
@@ -163,17 +172,18 @@ class Surroundings:
         column_row = np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)
         return np.clip(column_row[:, ::-1], 0, len(self.seen_s) - 1)
 
-    def things(self, within_s: float = np.inf) -> np.ndarray:
-        """(K, 2) things near the robot that were looked at in the last within_s seconds, metres in its body frame."""
+    def things(self, within_s: float = np.inf, *, least: float = THING) -> np.ndarray:
+        """(K, 2) things near the robot that were looked at in the last within_s seconds, metres in its body frame. least:
+        votes."""
         reach = round(NEAR_M / CELL_M)
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
         there = self.came_s[near] >= self.now_s - self.fade_s  # what came may have gone unseen
         there &= self.seen_s[near] >= self.now_s - self.remember_s
-        at_eye = (self.at_eye.votes[near] >= THING) & (self.seen_s[near] >= self.now_s - within_s)
+        at_eye = (self.at_eye.votes[near] >= least) & (self.seen_s[near] >= self.now_s - within_s)
         # so may a trail of votes that a pet left too near to be seen cleared
         lately_s = min(within_s, self.low_s) if self.moves else within_s
-        below = (self.below.votes[near] >= THING) & (self.below_s[near] >= self.now_s - lately_s)
+        below = (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - lately_s)
         rows, columns = np.nonzero(there & (at_eye | below))
         points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
         votes = np.maximum(self.at_eye.votes[near], self.below.votes[near])[rows, columns]
@@ -190,10 +200,11 @@ class Surroundings:
         self._saw(cells)
         return points
 
-    def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING) -> float:
+    def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING,
+                   least: float = THING) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
-        nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame."""
-        things = np.concatenate([self.things(), walls_m])
+        nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; least: votes."""
+        things = np.concatenate([self.things(least=least), walls_m])
         at, way = _arc(command, up_to_m)
         if not len(things):
             return up_to_m

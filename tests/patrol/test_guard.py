@@ -172,6 +172,29 @@ def test_a_speck_of_one_view_is_no_thing_and_a_pole_seen_twice_is():
     assert watched.around.free_way_m(AHEAD, 0.05, 1.5) == pytest.approx(0.65, abs=0.06)
 
 
+def test_specks_are_forgotten_on_demand_and_things_with_company_are_not():
+    watched = guard()
+    ranges = np.full(41, np.inf)
+    ranges[20], ranges[:5] = 1.0, 1.5
+    for index in (1, 2, 3):
+        watched.observe(seen(index, ranges), STILL)
+    before = len(watched.around.things())
+    watched.around.forget_specks()
+    left = watched.around.things()
+    assert len(left) == before - 1 and (np.abs(left[:, 1]) > 0.1).all()
+
+
+def test_going_back_twice_leads_twice_as_far_and_not_forth_again():
+    watched = guard()
+    watched.observe(seen(1, 5.0), STILL)
+    watched.given = AHEAD
+    for _ in range(2):
+        watched.given = watched.back_off()
+        assert watched.given.forward_mps * watched.given.duration_s == pytest.approx(-0.2)
+    watched.observe(seen(2, 5.0, contact=True), STILL)
+    assert watched.touched and watched.back_off().forward_mps > 0.0, "what was touched behind is left ahead"
+
+
 def test_commands_that_do_not_move_the_robot_are_a_touch_without_any_bumper():
     watched = guard()
     for index in range(1, 4):

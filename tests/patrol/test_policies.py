@@ -9,7 +9,7 @@ from rhs.api.errors import ContractError
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
-from rhs_replan import Ask, GoRound, SkipAndReturn, Wait
+from rhs_replan import Ask, GoRound, NewMission, SkipAndReturn, Wait
 
 PLACES = (("a", 4.0, 1.0), ("home", 1.0, 3.0))
 
@@ -85,6 +85,14 @@ def test_a_place_that_stays_blocked_is_put_off_so_often_and_then_given_up():
     statuses = [status for place, status in told(missions) if place == "a"]
     assert statuses[-1] == "gave_up" and 1 <= statuses.count("skipped") <= 2
     assert ("home", "arrived") in told(missions)
+
+
+def test_a_place_with_no_way_past_what_was_seen_is_tried_once_more_when_the_others_are_done():
+    """Both ways to a are closed until the robot is on its way home; or for good."""
+    order = [one for one in told(patrol(NewMission(), hidden=barrier((25, 28)), leaves=70)[0]) if one[1] != "aborted"]
+    assert order == [("a", "skipped"), ("home", "arrived"), ("a", "arrived")]
+    order = [one for one in told(patrol(NewMission(), hidden=barrier((25, 28)))[0]) if one[1] != "aborted"]
+    assert order == [("a", "skipped"), ("home", "arrived"), ("a", "gave_up")]
 
 
 def test_without_a_way_round_go_round_waits():
