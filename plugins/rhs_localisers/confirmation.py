@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rhs.api.geometry import planar, se2, wrap
+from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.motion_consistency import Continuity
@@ -48,6 +49,11 @@ class Confirmation:
         """What was known is known no longer."""
         self.confirmed = False
         self._clear()
+
+    def resume(self) -> None:
+        """The doubt was none: what was known is known again."""
+        self._clear()
+        self.confirmed = self.watched = True
 
     def divided(self) -> None:
         """The belief is shared between places: it is not sure, and those that confirm it have to begin anew."""
@@ -160,6 +166,23 @@ def fits(
 ) -> bool:
     """Whether a scan, if there is one, could have been taken from a planar pose (3,)."""
     return scan is None or walls is None or not walls.share(scan, pose) < rules.fits_share
+
+
+def hidden(scan: Scan | None, grid: OccupancyGrid | None, pose: np.ndarray, rules: ConfirmationRules = USUAL) -> bool:
+    """Whether somebody stands before what could be recognised from a planar pose (3,): many beams of the scan end before the
+    first wall of the map, and hardly any behind it, as those of a robot that is elsewhere do."""
+    from rhs.estimation.scans.rays import cast  # compiled code
+
+    if scan is None or grid is None:
+        return False
+    known = np.isfinite(scan.ranges_m)
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    eye = pose[:2] + np.array([[c, -s], [s, c]]) @ scan.origin_xy_m
+    walls_m = cast(grid.occupied(), grid, eye, scan.bearings_rad[known] + pose[2], scan.max_range_m)
+    short_m = walls_m - scan.ranges_m[known]
+    before, behind = (short_m > rules.before_m).sum(), (short_m < -rules.before_m).sum()
+    beams = max(len(scan.ranges_m), 1)
+    return bool(before >= rules.hidden_share * beams and behind <= rules.behind_share * beams)
 
 
 def same_place(pose_a: np.ndarray, pose_b: np.ndarray, rules: ConfirmationRules = USUAL) -> bool:

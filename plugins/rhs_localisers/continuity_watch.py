@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rhs.api.geometry import Camera
 from rhs.api.records import Features, FeatureSettings, Motion, Observation, Scan, Tracking
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import features
@@ -25,8 +26,10 @@ class ContinuityWatch:
 
     def begin(self) -> None:
         """The next view is the first one."""
-        self._features: Features | None = None
+        self._features: Features | None = None  # of the last view ...
+        self._previous: Features | None = None  # ... and of the one before
         self._scan: Scan | None = None
+        self._left: tuple[Features, np.ndarray] | None = None  # the last view before a break, and left_from_body
 
     def goes_on(self, observation: Observation, motion: Motion, expected: np.ndarray | None) -> Continuity:
         """Whether this view can be one motion after the last, which put the robot at `expected` (3,), None if unknown.
@@ -37,6 +40,29 @@ class ContinuityWatch:
         somebody who passes close by, and tell nothing."""
         last, scan = self._features, self._scan
         self._features, self._scan = features(observation, self._settings), observation.scan
+        if self._left is not None:
+            self._left = self._left[0], self._left[1] @ motion.previous_from_body
+        self._previous = last
+        return self._compared(last, scan, observation, motion, expected)
+
+    def keep_last(self, previous_from_body: np.ndarray) -> None:
+        """The view before this one is the last before a break."""
+        self._left = None if self._previous is None else (self._previous, previous_from_body)
+
+    def resumed(self, camera: Camera) -> bool:
+        """Whether this view goes on from the last one before the break: then somebody passed close by, and nobody was
+        carried off."""
+        if self._left is None or self._features is None:
+            return False
+        return continuity(self._left[0], self._features, camera, self._left[1], self._rules) is Continuity.GOES_ON
+
+    def settle(self) -> None:
+        """There is no break to be explained."""
+        self._left = None
+
+    def _compared(self, last: Features | None, scan: Scan | None, observation: Observation, motion: Motion,
+                  expected: np.ndarray | None) -> Continuity:
+        assert self._features is not None
         seen = continuity(last, self._features, observation.camera, motion.previous_from_body, self._rules)
         if seen is Continuity.BROKEN and self._passer_by(scan, motion):
             return Continuity.UNKNOWN

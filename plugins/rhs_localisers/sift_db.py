@@ -17,9 +17,10 @@ from rhs.api.belief import chance_right
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Scan, View
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Scan, Tracking, View
 from rhs.estimation.filters.pose_hypotheses import (
     Hypotheses,
+    Hypothesis,
     PlaceFix,
     Trust,
     begin,
@@ -37,7 +38,7 @@ from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, Reco
 from rhs.estimation.views.place_memory import memory_of
 from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
-from .confirmation import Confirmation, Contradiction, fits, possible
+from .confirmation import Confirmation, Contradiction, fits, hidden, possible
 from .continuity_watch import ContinuityWatch
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
@@ -56,10 +57,12 @@ class PlaceLocaliser:
         self._database: PlaceDatabase | None = None
         self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
         self._matcher: ScanMatcher | None = None  # ... and, if that is wished, to correct the belief by
+        self._grid: OccupancyGrid | None = None
         self._steps = 0
         self._of_fix = np.zeros((6, 6))  # what a place lifted on pictures errs by besides what its key-points say ...
         self._of_map = np.zeros((6, 6))  # ... and covariance of a map drawn by one camera, which no fix in it takes away
         self._contradicted = False
+        self._before: Hypotheses | None = None  # believed when it was sure last, and moved since
         self._last = np.eye(4)
         self._watching = ContinuityWatch(context.features, None, a.continuity, smooth_share=a.smooth_share)
         self._confirmation, self._contradiction = Confirmation(False, a.confirmation), Contradiction(a.confirmation)
@@ -75,6 +78,7 @@ class PlaceLocaliser:
         if pictured:
             self._of_fix = flat(a.pictured_sigma_m**2, a.pictured_sigma_rad**2)
             self._of_map = self._of_fix + left_on_loop(views[-1].covariance, a.pictured_share)
+        self._grid = grid
         self._walls = ScanMatcher(grid, a.pictured if pictured else a.match) if grid is not None else None
         self._watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
         self._matcher = self._walls if self._settings.match_every > 0 else None
@@ -83,6 +87,7 @@ class PlaceLocaliser:
     def start(self, belief: Belief | None) -> None:
         """Begin from a belief, or anywhere."""
         self._steps, self._contradicted = 0, False
+        self._before = None
         self._watching.begin()
         self._contradiction = Contradiction(self._advanced.confirmation)
         self._confirmation = Confirmation(belief is not None and belief.probability > 0.9, self._advanced.confirmation)
@@ -98,7 +103,7 @@ class PlaceLocaliser:
         noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m,
                         s.advanced.steady_m)
         self._state = predict(self._state, motion.previous_from_body, noise, self._trust)
-        self._watch(observation, motion)
+        self._watch(observation, motion, noise)
         details: dict[str, float] = {}
         scan = observation.scan if observation.scan is not None else motion.scan
         if self._due():
@@ -111,29 +116,59 @@ class PlaceLocaliser:
         self._steps += 1
         return self._belief(details)
 
-    def _watch(self, observation: Observation, motion: Motion) -> None:
-        """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
+    def _watch(self, observation: Observation, motion: Motion, noise: np.ndarray) -> None:
+        """Does this view go on from the last one? If not, the robot may have been carried anywhere; until a view goes on
+        from the one before the break: then somebody passed close by, and what was known before, moved since, holds."""
         best = self._state.best
         expected = None if best is None else planar(best.map_from_body)
         seen = self._watching.goes_on(observation, motion, expected)
+        if seen is Continuity.BROKEN and motion.status is Tracking.OK and self._hides(observation.scan, best):
+            seen = Continuity.UNKNOWN  # the odometry saw past who stands there
+        tracking = best is not None and self._status(best.weight) is BeliefStatus.TRACKING
         self._confirmation.travel(motion.previous_from_body, seen)
         self._contradiction.move(motion.previous_from_body)
+        if tracking:
+            self._before = self._state
+            self._watching.settle()
+            if seen is Continuity.BROKEN:
+                self._watching.keep_last(motion.previous_from_body)
+        elif self._before is not None:
+            self._before = predict(self._before, motion.previous_from_body, noise, self._trust)
+            if self._watching.resumed(observation.camera):
+                self._resume(self._before)
+                return
         if seen is Continuity.BROKEN:
             self._state, self._contradicted = carried(self._state, self._advanced.continuity.carried, self._trust), True
+
+    def _resume(self, before: Hypotheses) -> Hypotheses:
+        """Nobody was carried off: what was known before the doubt holds."""
+        self._state, self._contradicted = before, False
+        self._confirmation.resume()
+        self._watching.settle()
+        return before
+
+    def _holds(self, before: Hypotheses, claim: PlaceFix) -> bool:
+        """Whether a doubted robot sees a place named just where it would be, had nobody carried it off."""
+        if self._confirmation.confirmed or before.best is None:
+            return False
+        sharp = chance_right(before.best.covariance) >= self._settings.tracking_above
+        return sharp and confirms(before, [claim], self._trust)
 
     def _use_places(self, places: list[Recognised], observation: Observation, scan: Scan | None) -> None:
         """Named places confirm the belief, speak against it, or put another in its stead."""
         before = self._state
         if not places:
-            self._contradicted = self._expects(observation)
+            self._contradicted = self._expects(observation, scan)
             if self._contradicted and self._confirmation.silent():
                 self._state = silent(self._state, self._advanced.places.explain.silence, self._trust)
         else:
             weights = shares(places, self._advanced.places)
             claims = [PlaceFix(r.map_from_body, r.covariance + self._of_fix, float(w))
                       for r, w in zip(places, weights, strict=True)]
-            self._contradicted = not confirms(self._state, claims, self._trust)
             strong = places[0].score >= self._advanced.confirmation.strong
+            if self._before is not None and strong and self._holds(self._before, claims[0]):
+                before = self._resume(self._before)
+            self._contradicted = not confirms(self._state, claims, self._trust)
             if not self._accepts(claims, strong, scan):
                 return
             trust = self._trust if strong else replace(self._trust, p_true=self._advanced.weak)
@@ -172,12 +207,17 @@ class PlaceLocaliser:
         believed = [guess.map_from_body for guess in self._state.guesses[:3]]
         return self._database.ask(features(observation, self._context.features), observation.camera, believed)
 
-    def _expects(self, observation: Observation) -> bool:
-        """Whether the best guess says that this view ought to be recognised."""
+    def _expects(self, observation: Observation, scan: Scan | None) -> bool:
+        """Whether the best guess says that this view ought to be recognised, and nobody stands before it."""
         assert self._database is not None, "learn() comes before update()"
         best, seen = self._state.best, features(observation, self._context.features)
         return best is not None and expected(
-            self._database.memory, seen, best.map_from_body, self._advanced.places.explain)
+            self._database.memory, seen, best.map_from_body, self._advanced.places.explain) and not self._hides(scan, best)
+
+    def _hides(self, scan: Scan | None, best: Hypothesis | None) -> bool:
+        """Whether somebody stands before what would be seen from the best guess."""
+        return best is not None and hidden(
+            scan, self._grid, planar(best.map_from_body), self._advanced.confirmation)
 
     def _belief(self, details: dict[str, float]) -> Belief:
         best = self._state.best

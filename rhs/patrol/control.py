@@ -14,6 +14,7 @@ import numpy as np
 from rhs.api.geometry import planar, wrap
 from rhs.api.records import Path, Twist
 
+MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 TURN_RATE_MAX_RADPS = 1.0  # of any command; a sharper bend is driven slower
 
 
@@ -123,3 +124,23 @@ def turn(angle_rad: float, pace: Pace) -> Twist:
     length = abs(step) * pace.arc_radius_m
     duration = length / pace.speed_mps
     return Twist(pace.speed_mps, step / duration, duration)
+
+
+class Progress:
+    """still: so many views on end the robot has not got on."""
+
+    def __init__(self) -> None:
+        self.still, self._turned_rad = 0, 0.0
+        self._last: np.ndarray | None = None
+
+    def note(self, pose: np.ndarray) -> bool:
+        """Take the pose (3,) of a view: x, y, yaw. Whether it is more than 5 cm from the one before."""
+        if self._last is None:
+            self._last = pose
+            return False
+        shifted = bool(np.linalg.norm(pose[:2] - self._last[:2]) > 0.05)
+        turned = abs(wrap(pose[2] - self._last[2]))
+        self._turned_rad = 0.0 if shifted else self._turned_rad + turned
+        self.still = 0 if shifted or (turned > 0.03 and self._turned_rad < MOST_TURNING_RAD) else self.still + 1
+        self._last = pose
+        return shifted

@@ -154,7 +154,8 @@ class Guard:
         return None, Event.STOPPED
 
     def _free_m(self, command: Twist, up_to_m: float) -> float:
-        return self.around.free_way_m(command, self.side_m, up_to_m, least=SURE if self.tight else THING)
+        least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
+        return self.around.free_way_m(command, self.side_m, up_to_m, least=least)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

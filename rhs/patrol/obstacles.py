@@ -11,6 +11,8 @@ from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
 
 PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
+BESIDE_CELLS = 1.5  # so near to what stays there nothing has gone, cells
+LEAST_KEPT_S = 4.0  # what was seen once only is kept so long
 NEAR_WALL_M, NEAR_WALL_PER_M = 0.12, 0.05  # a hit this near a wall is the wall: map and belief, and 3 degrees of heading
 
 
@@ -29,6 +31,13 @@ def in_map(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """(K, 2) points of the body frame, in the map; pose (3,): x, y, yaw."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     moved: np.ndarray = points_m @ np.array([[c, s], [-s, c]]) + pose[:2]
+    return moved
+
+
+def in_body(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """(..., 2) points of the map, in the body frame of the pose (3,)."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    moved: np.ndarray = (points_m - pose[:2]) @ np.array([[c, -s], [s, c]])
     return moved
 
 
@@ -57,6 +66,7 @@ class ObstacleWatch:
         self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
         # of each: when a beam of it last passed a cell or ended there; one at eye height says nothing of what lies lower
         self.seen_s = np.full((2, *grid.shape), -np.inf)
+        self.since_s = np.full((2, *grid.shape), np.inf)  # when it first saw what stands there, also if forgotten since
 
     def forget(self) -> None:
         """A new mission begins with the map as surveyed."""
@@ -77,10 +87,16 @@ class ObstacleWatch:
         near: np.ndarray = where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
         return near
 
-    def fade(self, before_s: float) -> None:
-        """Forget what was not looked at since then: where things move, it may have gone."""
-        for layer, seen_s in zip((self.at_eye, self.below), self.seen_s, strict=True):
-            layer.votes[seen_s < before_s] = 0.0
+    def forget_gone(self, now_s: float) -> bool:
+        """Forget what has been out of sight for longer than it was seen to stand: it may have gone. Whether there was any.
+        A box seen twice in a minute is remembered for another, somebody who stood there for two seconds is not. A rule of
+        thumb in the place of the persistence filter (Rosen, Mason and Leonard 2016, Towards lifelong feature-based mapping
+        in semi-static environments)."""
+        gone = self.cells
+        for layer, seen_s, since_s in zip((self.at_eye, self.below), self.seen_s, self.since_s, strict=True):
+            stays = (layer.votes > 0.0) & (now_s - seen_s <= np.maximum(seen_s - since_s, LEAST_KEPT_S))
+            layer.votes[~inflate(stays, BESIDE_CELLS)] = 0.0
+        return bool((gone & ~self.cells).any())
 
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
              now_s: float = 0.0) -> None:
@@ -88,12 +104,18 @@ class ObstacleWatch:
         from rhs.estimation.scans.votes import low_only
 
         if scan is not None:
-            cells = self.at_eye.look(map_from_body, scan, hits=self._unknown(map_from_body, scan), within_m=self.within_m)
-            self.seen_s[0, cells[:, 0], cells[:, 1]] = now_s
+            self._count(0, map_from_body, scan, hits=self._unknown(map_from_body, scan), now_s=now_s)
         if obstacle is not None:
             hits = low_only(obstacle, scan) & self._unknown(map_from_body, obstacle)
-            cells = self.below.look(map_from_body, obstacle, hits=hits, within_m=self.within_m)
-            self.seen_s[1, cells[:, 0], cells[:, 1]] = now_s
+            self._count(1, map_from_body, obstacle, hits=hits, now_s=now_s)
+
+    def _count(self, number: int, map_from_body: np.ndarray, scan: Scan, *, hits: np.ndarray, now_s: float) -> None:
+        """Count a scan in the layer of that number."""
+        layer = (self.at_eye, self.below)[number]
+        rows, columns = layer.look(map_from_body, scan, hits=hits, within_m=self.within_m).T
+        since_s = self.since_s[number, rows, columns]
+        self.since_s[number, rows, columns] = np.where(layer.votes[rows, columns] > 0.0, np.minimum(since_s, now_s), np.inf)
+        self.seen_s[number, rows, columns] = now_s
 
     def _unknown(self, map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
         """(N,) bool: the beam ends where the map knows of nothing."""
@@ -110,10 +132,7 @@ class ObstacleWatch:
 
     def walls_near(self, pose: np.ndarray, within_m: float = 1.0) -> np.ndarray:
         """(K, 2) the map's walls so near to the pose (3,), in its body frame."""
-        walls = self._walls_m[np.linalg.norm(self._walls_m - pose[:2], axis=1) < within_m] - pose[:2]
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        near: np.ndarray = walls @ np.array([[c, -s], [s, c]])
-        return near
+        return in_body(self._walls_m[np.linalg.norm(self._walls_m - pose[:2], axis=1) < within_m], pose)
 
     def bump(self, points_m: np.ndarray) -> None:
         """Something was touched at these map points (K, 2)."""
@@ -121,6 +140,7 @@ class ObstacleWatch:
         cells = self.grid.cells(points)
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.seen_s[1, cells[:, 0], cells[:, 1]] = np.inf
+        self.since_s[1, cells[:, 0], cells[:, 1]] = -np.inf
 
     @property
     def cells(self) -> np.ndarray:

@@ -26,17 +26,16 @@ from rhs.api.task import Parts
 from rhs.api.validate import check_blocked, check_capture
 from rhs.estimation.survey import known_free
 
-from .control import Pace, ahead_on_path, closest_gap, first_on_way, steer, target_on, turn
+from .control import Pace, Progress, ahead_on_path, closest_gap, first_on_way, steer, target_on, turn
 from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import ELSEWHERE_M, Logbook, MissionSettings
-from .obstacles import ObstacleWatch, in_map
+from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner
 from .relocate import Search, clear_ahead_m
 from .surroundings import SURE
 
-MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
 WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
@@ -87,10 +86,8 @@ class Sentinel:
         self.look_again: list[float] = []
         self.looked_again = False
         self.seen_obstacles: list[np.ndarray] = []
-        self.still = 0
-        self.turned_rad = 0.0
+        self.progress = Progress()
         self.waited = self.views_spent = 0
-        self.last_pose: np.ndarray | None = None
         self.lost_steps = 0
         self.contacts = self.barred = self.backed = 0
 
@@ -115,10 +112,7 @@ class Sentinel:
 
     def note(self, belief: Belief, scan: Scan) -> None:
         if belief.status is BeliefStatus.TRACKING:
-            now_s = self.guard.around.now_s
-            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=now_s)
-            if self.guard.moves:
-                self.watch.fade(now_s - self.settings.advanced.guard.fade_s)
+            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=self.guard.around.now_s)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -179,8 +173,8 @@ class Sentinel:
         """The next command of the current mission, or None when it has just ended."""
         if self.look_again:
             return turn(self.look_again.pop() * self.pace.turn_step_rad, self.pace)
-        if self._stuck(pose):
-            self._finish(MissionStatus.GAVE_UP, "no progress: commands moved the robot less than 5 cm each", events)
+        if (why := self._stuck(pose)) is not None:
+            self._finish(MissionStatus.GAVE_UP, f"no progress: {why}", events)
             return None
         if self.views_spent > self.settings.views_max:
             self._finish(MissionStatus.GAVE_UP, f"budget spent: mission.views_max={self.settings.views_max} views", events)
@@ -202,9 +196,7 @@ class Sentinel:
         command = steer(self.path.points_m, belief.map_from_body, pace := self.guard.pace_here)
         if not self.guard.sees:
             return self._with_room(command, scan, events)
-        target = target_on(self.path.points_m, pose[:2], pace) - pose[:2]
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return self._safely(command, np.array([[c, s], [-s, c]]) @ target, pose, events)
+        return self._safely(command, in_body(target_on(self.path.points_m, pose[:2], pace), pose), pose, events)
 
     def _safely(self, command: Twist, target_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist:
         """The command as far as what was seen allows it; a robot without room plans anew, and goes back if that does not
@@ -232,7 +224,7 @@ class Sentinel:
             return Twist(command.forward_mps, command.turn_radps, room_m / command.forward_mps)
         events.append(Event.STOPPED)
         self.path = None
-        side = 1.0 if self.still % 4 < 2 else -1.0
+        side = 1.0 if self.progress.still % 4 < 2 else -1.0
         return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
@@ -269,19 +261,22 @@ class Sentinel:
         seen = self.grid.centres(np.argwhere(self.watch.cells))
         if self.barred:
             seen = np.concatenate([seen, self._near_things(pose)])
+        at = self._in_the_way(seen, pose) if len(seen) else pose[:2]
         if len(seen):
+            if self._may_have_gone(at, pose):
+                return self._wait(at, pose, events)
             mission = self.book.current
-            command = self._answer(self._told(self._in_the_way(seen, pose), known=True, no_way=True), pose, events)
+            command = self._answer(self._told(at, known=True, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
+        if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
+            return self._wait(at, pose, events)
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
             self.watch.forget()
             self.guard.around.forget_specks()
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
-        if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
-            return self._wait(self._in_the_way(seen, pose), pose, events)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
         status = MissionStatus.GAVE_UP
         if len(seen) and not self.book.skipped() and self.book.others():  # things go, or look different from elsewhere
@@ -290,9 +285,16 @@ class Sentinel:
         self._finish(status, f"no path: {self.last_reason}{touched}", events)
         return None
 
+    def _may_have_gone(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
+        """Where something moves: whether anything that was seen before may have gone, and is forgotten. Who is seen to come
+        and stands in the way here is waited for first."""
+        if not self.guard.moves or (self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))):
+            return False
+        return self.watch.forget_gone(self.guard.around.now_s)
+
     def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
         """Stand for a view before what is in the way; the plan that failed is tried again."""
-        self.waited, self.still = self.waited + 1, 0
+        self.waited, self.progress.still = self.waited + 1, 0
         self.attempts -= self.path is None
         events.append(event)
         return self._watching(at_m, pose)
@@ -365,17 +367,13 @@ class Sentinel:
         goal = np.array(self.book.missions[-1].goal_m)
         return float(np.linalg.norm(pose[:2] - goal)) <= self.settings.arrive_m
 
-    def _stuck(self, pose: np.ndarray) -> bool:
-        if self.last_pose is not None:
-            shift = np.linalg.norm(pose[:2] - self.last_pose[:2])
-            turned = abs(wrap(pose[2] - self.last_pose[2]))
-            self.turned_rad = 0.0 if shift > 0.05 else self.turned_rad + turned
-            moved = shift > 0.05 or (turned > 0.03 and self.turned_rad < MOST_TURNING_RAD)
-            self.still = 0 if moved else self.still + 1
-            self.waited = 0 if shift > 0.05 else self.waited
-        self.last_pose = pose
-        limit = self.settings.tries * 10
-        return self.still >= self.settings.stuck_steps or self.attempts > limit
+    def _stuck(self, pose: np.ndarray) -> str | None:
+        """Why the place is given up, if it is."""
+        if self.progress.note(pose):
+            self.waited = 0
+        if self.progress.still >= self.settings.stuck_steps:
+            return "commands moved the robot less than 5 cm each"
+        return f"planned {self.attempts} times" if self.attempts > self.settings.tries * 10 else None
 
     def _find_oneself(self, belief: Belief, scan: Scan | None, events: list[Event]) -> Decision:
         """Not knowing where it is, the robot looks for itself until it knows again, or gives the place up."""

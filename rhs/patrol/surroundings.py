@@ -16,6 +16,7 @@ NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
 SURE = 2.0  # votes of a thing that a tight way has to keep from: what the edges of things smear by a cell has fewer
 SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
+CAME_NEAR_M = 0.3  # the rest of who came is so near
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
@@ -114,6 +115,12 @@ class Surroundings:
         if len(came) >= CAME_CELLS:
             self.moved_s = self.now_s
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
+
+    def came_near(self, point_m: np.ndarray) -> bool:
+        """Whether something that was seen to come stands near the point (2,) of the body frame."""
+        cells = np.argwhere(np.isfinite(self.came_s))
+        gaps = self.in_body((cells[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m) - point_m
+        return bool((np.hypot(*gaps.T) < CAME_NEAR_M).any())
 
     @property
     def moves(self) -> bool:

@@ -299,6 +299,35 @@ def test_what_walked_by_leaves_no_wall_behind():
     assert not watch.cells.any()
 
 
+def test_what_stood_for_a_while_is_remembered_for_as_long_and_what_was_seen_in_passing_is_not():
+    """Something 1.5 m ahead was seen at 10 s and again at 40 s, or from 38 to 40 s only; then nobody looks."""
+    grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
+    ranges_m = np.where(np.abs(BEARINGS) > 0.1, 4.5, wall_at(1.5))
+
+    def left(seen_s, now_s):
+        watch = ObstacleWatch(grid, grid.free(), tolerance_m=0.3)
+        for at_s in seen_s:
+            watch.look(se2(1.0, 1.0, 0.0), Scan(BEARINGS, ranges_m, 6.0), now_s=at_s)
+        assert watch.cells.any()
+        return not watch.forget_gone(now_s) and bool(watch.cells.any())
+
+    assert left((10.0, 11.0, 40.0), 65.0) and not left((38.0, 39.0, 40.0), 65.0)
+    assert left((38.0, 39.0, 40.0), 43.0) and not left((10.0, 11.0, 40.0), 75.0)
+
+
+def test_in_a_gap_one_view_of_somebody_who_comes_is_enough_to_stop():
+    """A way hardly wider than the robot asks for two votes of what stands still, and for one where something moves."""
+    watched = guard()
+    watched.observe(seen(1, wall_at(0.5)), STILL)
+    watched.around.seen_s[:] = 0.5  # the robot has looked everywhere
+    watched.tight = True
+    allowed, _ = watched.allow(AHEAD)
+    assert allowed.forward_mps * allowed.duration_s == pytest.approx(0.25)
+    watched.around.moved_s = 0.5
+    allowed, _ = watched.allow(AHEAD)
+    assert allowed is None or allowed.forward_mps * allowed.duration_s < 0.2
+
+
 def test_a_box_beside_a_wall_is_told_from_the_wall_from_near():
     """The wall of the map is at y = 2; something stands 0.25 m before it."""
     grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()

@@ -61,6 +61,14 @@ def test_carried_away_it_recovers():
     assert beliefs[-1].status is BeliefStatus.TRACKING
 
 
+def test_somebody_who_fills_the_view_for_a_while_makes_nobody_lost_for_longer_than_that():
+    part, here, another = _learnt(every=1), look(PATH[0]), look(se2(-1.4, 0.0, 4.6))
+    part.start(Belief(PATH[0], SMALL))
+    told = [part.update(view, Motion(np.eye(4), SMALL, Tracking.OK)) for view in (here, another, another, here)]
+    assert [belief.status is BeliefStatus.TRACKING for belief in told] == [True, False, False, True]
+    assert _wrong_m(told[-1], PATH[0]) < 0.05
+
+
 def _corridor_walk(match_every):
     """A corridor 2 m wide seen by a camera that recognises nothing; odometry turns 0.3 degrees too far at each step."""
     probability = np.full((22, 200), 0.02, np.float32)
