@@ -113,12 +113,17 @@ class Guard:
 
     def back_off(self, walls_m: np.ndarray = NOTHING) -> Twist | None:
         """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room. A
-        robot that went back already and touched nothing goes back further. walls_m (K, 2): of the map, in the body frame."""
+        robot that went back already and touched nothing goes back further; where something moves, over ground that it has
+        just seen or come over. walls_m (K, 2): of the map, in the body frame."""
         touched, self.touched, self._still = self.touched, False, 0
         came = self.given
         if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
         back = Twist(-came.forward_mps, -came.turn_radps, came.duration_s)
+        behind = self.around.unseen(back, margin_m=self.settings.side_m, up_to_m=self.settings.back_off_m,
+                                    since_s=self._since_s)
+        if not touched and self.moves and len(behind) >= FEW_PATCHES:
+            return None  # somebody may have come up there
         way_m = self.around.free_way_m(back, BEHIND_M, self.settings.back_off_m, walls_m=walls_m)
         return _cut(back, way_m) if way_m >= LEAST_M else None
 

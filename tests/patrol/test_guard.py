@@ -315,6 +315,16 @@ def test_what_stood_for_a_while_is_remembered_for_as_long_and_what_was_seen_in_p
     assert left((38.0, 39.0, 40.0), 43.0) and not left((10.0, 11.0, 40.0), 75.0)
 
 
+def test_among_people_the_robot_does_not_go_back_where_it_has_not_just_been_unless_it_touched_something():
+    watched = guard()
+    watched.observe(seen(1, wall_at(2.0)), STILL)
+    assert watched.back_off() is not None
+    watched.around.moved_s = 0.5
+    assert watched.back_off() is None
+    watched.touched = True
+    assert watched.back_off().forward_mps < 0.0
+
+
 def test_in_a_gap_one_view_of_somebody_who_comes_is_enough_to_stop():
     """A way hardly wider than the robot asks for two votes of what stands still, and for one where something moves."""
     watched = guard()

@@ -13,7 +13,7 @@ from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.features import share
 from rhs.estimation.views.motion_consistency import Continuity
 from rhs_localisers.advanced import ConfirmationRules
-from rhs_localisers.confirmation import Confirmation, Contradiction, fits
+from rhs_localisers.confirmation import Confirmation, Contradiction, fits, hidden
 from rhs_localisers.continuity_watch import ContinuityWatch
 from rhs_localisers.particle_filter_config import ParticleFilter
 from rhs_localisers.sift_db_config import SiftDb
@@ -131,10 +131,14 @@ def test_names_that_do_not_move_as_the_robot_does_never_convince():
         assert not contradiction.convinces([np.array([2.0 * k, 0.0, 0.0])], against=True, held=False)
 
 
-def _walls():
+def _room():
     room = np.full((60, 60), 0.02, np.float32)
     room[[0, -1]], room[:, [0, -1]] = 0.98, 0.98
-    return ScanMatcher(OccupancyGrid(room, 0.1, (0.0, 0.0)))
+    return OccupancyGrid(room, 0.1, (0.0, 0.0))
+
+
+def _walls():
+    return ScanMatcher(_room())
 
 
 def _facing(metres):
@@ -150,6 +154,16 @@ def test_a_scan_fits_only_where_it_can_have_been_taken():
     assert fits(_facing(2.95), _walls(), MIDDLE) and not fits(_facing(2.95), _walls(), NEARER)
     assert fits(None, _walls(), NEARER)
     assert _walls().room_m(MIDDLE) == pytest.approx(2.9, abs=0.11)
+
+
+def test_somebody_before_the_wall_hides_what_is_behind_and_a_scan_from_elsewhere_hides_nothing():
+    somebody = _facing(2.95)
+    ranges = somebody.ranges_m.copy()
+    ranges[:7] = 0.8
+    assert hidden(replace(somebody, ranges_m=ranges), _room(), MIDDLE)
+    assert not hidden(_facing(2.95), _room(), MIDDLE), "the wall stands where the map has it"
+    ranges[7:] = 5.0
+    assert not hidden(replace(somebody, ranges_m=ranges), _room(), MIDDLE), "nobody sees through a wall"
 
 
 def test_without_key_points_scans_tell_whether_a_view_goes_on():
