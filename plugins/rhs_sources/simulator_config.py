@@ -19,6 +19,10 @@ class Simulator:
     """pixels; the height is three quarters of it"""
     hfov_deg: float = 57.0
     """horizontal field of view, degrees; 57 is a Kinect's"""
+    robot_radius_m: float | None = None
+    """of the round robot, metres; null: as the world says"""
+    camera_height_m: float | None = None
+    """of the camera above the floor, metres, and the robot is as tall; null: as the world says"""
     camera_pitch_deg: float | None = None
     """how far the camera looks down, degrees: low things are seen from nearer by; null: as the world says. The horizon must
     stay in the picture, for walls are measured there"""
@@ -86,6 +90,10 @@ class Simulator:
     def __post_init__(self) -> None:
         check_range("source", "image_width", self.image_width, low=32, high=4096, unit="px")
         check_range("source", "hfov_deg", self.hfov_deg, low=10, high=120, unit="degrees")
+        if self.robot_radius_m is not None:
+            check_range("source", "robot_radius_m", self.robot_radius_m, low=0.05, high=2.0, unit="m")
+        if self.camera_height_m is not None:
+            check_range("source", "camera_height_m", self.camera_height_m, low=0.1, high=3.0, unit="m")
         if self.camera_pitch_deg is not None:
             check_range("source", "camera_pitch_deg", self.camera_pitch_deg, low=-45, high=60, unit="degrees")
         if len(self.distortion) not in (0, 4, 5):
