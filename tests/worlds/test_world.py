@@ -207,7 +207,8 @@ def test_a_loop_of_corridors_with_walls_on_cell_borders_is_a_building(tmp_path):
     assert int((grid.probability == 0.0).sum()) == 93**2 - (67**2 - 4)
 
 
-@pytest.mark.parametrize("name", ["square_small", "random:hall/12", data_dir("worlds") / "maps" / "map1.yaml"], ids=["file", "drawn", "map"])
+@pytest.mark.parametrize("name", ["square_small", "random:hall/12", data_dir("worlds") / "maps" / "map1.yaml"],
+                         ids=["file", "drawn", "map"])
 def test_another_robot_is_put_into_any_building(name):
     own = load_world(name)
     world = load_world(name, robot={"robot_radius_m": 0.16, "camera_height_m": 0.45})
