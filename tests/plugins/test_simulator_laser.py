@@ -85,3 +85,8 @@ def test_a_laser_maps_a_building():
 def test_what_cannot_scan_is_refused(words, message):
     with pytest.raises(rhs.api.errors.ConfigError, match=message):
         rhs.run(["sensor=laser", "world=square_small", *words])
+
+
+def test_a_task_of_pictures_is_refused_without_a_camera():
+    with pytest.raises(rhs.api.errors.ConfigError, match="task=places needs image, which sensor=laser does not provide; type "):
+        rhs.run(["sensor=laser", "task=places", "world=square_small"])
