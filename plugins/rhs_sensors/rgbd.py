@@ -35,6 +35,8 @@ class Rgbd:
     """nearer depths are unknown, metres along the optical axis (Kinect: 0.4)"""
     max_range_m: float = 8.0
     """further depths are unknown, metres (Kinect: 8)"""
+    depth_noise: float = 1.0
+    """deviation of the noise of depth, times that of a Kinect; nobody is told, the parts measure it in the views"""
     depth_constant_m: float = 0.0012
     """sigma_z = constant + quadratic * (z - 0.4 m)^2, metres (Nguyen 2012, Kinect)"""
     depth_quadratic_per_m: float = 0.0019
@@ -67,6 +69,7 @@ class Rgbd:
         check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
+        check_range(owner, "depth_noise", self.depth_noise, low=0.0, high=1000.0)
         check_range(owner, "depth_constant_m", self.depth_constant_m, low=0.0, high=1.0, unit="m")
         check_range(owner, "depth_quadratic_per_m", self.depth_quadratic_per_m, low=0.0, high=1.0, unit="1/m")
         check_range(owner, "disparity_step_px", self.disparity_step_px, low=0.0, high=10.0, unit="px")

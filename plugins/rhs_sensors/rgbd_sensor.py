@@ -88,6 +88,7 @@ class RgbdSensor:
         if noise:
             depth[~np.isfinite(depth)] = np.nan
             sigma = settings.depth_constant_m + settings.depth_quadratic_per_m * (depth - np.float32(0.4)) ** 2
+            sigma *= np.float32(settings.depth_noise)
             depth += sigma * self._depth_rng.standard_normal(depth.shape, dtype=np.float32)
             depth = quantised(depth, settings.disparity_m_px, settings.disparity_step_px)
         with np.errstate(invalid="ignore"):

@@ -23,6 +23,7 @@ from rhs.worlds.world import reversed_world
 
 from .lens import Lens
 from .simulator_config import Simulator
+from .simulator_laser import LaserScanner
 from .simulator_mesh import brighter
 from .simulator_pair import EXTRAS, SecondCamera
 from .simulator_route import RoutePace, Waypoint, Wobble, waypoints
@@ -58,6 +59,9 @@ class SimulatorSource(Source):
         self.right = SecondCamera(self.camera, settings.baseline_m) if settings.baseline_m else None
         if self.right is None:
             self.provides -= EXTRAS
+        self.laser = laser_of(settings)
+        if self.laser is None:
+            self.provides -= {"scan"}
         self.folder = context.folder
         self.scene = self._scene()
         self.renderer = self.scene.renderer
@@ -210,7 +214,9 @@ class SimulatorSource(Source):
             array.flags.writeable = False
         self.index += 1
         extras = self.right.extras(self._look, self.world_from_body) if self.right else {}
-        return Capture(self.index - 1, self.stamp_s, image, depth, command, travel, extras=extras, contact=self.bumped)
+        scan = self.scene.scan(self.laser, self.world_from_body) if self.laser else None
+        return Capture(self.index - 1, self.stamp_s, image, depth, command, travel, scan, extras=extras,
+                       contact=self.bumped)
 
     def _look(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Picture and depth from there, through the lens if there is one."""
@@ -282,6 +288,14 @@ def pinhole_of(world: World, settings: Simulator) -> Camera:
                           f"expected at most {most_deg:.1f} with source.hfov_deg={settings.hfov_deg:g}")
     pitch_deg = float(np.clip(world.camera_pitch_deg, -most_deg, most_deg))
     return camera_from_fov(width, height, settings.hfov_deg, height_m=world.camera_height_m, pitch_deg=pitch_deg)
+
+
+def laser_of(settings: Simulator) -> LaserScanner | None:
+    """The laser scanner that these settings want."""
+    if not settings.laser_beams:
+        return None
+    return LaserScanner(settings.laser_beams, float(np.radians(settings.laser_fov_deg)), settings.laser_height_m,
+                        settings.laser_range_m)
 
 
 def pace(settings: Simulator) -> RoutePace:

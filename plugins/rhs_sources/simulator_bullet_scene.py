@@ -18,9 +18,11 @@ import numpy as np
 from rhs.api.errors import RhsError
 from rhs.api.floorplan import World
 from rhs.api.geometry import Camera, inverse, se3
+from rhs.api.records import Scan
 from rhs.worlds.live import Stand
 
 from .simulator_bullet import pybullet, quiet
+from .simulator_laser import LaserScanner
 from .simulator_mesh import Quad, building, lit
 from .simulator_scene import Look, Scene
 
@@ -113,6 +115,9 @@ class BulletScene(Scene):
             if np.abs(depth - nudge).min() > LEVEL_M:
                 return nudge
         return NUDGES_M[-1]
+
+    def scan(self, laser: LaserScanner, world_from_body: np.ndarray) -> Scan:
+        raise NotImplementedError(f"source.renderer={self.renderer} has no laser scanner")  # Simulator refuses it
 
     def close(self) -> None:
         """Let PyBullet forget the world; safe to call twice."""

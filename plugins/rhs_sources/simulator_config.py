@@ -19,6 +19,10 @@ class Simulator:
     """pixels; the height is three quarters of it"""
     hfov_deg: float = 57.0
     """horizontal field of view, degrees; 57 is a Kinect's"""
+    robot_radius_m: float | None = None
+    """of the round robot, metres; null: as the world says"""
+    camera_height_m: float | None = None
+    """of the camera above the floor, metres, and the robot is as tall; null: as the world says"""
     camera_pitch_deg: float | None = None
     """how far the camera looks down, degrees: low things are seen from nearer by; null: as the world says. The horizon must
     stay in the picture, for walls are measured there"""
@@ -27,6 +31,14 @@ class Simulator:
     pinhole behind it: a barrel (k1 < 0) sees more, and a wider view is drawn so that its corners are not empty."""
     baseline_m: float = 0.0
     """metres from the camera to a second one on its right, for sensor=stereo (which takes 0.12); 0: there is none"""
+    laser_beams: int = 0
+    """beams of a laser scanner on the robot, for sensor=laser (which takes 541); 0: there is none"""
+    laser_fov_deg: float = 270.0
+    """what the scanner sees round the robot, ahead in its middle, degrees; 270: a Hokuyo UTM-30LX"""
+    laser_height_m: float = 0.25
+    """of the scanner's plane above the floor, metres: a table top it does not see"""
+    laser_range_m: float = 30.0
+    """metres that the scanner sees"""
     renderer: str = "raster"
     """What draws the views. raster: the rasteriser of rhs, filtered, in a few milliseconds, the same bytes on every machine;
     tinyrenderer: PyBullet's software renderer, unfiltered; egl: PyBullet's OpenGL renderer"""
@@ -71,13 +83,17 @@ class Simulator:
     """seed of all paintings and surfaces; null: as the world says"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "right_image", "right_camera", "wheel", "command",
-                                                "driving", "teleport"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "right_image", "right_camera", "scan", "wheel",
+                                                "command", "driving", "teleport"})
     preload: ClassVar[tuple[str, ...]] = ("rhs_sources.raster.renderer",)
 
     def __post_init__(self) -> None:
         check_range("source", "image_width", self.image_width, low=32, high=4096, unit="px")
         check_range("source", "hfov_deg", self.hfov_deg, low=10, high=120, unit="degrees")
+        if self.robot_radius_m is not None:
+            check_range("source", "robot_radius_m", self.robot_radius_m, low=0.05, high=2.0, unit="m")
+        if self.camera_height_m is not None:
+            check_range("source", "camera_height_m", self.camera_height_m, low=0.1, high=3.0, unit="m")
         if self.camera_pitch_deg is not None:
             check_range("source", "camera_pitch_deg", self.camera_pitch_deg, low=-45, high=60, unit="degrees")
         if len(self.distortion) not in (0, 4, 5):
@@ -86,6 +102,14 @@ class Simulator:
         for value in self.distortion:
             check_range("source", "distortion", value, low=-2.0, high=2.0)
         check_range("source", "baseline_m", self.baseline_m, low=0.0, high=1.0, unit="m")
+        check_range("source", "laser_beams", self.laser_beams, low=0, high=10_000)
+        if self.laser_beams == 1:
+            raise ConfigError("source.laser_beams=1 is no scan; expected 0 (none), or 2 and more")
+        check_range("source", "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
+        check_range("source", "laser_height_m", self.laser_height_m, low=0.02, high=3.0, unit="m")
+        check_range("source", "laser_range_m", self.laser_range_m, low=0.1, high=1000.0, unit="m")
+        if self.laser_beams and self.renderer != "raster":
+            raise ConfigError(f"source.renderer={self.renderer} has no laser scanner; type source.renderer=raster")
         check_choice("source", "renderer", self.renderer, ("raster", "tinyrenderer", "egl"))
         check_choice("source", "sampling", self.sampling, ("anisotropic", "nearest"))
         check_range("source", "anisotropy", self.anisotropy, low=1, high=16)

@@ -14,9 +14,11 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.floorplan import World
 from rhs.api.geometry import Camera
+from rhs.api.records import Scan
 from rhs.worlds.live import Stand, shapes_of
 
 from .raster.renderer import Mesh, Renderer
+from .simulator_laser import LaserScanner
 from .simulator_mesh import brighter, building, lit, shape_faces
 
 
@@ -38,6 +40,9 @@ class Scene(Protocol):
 
     def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """RGB (H, W, 3) uint8 and depth (H, W) float32 in metres along the optical axis, NaN where nothing is."""
+
+    def scan(self, laser: LaserScanner, world_from_body: np.ndarray) -> Scan:
+        """What the laser sees from there. Only the rasteriser keeps the faces that it would cut."""
 
     def place(self, stands: list[Stand]) -> None:
         """Put what moves (rhs.worlds.live.shapes_of) where it is now."""
@@ -78,6 +83,9 @@ class RasterScene(Scene):
 
     def render(self, world_from_body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.drawer.render(self.mesh, world_from_body)
+
+    def scan(self, laser: LaserScanner, world_from_body: np.ndarray) -> Scan:
+        return laser.scan(self.mesh.vertices_m, self.mesh.faces[:, :4], world_from_body)
 
     def place(self, stands: list[Stand]) -> None:
         for (rows, corners), stand in zip(self.moved, stands, strict=True):

@@ -68,7 +68,7 @@ class Capture:
 
     image (H, W, 3) uint8 RGB or None. depth (H, W) float32, metres along the optical axis, NaN unknown, or None.
     command: what the robot was given since the previous view, or None. travel: (3,) true wheel travel since the previous
-    view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: a recorded laser scan, or None.
+    view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: of a laser scanner, or None.
     sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
     extras: further modalities by name (`imu`, `right_image`, ...), arrays of any shape; `cloud`: (N, 3) finite points in the
     body frame, metres, of a lidar.

@@ -185,7 +185,7 @@ def from_plain(values: dict[str, Any]) -> RunConfig:
     config = RunConfig(**{key: getattr(core, key) for key in CORE}, parts=chosen,
                        task=Chosen(str(values[TASK]), settings.make(task, own, "")))
     check_combination(chosen)
-    _check_source(config)
+    _check_task(config)
     return config
 
 
@@ -220,17 +220,17 @@ def _kinds(task: Any, values: dict[str, Any]) -> list[str]:
     return kinds
 
 
-def _check_source(config: RunConfig) -> None:
-    """Refuse a task that needs what its source does not provide."""
-    if "source" not in config.parts:
-        return
-    source = config.parts["source"]
-    missing = config.task.settings.needs - source.settings.provides
-    if missing:
-        others = [name for name in registry.names("source") if registry.failure("source", name) is None
-                  and missing <= registry.load("source", name).provides]  # type: ignore[attr-defined]
-        hint = f"; type {' or '.join(f'source={name}' for name in others)}" if others else ""
-        raise ConfigError(f"task={config.task.name} needs {min(missing)}, which source={source.name} does not provide{hint}")
+def _check_task(config: RunConfig) -> None:
+    """Refuse a task that needs what its source does not provide, or the sensor does not hand on."""
+    needs = config.task.settings.needs
+    for kind, asked in (("source", needs), ("sensor", needs & {"image", "depth", "scan"})):
+        if kind not in config.parts or not (missing := asked - config.parts[kind].settings.provides):
+            continue
+        others = [name for name in registry.names(kind) if registry.failure(kind, name) is None
+                  and missing <= registry.load(kind, name).provides]  # type: ignore[attr-defined]
+        hint = f"; type {' or '.join(f'{kind}={name}' for name in others)}" if others else ""
+        raise ConfigError(f"task={config.task.name} needs {min(missing)}, which {kind}={config.parts[kind].name} does not "
+                          f"provide{hint}")
 
 
 def _choose(kind: str, node: Any) -> Chosen:

@@ -169,7 +169,12 @@ class RunContext:
         return self.config.parts[kind].settings
 
     def floor_plan(self) -> World | None:
-        return load_world(self.world, seed=self.seed) if self.config.driving else None
+        """The building, for the robot that the source's settings want."""
+        if not self.config.driving:
+            return None
+        source = self.config.parts["source"].settings
+        wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m")}
+        return load_world(self.world, seed=self.seed, robot={key: metres for key, metres in wanted.items() if metres})
 
     def parts(self, *, world: World | None = None, seed: int | None = None,
               changes: Mapping[str, Mapping[str, Any]] | None = None, without: Collection[str] = ()) -> Parts:

@@ -100,7 +100,8 @@ def _pictures(folder: Path, row: dict[str, Any]) -> str:
     """Now and before, side by side, what changed outlined; a JPEG as a data address. Empty without pictures."""
     import cv2
 
-    now = cv2.imread(str(folder / "places" / f"{row['picture']}.png"))
+    path = folder / "places" / f"{row['picture']}.png"
+    now = cv2.imread(str(path)) if path.is_file() else None  # a laser takes no pictures
     if now is None:
         return ""
     shown = [_outlined(now, row["width_px"], [(c["verdict"], c["outline_px"]) for c in row["changes"]])]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,19 +43,22 @@ CEILING = Surface("tiles", (215.0, 215.0, 210.0), 12.0)
 FURNITURE = Surface("wood", (150.0, 110.0, 70.0), 20.0)
 
 
-def load_world(name_or_path: str | Path, *, seed: int = 0) -> World:
+def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, float] | None = None) -> World:
     """A world by the name of a file in worlds/, or by path; or a drawn one, `random:FAMILY` (rhs.worlds.random.names), whose
-    number is `seed` where its name has none. Raises ConfigError: one line with file, line and advice."""
+    number is `seed` where its name has none. robot: `robot_radius_m` and `camera_height_m`, metres, in place of what the
+    world says. Raises ConfigError: one line with file, line and advice."""
+    robot = robot or {}
     if is_random(name_or_path):
         from .random.building import random_world
 
-        return random_world(str(name_or_path), seed)
+        return random_world(str(name_or_path), seed, robot)
     path = find_world(name_or_path)
     if path.suffix.lower() not in (".yaml", ".yml"):
-        return _foreign(path, path, no_keys(path))
+        return _foreign(path, path, no_keys(path).put(robot))
     file = read_yaml(path)
     if _is_flat_map(file):
-        return _foreign(path, path, no_keys(path))
+        return _foreign(path, path, no_keys(path).put(robot))
+    file.put(robot)
     if "building" in file.nodes:
         return _foreign(path, path.parent / Path(file.text("building")).expanduser(), file)
     base_name = file.text("like", "")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,12 @@ class Section:
     def inherit(self, base: Section) -> None:
         """Take from another file the keys that this one lacks."""
         self.nodes = {**base.nodes, **self.nodes}
+
+    def put(self, values: Mapping[str, float]) -> Section:
+        """Set these keys, whatever the file says of them."""
+        for key, value in values.items():
+            self.nodes[key] = yaml.ScalarNode("tag:yaml.org,2002:float", repr(float(value)), self.node.start_mark)
+        return self
 
     def keys(self) -> list[str]:
         return list(self.nodes)

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import expit
 from shared import write
 
 from rhs.base.provenance import commit
@@ -102,8 +103,8 @@ def half_level(levels: np.ndarray, successes: np.ndarray) -> float:
     """Level of one half of the logistic curve, lapses aside, that makes these outcomes most likely."""
 
     def unlikely(p: np.ndarray) -> float:
-        lapse = 0.1 / (1.0 + np.exp(np.clip(-p[2], -500, 500)))
-        chance = lapse + (1.0 - 2.0 * lapse) / (1.0 + np.exp(np.clip(-p[1] * (levels - p[0]), -500, 500)))
+        lapse = 0.1 * expit(p[2])
+        chance = np.clip(lapse + (1.0 - 2.0 * lapse) * expit(p[1] * (levels - p[0])), 1e-300, 1.0 - 1e-16)
         return -float(np.log(np.where(successes, chance, 1.0 - chance)).sum())
 
     starts = [(middle, slope, -3.0) for middle in np.linspace(0.1, 0.9, 5) for slope in (-20.0, 20.0)]

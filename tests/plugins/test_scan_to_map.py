@@ -81,6 +81,23 @@ def test_along_a_corridor_without_ends_only_the_wheels_know():
     assert np.sqrt(without[-1].covariance[0, 0]) > 0.1 > 0.05 > np.sqrt(without[-1].covariance[1, 1])
 
 
+def test_wheels_are_believed_as_far_as_the_scans_found_them_right():
+    """A corridor with a hall before it: there good wheels are seen to be good, slipping ones not; in an endless corridor
+    nobody can tell, and both are believed as little."""
+    def along_m(wheels, room, way):
+        motions, _ = led(observed(room, way, wheels=wheels))
+        return np.sqrt(motions[-1].covariance[0, 0])
+
+    way = np.concatenate([WAY, drive([tuple(WAY[-1][:2]), (4, 0), (30, 0)])[1:]])
+    hall = np.concatenate([box(-5, -3, 5, 4)[[0, 2, 3]], box(-1.5, 1.0, -0.7, 2.2), CORRIDOR + [[5 + 100.0, 0.0]]])
+    good, slipping = true_wheels(way) * [1.02, 1.0, 1.02], true_wheels(way)
+    slipping[:, 0] *= 1.0 + 0.3 * np.random.default_rng(0).standard_normal(len(way))
+    assert along_m(good, hall, way) < 0.03
+    assert along_m(slipping, hall, way) > 0.3 * 0.15, "a reading of 15 cm is 4.5 cm off"
+    straight = drive([(0, 0), (20, 0)])
+    assert along_m(true_wheels(straight) * [1.15, 1.0, 1.0], CORRIDOR, straight) > 0.06
+
+
 def test_wheels_that_hang_in_a_corridor_do_not_send_the_robot_away():
     """Seen on a real log with hanging wheels: a speed taken from blind scans grew to metres per scan."""
     way = drive([(0, 0), (30, 0)])

@@ -48,12 +48,12 @@ def test_a_depth_camera_worse_than_told_is_noticed_and_averaged():
     """Sixteen times a Kinect's noise: after averaging no more than a Kinect's is left, in the scan too; one as told is left
     alone."""
     told = 0.0012 + 0.0019 * (3.0 - 0.4) ** 2
-    seen = build(Rgbd(depth_constant_m=16 * 0.0012, depth_quadratic_per_m=16 * 0.0019)).sense(wall(3.0))
+    seen = build(Rgbd(depth_noise=16)).sense(wall(3.0))
     assert seen.depth_times < 1.3 and np.nanstd(seen.depth - 3.0) < 1.1 * told
     assert np.nanstd(seen.scan.ranges_m * np.cos(seen.scan.bearings_rad) - 2.9 - 0.1 * np.cos(seen.scan.bearings_rad)) < 0.1
     as_told = build(Rgbd()).sense(wall(3.0))
     assert as_told.depth_times == 1.0 and np.std(as_told.depth - 3.0) == pytest.approx(told, rel=0.2)
-    worst = build(Rgbd(depth_constant_m=64 * 0.0012, depth_quadratic_per_m=64 * 0.0019)).sense(wall(3.0))
+    worst = build(Rgbd(depth_noise=64)).sense(wall(3.0))
     assert worst.depth_times == pytest.approx(64 / 25, rel=0.3)
 
 

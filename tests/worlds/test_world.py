@@ -7,6 +7,7 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.api.floorplan import after, distance_m, truth_grid
+from rhs.base.data_dirs import data_dir
 from rhs.worlds.world import load_world, reversed_world, world_names
 
 ROOM = """\
@@ -204,3 +205,18 @@ def test_a_loop_of_corridors_with_walls_on_cell_borders_is_a_building(tmp_path):
     assert np.isnan(grid.probability[tuple(grid.cells(np.array([5.0, 5.0]))[0])])  # the block between the corridors
     # 9.5 m less a cell a side; the block and a cell a side, but not the cells that meet its corners alone
     assert int((grid.probability == 0.0).sum()) == 93**2 - (67**2 - 4)
+
+
+@pytest.mark.parametrize("name", ["square_small", "random:hall/12", data_dir("worlds") / "maps" / "map1.yaml"],
+                         ids=["file", "drawn", "map"])
+def test_another_robot_is_put_into_any_building(name):
+    own = load_world(name)
+    world = load_world(name, robot={"robot_radius_m": 0.16, "camera_height_m": 0.45})
+    assert (world.robot_radius_m, world.camera_height_m) == (0.16, 0.45) != (own.robot_radius_m, own.camera_height_m)
+    assert world.name == own.name and len(world.walls) == len(own.walls)
+
+
+def test_a_robot_too_wide_for_a_building_is_refused():
+    for name in ("square_small", "random:office/31"):
+        with pytest.raises(ConfigError, match=r"the robot's radius is 1.5 m"):
+            load_world(name, robot={"robot_radius_m": 1.5})

@@ -18,7 +18,7 @@ from rhs.estimation.scans.point_map import Cloud, Fit, cloud_of, seen_directions
 
 from .config import ScanToMap
 from .local_map import LocalMap
-from .prediction import Guess, Predictor
+from .prediction import Guess, Predictor, WheelError
 
 FLOOR_M, FLOOR_RAD = 0.004, 0.002  # no scan is laid better than this (1 sigma)
 LOST_M, LOST_RAD = 0.5, 0.3  # of a pose that nothing was held against
@@ -35,7 +35,7 @@ class ScanToMapOdometry:
     def __init__(self, settings: ScanToMap) -> None:
         self._settings, self._rescue = settings, settings.advanced.rescue
         self._map = LocalMap(settings)
-        self._predictor = Predictor(settings.advanced.prediction)
+        self._predictor, self._wheels = Predictor(settings.advanced.prediction), WheelError()
         self._poses: list[np.ndarray] = []  # in a frame of its own, as believed now
         self._scans: list[Scan | None] = []
         self._spread = np.diag([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2  # of the last pose in the map
@@ -54,8 +54,10 @@ class ScanToMapOdometry:
         fit, good, reason = self._laid(cloud, guess)
         now = fit.pose
         seen = seen_directions(fit.information, self._settings.advanced.points)
-        spread = _spread_of(seen, guess, good)
         step = between(last, now)
+        if good:
+            self._wheels.compare(guess, now, seen, float(np.hypot(*step[:2])))
+        spread = _spread_of(seen, self._wheels.trusted(guess.prior) if guess.measured else guess.prior, good)
         covariance = _carried(self._spread, step) + spread
         self._poses.append(now)
         self._spread = spread
@@ -166,11 +168,11 @@ def _lifted(covariance: np.ndarray) -> np.ndarray:
     return out
 
 
-def _spread_of(seen: np.ndarray, guess: Guess, good: bool) -> np.ndarray:
-    """(3, 3) covariance of the pose in the map. seen: information (3, 3) of the scan."""
+def _spread_of(seen: np.ndarray, prior: np.ndarray, good: bool) -> np.ndarray:
+    """(3, 3) covariance of the pose in the map. seen, prior: information (3, 3) of scan and guess."""
     if not good:
         return np.diag([LOST_M, LOST_M, LOST_RAD]) ** 2
-    spread: np.ndarray = np.linalg.inv(seen + guess.prior) + np.diag([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2
+    spread: np.ndarray = np.linalg.inv(seen + prior) + np.diag([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2
     return spread
 
 

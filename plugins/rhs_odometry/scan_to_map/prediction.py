@@ -15,6 +15,11 @@ from .config import Prediction
 MEDIAN_OF = 7
 MOVING_MPS, MOVING_RADPS = 0.3, 0.3
 MOST_HUNG = 10  # readings on end
+COMPARED_LEAST, COMPARED_LAST = 20, 60  # scans
+MOVED_M = 0.05  # a shorter way says nothing of how wheels count it
+CLEAR = 25.0  # information of a direction that the scan sees, times that of the wheels
+CHI2_90 = 2.706  # nine in ten squares of a normal variable are below: one reading in ten may hang or leap unnoticed, no more
+LEAST_SHARE = 0.1
 UNCHANGED = 1e-8  # metres, radians: what is left of a reading that did not change
 
 
@@ -43,6 +48,43 @@ class Guess:
         return out
 
 
+class WheelError:
+    """How wrong the wheels of this robot are, as shares of what the settings allow: measured where the scans see along the
+    way and how the robot turned, and taken to hold where they do not."""
+
+    def __init__(self) -> None:
+        self._along: deque[float] = deque(maxlen=COMPARED_LAST)  # squares of normalised errors
+        self._turned: deque[float] = deque(maxlen=COMPARED_LAST)
+
+    def compare(self, guess: Guess, pose: np.ndarray, seen: np.ndarray, way_m: float) -> None:
+        """Hold the wheels' guess against where the scan was laid. seen: its information (3, 3) in its own frame, without
+        blind directions; way_m: driven since the last scan."""
+        if not (guess.measured and guess.fresh):
+            return
+        sigma = np.diag(guess.prior) ** -0.5
+        strength, directions = np.linalg.eigh(seen * np.outer(sigma, sigma))
+        errors = directions.T @ (between(guess.pose, pose) / sigma)
+        for direction, square in zip(directions.T[strength > CLEAR], errors[strength > CLEAR] ** 2, strict=True):
+            if direction[0] ** 2 > 0.5 and way_m > MOVED_M:
+                self._along.append(float(square))
+            elif direction[2] ** 2 > 0.5:
+                self._turned.append(float(square))
+
+    def trusted(self, prior: np.ndarray) -> np.ndarray:
+        """The information (3, 3) of wheels that are as wrong as these."""
+        metres, radians = _share(self._along), _share(self._turned)
+        scale = np.array([metres, metres, radians])
+        out: np.ndarray = prior / np.outer(scale, scale)
+        return out
+
+
+def _share(squares: deque[float]) -> float:
+    """1 until enough is known; never more, nor less than LEAST_SHARE."""
+    if len(squares) < COMPARED_LEAST:
+        return 1.0
+    return float(np.clip(np.sqrt(np.quantile(squares, 0.9) / CHI2_90), LEAST_SHARE, 1.0))
+
+
 class Predictor:
     """Keeps the anchor: the last scan that fitted while the wheels were fresh, and what they have said since."""
 
@@ -55,6 +97,7 @@ class Predictor:
         self._wheel: np.ndarray | None = None
         self._stamp_s, self._elapsed_s, self._usual_s = 0.0, 0.1, 0.0
         self._guessed = np.zeros(3)
+        self._told_to_stand = False
         self._same = 0  # readings on end that did not change
         # of the last readings: neither hangs nor leaps move their median
         self._speeds: deque[np.ndarray] = deque(maxlen=MEDIAN_OF)
@@ -71,6 +114,8 @@ class Predictor:
         self._wheel = None if wheel is None or not np.isfinite(wheel).all() else np.asarray(wheel, float)
         coasting = composed(last, self._speed * self._elapsed_s)
         self.before = self._guessed
+        command = observation.command
+        self._told_to_stand = command is not None and command.forward_mps == command.turn_radps == 0.0
         if self._wheel is None:
             guess = Guess(coasting, self.wide, (last,), True, False)
         else:
@@ -95,10 +140,11 @@ class Predictor:
         return Guess(there, self._trusted(self._since), (coasting, self._last), True, True)
 
     def _hung(self, coasting: np.ndarray) -> Guess:
-        """A reading that did not change: the robot stands, or, as nothing stands at once, the reading hangs."""
+        """A reading that did not change: the robot stands, or, as nothing stands at once that was not told to, the reading
+        hangs."""
         speed = self._speeds[-1] if self._speeds else np.zeros(3)
         moving = float(np.hypot(*speed[:2])) > MOVING_MPS or abs(float(speed[2])) > MOVING_RADPS
-        if moving and self._same <= MOST_HUNG:
+        if moving and self._same <= MOST_HUNG and not self._told_to_stand:
             return Guess(coasting, self.wide, (self._last,), False, False)
         return Guess(self._last, self._trusted(np.zeros(3)), (coasting,), True, True)
 

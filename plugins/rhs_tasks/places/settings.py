@@ -44,7 +44,7 @@ class Places:
 
     places: Recognition = field(default_factory=Recognition)
 
-    needs: ClassVar[frozenset[str]] = frozenset({"driving"})
+    needs: ClassVar[frozenset[str]] = frozenset({"driving", "image"})
     provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "mapper", "localiser")
 

@@ -58,12 +58,18 @@ class _Drawn:
         return f"{self.name}: {key}"
 
 
-def random_world(name: str, seed: int = 0) -> World:
+def random_world(name: str, seed: int = 0, robot: Mapping[str, float] | None = None) -> World:
     """The building of `random:FAMILY[+WORD][/NUMBER]` (rhs.worlds.random.names); without a number its number is `seed`.
+    robot: of rhs.worlds.world.load_world, in place of the one that was drawn with it.
 
-    Raises ConfigError for a family that is not there."""
+    Raises ConfigError for a family that is not there, and for a robot that cannot be led through it."""
     named = parse(name)
-    return _world(named.family, named.word, seed if named.number is None else named.number)
+    world = _world(named.family, named.word, seed if named.number is None else named.number)
+    if robot:
+        world = replace(world, robot_radius_m=robot.get("robot_radius_m", world.robot_radius_m),
+                        camera_height_m=robot.get("camera_height_m", world.camera_height_m))
+        check_world(world, _Drawn(world.name))
+    return world
 
 
 @lru_cache(maxsize=4)
