@@ -12,37 +12,47 @@ import numpy as np
 
 from rhs.api.records import View
 from rhs.estimation.views.loops import in_a_hand
-from rhs.estimation.views.place_memory import Rootsift, memory_of
+from rhs.estimation.views.place_memory import StoredDescriptors
 from rhs.estimation.views.retrieval import Vlad
 
 from .pose_graph_config import PoseGraph
 
+BLOCK = 64  # views
 
 def possible_pairs(
     views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """(N,) and (N,) positions of earlier and later stored views, most alike first: no neighbours, and no further apart
     than the odometry may have drifted plus what two views of one place can lie apart."""
-    at = np.array([k for k, v in enumerate(views) if v.features is not None and len(v.features.pixels) > 1], int)
+    counts = [0 if view.features is None else len(view.features.pixels) for view in views]
+    at = np.flatnonzero(np.array(counts) > 1)
     if len(at) < 2:
         return np.empty(0, int), np.empty(0, int)
-    likeness = _likeness([views[k] for k in at], rng)
-    way = way_m[at][None, :] - way_m[at][:, None]
-    axes = 3 if in_a_hand(views) else 2
-    gap = np.linalg.norm(poses[at][:, None, :axes, 3] - poses[at][None, :, :axes, 3], axis=2)
-    again = (way > settings.min_way_m) | looked_back(poses[at][:, :3, :3], np.radians(settings.min_turn_deg))
-    earlier, later = np.nonzero(again & (way >= 0) & (gap < settings.advanced.apart_m + settings.max_drift_share * way))
+    likeness = _likeness(views, at, np.array(counts)[at], rng)
+    way, stood = way_m[at], poses[at][:, : 3 if in_a_hand(views) else 2, 3]
+    turned = poses[at][:, :3, :3]
+    found = []
+    for first in range(0, len(at), BLOCK):  # of earlier views, a few at a time: all pairs of all at once are 100 MB
+        rows = slice(first, first + BLOCK)
+        ahead = way[None, :] - way[rows][:, None]
+        gap = np.linalg.norm(stood[rows][:, None] - stood[None], axis=2)
+        again = (ahead > settings.min_way_m) | looked_back(turned, np.radians(settings.min_turn_deg), rows)
+        earlier, later = np.nonzero(again & (ahead >= 0) & (gap < settings.advanced.apart_m + settings.max_drift_share * ahead))
+        found.append(np.stack([earlier + first, later]))
+    earlier, later = np.concatenate(found, axis=1)
     order = np.argsort(-likeness[earlier, later], kind="stable")
     return at[earlier[order]], at[later[order]]
 
 
-def looked_back(rotations: np.ndarray, turn_rad: float) -> np.ndarray:
-    """(P, P) bool of (P, 3, 3) attitudes in the order of time: between the earlier (row) and the later view the camera
-    looked away by more than `turn_rad`, and the later one looks within half of that where the earlier one looked."""
-    trace = np.einsum("iab,jab->ij", rotations, rotations)
-    angle = np.triu(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))
+def looked_back(rotations: np.ndarray, turn_rad: float, rows: slice = slice(None)) -> np.ndarray:
+    """(R, P) bool of (P, 3, 3) attitudes in the order of time, R of them in `rows` (all): between the earlier (row) and the
+    later view the camera looked away by more than `turn_rad`, and the later one looks within half of that where the earlier
+    one looked."""
+    first = rows.start or 0
+    trace = np.einsum("iab,jab->ij", rotations[rows], rotations)
+    angle = np.triu(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)), first)
     away = np.maximum.accumulate(angle, axis=1) > turn_rad
-    return away & (angle < 0.5 * turn_rad) & np.triu(np.ones_like(away), 1)
+    return away & (angle < 0.5 * turn_rad) & np.triu(np.ones_like(away), 1 + first)
 
 
 def progress_m(poses: np.ndarray) -> np.ndarray:
@@ -80,8 +90,9 @@ def _near(ends_m: np.ndarray, pair_m: np.ndarray, reach_m: float) -> np.ndarray:
     return (np.abs(ends_m - pair_m) < reach_m).all(axis=1)
 
 
-def _likeness(views: Sequence[View], rng: np.random.Generator) -> np.ndarray:
-    """(P, P) cosines between the VLAD vectors of stored views, over a vocabulary of their own."""
-    memory = memory_of(views)
-    vectors = Vlad(Rootsift(memory.descriptors), memory.starts, rng).vectors
+def _likeness(views: Sequence[View], at: np.ndarray, counts: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(P, P) cosines between the VLAD vectors of the stored views at rows `at`, of so many key-points (P,), over a
+    vocabulary of their own."""
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    vectors = Vlad(StoredDescriptors(views, at, starts), starts, rng).vectors
     return vectors @ vectors.T

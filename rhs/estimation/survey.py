@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +13,10 @@ import numpy as np
 from rhs.api.contracts import LoopCloser, Mapper, Odometry
 from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Closure, Features, FeatureSettings, Observation, Scan, Step, View, Wall
+from rhs.api.records import Closure, Features, FeatureSettings, Observation, Revision, Scan, Step, View, Wall
 from rhs.api.spare import later
 from rhs.api.validate import FAR_M, check_closure, check_grid, check_revision
+from rhs.estimation.kept_views import ChangedViews, KeptViews
 from rhs.estimation.scans.settings import VoteSettings
 from rhs.estimation.scans.wall_rays import lift_on_scan, lift_on_walls
 from rhs.estimation.views.packed import held_bytes, packed
@@ -22,13 +25,14 @@ from rhs.estimation.views.thinning import thinned
 FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing of the map: one alone may be a speck
 FURNITURE = 0.95  # chance that a cell with so many is occupied
 LEAST_PLACES = 20  # views that stay stored whatever they take
+MOST_PLACES = 1000  # views stored at most: closing the loop compares each with each, in 30 MB and as many again of vectors
 
 
 @dataclass(frozen=True)
 class Survey:
     """views: one per step. closure: corrected poses and loops. grid: drawn from the corrected poses."""
 
-    views: tuple[View, ...]
+    views: Sequence[View]
     closure: Closure
     grid: OccupancyGrid
 
@@ -36,20 +40,22 @@ class Survey:
 class ViewCollector:
     """Turns steps into views, keeping the features of every `every`-th one, of the first and of the last.
 
-    most_mb: of features, megabytes; beyond it those are given up, a tenth at a time, whose place another view shows as well,
-    so that a way without end in one building takes bounded memory."""
+    most_mb: of features, megabytes; beyond it, and beyond MOST_PLACES, those are given up, a tenth at a time, whose place
+    another view shows as well, so that closing the loop of a way without end in one building takes bounded memory.
+    folder: where the file lies that the views are kept in."""
 
     def __init__(self, every: int, settings: FeatureSettings,
-                 features: Callable[[Observation, FeatureSettings], Features], most_mb: float = np.inf) -> None:
+                 features: Callable[[Observation, FeatureSettings], Features], most_mb: float = np.inf, *,
+                 folder: Path | None = None) -> None:
         self.every, self.settings, self.features, self.most_mb = every, settings, features, most_mb
         self._places: dict[int, int] = {}  # row in views -> bytes of its features
         self._held = 0  # bytes, of all of them
-        self.views: list[View] = []
+        self.views = KeptViews(folder)
         self.last: Observation | None = None
         self.own_stamps_s: list[float] = []  # of a recording whose stamps were repaired: those it came with
 
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
-        settled = None  # the view before, once its features are known
+        settled = None  # the features of the view before, once they are known
         for step in steps:
             if settled is not None:
                 self._store(settled())
@@ -58,47 +64,51 @@ class ViewCollector:
             self.views.append(View(step.index, step.stamp_s, step.observation.camera, step.motion,
                                    belief.map_from_body, belief.covariance, step.scan, None,
                                    step.observation.obstacle))
-            settled = self._with_features(self.views[-1], step.observation) if stored else None
+            settled = self._found(step.observation) if stored else None
             self.last = step.observation
             if "log_stamp_s" in step.observation.extras:
                 self.own_stamps_s.append(float(step.observation.extras["log_stamp_s"][0]))
             yield step
-        if settled is None and self.views and self.last is not None and self.last.image is not None:
-            settled = self._with_features(self.views[-1], self.last)
+        if settled is None and len(self.views) and self.last is not None and self.last.image is not None:
+            settled = self._found(self.last)
         if settled is not None:
             self._store(settled())
 
-    def _store(self, view: View) -> None:
-        self.views[-1] = view
-        self._places[len(self.views) - 1] = size = held_bytes(view.features)
+    def _store(self, features: Features) -> None:
+        row = len(self.views) - 1
+        self.views.keep_features(row, features)
+        self._places[row] = size = held_bytes(features)
         self._held += size
-        if self._held > 1e6 * self.most_mb and len(self._places) > LEAST_PLACES:
+        if len(self._places) > (LEAST_PLACES if self._held > 1e6 * self.most_mb else MOST_PLACES):
             rows = np.array(list(self._places))
-            poses = np.stack([self.views[row].map_from_body for row in rows])
+            poses = np.stack([self.views[row].map_from_body for row in rows.tolist()])
             for row in rows[thinned(poses, max(len(rows) // 10, 1))].tolist():
-                self.views[row] = replace(self.views[row], features=None)
+                self.views.forget_features(row)
                 self._held -= self._places.pop(row)
 
-    def _with_features(self, view: View, seen: Observation) -> Callable[[], View]:
-        return later(lambda: replace(view, features=packed(freeze(self.features(seen, self.settings)))))
+    def _found(self, seen: Observation) -> Callable[[], Features]:
+        return later(lambda: packed(freeze(self.features(seen, self.settings))))
 
 
-def revise(views: list[View], odometry: Odometry, *, who: str = "odometry",
-           reach_m: float = FAR_M) -> tuple[tuple[View, ...], tuple[Wall, ...]]:
+def revise(views: Sequence[View], odometry: Odometry, *, who: str = "odometry",
+           reach_m: float = FAR_M) -> tuple[Sequence[View], tuple[Wall, ...]]:
     """The views with the poses, scans and feature depths that the odometry settled on at the end, if it did; the walls it
     found, in the frame of these poses. who: the odometry as typed, for errors."""
     revision = odometry.revise()
     if revision is None:
-        return tuple(views), ()
+        return views, ()
     revision = check_revision(revision, len(views), who=who, reach_m=reach_m)
     begun = views[0].map_from_body @ np.linalg.inv(revision.poses[0])
-    scans = tuple(view.scan for view in views) if revision.scans is None else revision.scans
-    revised = [replace(view, map_from_body=freeze(begun @ pose), scan=freeze(scan),
-                       features=_lifted(view, pose, scan, revision.walls))
-               for view, pose, scan in zip(views, revision.poses, scans, strict=True)]
-    if revision.covariance is not None:
-        revised[-1] = replace(revised[-1], covariance=freeze(revision.covariance))
-    return tuple(revised), tuple(shifted(wall, begun, begun) for wall in revision.walls)
+    return ChangedViews(views, partial(_revised, revision, begun)), tuple(shifted(w, begun, begun) for w in revision.walls)
+
+
+def _revised(revision: Revision, begun: np.ndarray, k: int, view: View) -> View:
+    """The k-th view as the odometry settled on it; begun: 4x4, from its frame to the map."""
+    pose, scan = revision.poses[k], view.scan if revision.scans is None else revision.scans[k]
+    last = revision.covariance is not None and k == len(revision.poses) - 1
+    return replace(view, map_from_body=freeze(begun @ pose), scan=freeze(scan),
+                   covariance=freeze(revision.covariance) if last else view.covariance,
+                   features=_lifted(view, pose, scan, revision.walls))
 
 
 def _lifted(view: View, pose: np.ndarray, scan: Scan | None, walls: tuple[Wall, ...]) -> Features | None:
@@ -119,7 +129,7 @@ def shifted(wall: Wall, start_by: np.ndarray, end_by: np.ndarray) -> Wall:
     return replace(wall, start_xy_m=start, end_xy_m=end)
 
 
-def carried(walls: tuple[Wall, ...], views: tuple[View, ...], closure: Closure) -> tuple[Wall, ...]:
+def carried(walls: tuple[Wall, ...], views: Sequence[View], closure: Closure) -> tuple[Wall, ...]:
     """The walls where the closed loop puts them: each end goes with the view nearest to it. views: before it closed."""
     stood = np.array([view.map_from_body[:2, 3] for view in views])
 
@@ -138,14 +148,14 @@ def wall_rows(walls: tuple[Wall, ...]) -> list[dict[str, Any]]:
             for wall in walls]
 
 
-def close(views: tuple[View, ...], loop_closer: LoopCloser, *, who: str = "loop_closer",
-          reach_m: float = FAR_M) -> tuple[tuple[View, ...], Closure]:
+def close(views: Sequence[View], loop_closer: LoopCloser, *, who: str = "loop_closer",
+          reach_m: float = FAR_M) -> tuple[Sequence[View], Closure]:
     """The views moved to the poses the loop closer found. who: the loop closer as typed, for errors."""
     closure = check_closure(loop_closer.close(views), views, who=who, reach_m=reach_m)
-    return tuple(replace(v, map_from_body=p) for v, p in zip(views, closure.poses, strict=True)), closure
+    return ChangedViews(views, lambda k, view: replace(view, map_from_body=closure.poses[k])), closure
 
 
-def draw(views: tuple[View, ...], mapper: Mapper, *, who: str = "mapper") -> OccupancyGrid:
+def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> OccupancyGrid:
     """The map, drawn anew from the corrected poses, with what stands below the camera's height laid over what the mapper
     drew of the scans. who: the mapper as typed, for errors."""
     mapper.reset()
@@ -158,7 +168,7 @@ def draw(views: tuple[View, ...], mapper: Mapper, *, who: str = "mapper") -> Occ
     return furnished(grid, views)
 
 
-def furnished(grid: OccupancyGrid, views: tuple[View, ...]) -> OccupancyGrid:
+def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
     """The grid with those cells occupied in which the views saw something that the scan passes over. The scan says that its
     way is free at the camera's height, which is no word against a table."""
     from rhs.estimation.scans.votes import Votes, low_only  # compiled code
@@ -172,7 +182,7 @@ def furnished(grid: OccupancyGrid, views: tuple[View, ...]) -> OccupancyGrid:
     return replace(grid, probability=probability)
 
 
-def known_free(grid: OccupancyGrid, views: tuple[View, ...], radius_m: float) -> np.ndarray:
+def known_free(grid: OccupancyGrid, views: Sequence[View], radius_m: float) -> np.ndarray:
     """(H, W) bool: cells the map calls free, and those the robot's own body has stood on without touching anything."""
     free = grid.free()
     rows, columns = np.indices(grid.shape)

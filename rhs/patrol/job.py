@@ -111,7 +111,8 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
 def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *, sights: Sights | None = None,
             ) -> Generator[Step, None, ViewCollector]:
     """Lead the camera along its route, or let the robot explore; the views as they were believed on the way."""
-    collector = ViewCollector(settings.places.every, context.features, features, settings.places.most_mb)
+    places = settings.places
+    collector = ViewCollector(places.every, context.features, features, places.most_mb, folder=log.folder)
     if explores(settings):
         visit = parts.source.facts.places if isinstance(settings, Patrol) else ()
         views = log.follow(explored(parts, settings.mission, log.folder, visit=visit), "survey", None)
@@ -119,7 +120,7 @@ def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *,
         views = log.follow(context.lead(parts), "survey", parts.source.views_expected)
     led = collector.watch(views)
     yield from led if sights is None else sights.watch(led)
-    if not collector.views:
+    if not len(collector.views):
         raise RhsError("the source handed out no view; expected at least one")
     return collector
 
@@ -148,9 +149,10 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
 def contradictions(before: Sequence[View], closed: Sequence[View]) -> dict[str, float]:
     """What the map of a laser says against itself, before and after closing; nothing for a camera, which sees too little at
     once."""
-    scans = [view.scan if view.motion.scan is None else None for view in closed]
-    if not any(scan is not None and np.ptp(scan.bearings_rad) >= SEES_AROUND_RAD for scan in scans):
+    measured = (view.scan if view.motion.scan is None else None for view in closed)
+    if not any(scan is not None and np.ptp(scan.bearings_rad) >= SEES_AROUND_RAD for scan in measured):
         return {}
+    scans = [view.scan if view.motion.scan is None else None for view in closed]
     from rhs.estimation.scans.inconsistency import map_inconsistency  # compiled code
     from rhs.estimation.scans.planar_poses import flat
 

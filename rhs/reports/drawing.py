@@ -65,9 +65,11 @@ def draw_run(axes: Axes, folder: Path) -> None:
 
 def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
     """Occupancy as grey: white free, black occupied, grey-blue never seen."""
-    shade = np.where(np.isnan(grid.probability), 0.5, 1.0 - grid.probability)
-    image = np.repeat(shade[:, :, None], 3, axis=2)
-    image[np.isnan(grid.probability)] = (0.86, 0.88, 0.92)
+    unknown = np.isnan(grid.probability)
+    image = np.empty((*grid.shape, 4), np.uint8)  # with numbers Matplotlib would hold eight times as much
+    image[:] = np.where(unknown, 0.0, np.rint(255.0 * (1.0 - grid.probability)))[:, :, None]
+    image[unknown] = (219, 224, 235, 255)
+    image[:, :, 3] = 255
     axes.imshow(image, origin="lower", extent=extent(grid), interpolation="nearest", zorder=0)
 
 

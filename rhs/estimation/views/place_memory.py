@@ -92,6 +92,31 @@ class Rootsift:
         return unpacked(self.rows[which])
 
 
+@dataclass(frozen=True, eq=False)
+class StoredDescriptors:
+    """The same of views that lie in a file, of which only those looked at are read. at (P,): rows of the views; starts
+    (P + 1,): rows of their descriptors."""
+
+    views: Sequence[View]
+    at: np.ndarray
+    starts: np.ndarray
+
+    def __len__(self) -> int:
+        return int(self.starts[-1])
+
+    def __getitem__(self, which: slice | np.ndarray) -> np.ndarray:
+        """(N, 128) float32; which: rows in increasing order."""
+        rows = np.arange(len(self))[which]
+        place = np.searchsorted(self.starts, rows, side="right") - 1
+        found = [self._of(k)[rows[place == k] - self.starts[k]] for k in np.unique(place).tolist()]
+        return unpacked(np.concatenate(found)) if found else np.empty((0, 128), np.float32)
+
+    def _of(self, place: int) -> np.ndarray:
+        features = self.views[int(self.at[place])].features
+        assert features is not None
+        return packed(features.descriptors)
+
+
 def packed(descriptors: np.ndarray) -> np.ndarray:
     """(N, 128) uint8 of unit-length RootSIFT descriptors."""
     return np.minimum(np.rint(descriptors * BYTE_SCALE), 255).astype(np.uint8)

@@ -103,7 +103,9 @@ class Vlad:
     ) -> None:
         self._words = _vocabulary(descriptors, min(words, max(len(descriptors) // 8, 1)), rng)
         self._half_squared = 0.5 * (self._words**2).sum(axis=1)
-        vectors = np.stack([self.vector(descriptors[a:b]) for a, b in zip(starts[:-1], starts[1:], strict=True)])
+        vectors = np.empty((len(starts) - 1, self._words.size), np.float32)
+        for k, (a, b) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+            vectors[k] = self.vector(descriptors[a:b])
         self._basis = _principal(vectors) if len(vectors) > COMPRESS_ABOVE else None
         self.vectors = vectors if self._basis is None else _unit(vectors @ self._basis)
 
