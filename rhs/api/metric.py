@@ -6,7 +6,7 @@ is known (NaN, or an empty word), `python -m rhs help columns` and the data dict
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -24,7 +24,7 @@ class RunFiles(Protocol):
     folder: Path
 
     @property
-    def steps(self) -> list[dict[str, str]]:
+    def steps(self) -> Sequence[Mapping[str, str]]:
         """The lines of steps.csv as text; unknown is empty."""
 
     def trajectory(self, name: str) -> Trajectory | None:

@@ -1,5 +1,5 @@
 """What the C library does with the memory of an image when it is freed: kept for the next one, not handed back until a run
-is through with images.
+is through with images; and the compiler's pages, which nobody reads once the kernels are loaded.
 
 glibc gives large blocks back to the system at once and asks for them again a moment later. A view's image pyramids are
 some 75 MB, so nearly half the time of SIFT at 640x480 went into fresh pages (60 views: 152 ms each, 89 ms when kept).
@@ -8,7 +8,9 @@ some 75 MB, so nearly half the time of SIFT at 640x480 went into fresh pages (60
 from __future__ import annotations
 
 import ctypes
+import re
 from functools import cache
+from pathlib import Path
 
 # mallopt(3) parameters, malloc.h
 M_TRIM_THRESHOLD = -1
@@ -20,6 +22,10 @@ LARGEST_BLOCK_BYTES = 32 << 20
 KEPT_BYTES = 256 << 20
 # One heap for all threads: each with a heap of its own would keep what it freed from the others, a tenth of a run's memory.
 HEAPS = 1
+# madvise(2), sys/mman.h
+MADV_DONTNEED = 4
+# Numba's compiler: loading a cached kernel walks through 50 MB of its program text.
+COMPILER = "libllvmlite"
 
 
 @cache
@@ -34,9 +40,25 @@ def keep_freed_memory() -> bool:
 
 
 def hand_back() -> bool:
-    """Give the system all memory that is freed by now: what comes next needs other memory. False where it cannot be told."""
+    """Give the system all memory that is freed by now, and the compiler's: what comes next needs other memory. False where
+    it cannot be told."""
+    let_go_of_compiler()
     try:
         trim = ctypes.CDLL(None).malloc_trim
     except (AttributeError, OSError, TypeError):
         return False
     return bool(trim(0))
+
+
+def let_go_of_compiler() -> bool:
+    """Let go of the pages of the compiler's program text; one that is run again is mapped anew from its file. False where
+    the system has no such call (not Linux), or the compiler is not loaded."""
+    try:
+        maps, advise = Path("/proc/self/maps").read_text(), ctypes.CDLL(None).madvise
+    except (AttributeError, OSError, TypeError):
+        return False
+    # text alone (r-x): it is never written to, so what its file holds is all of it
+    found = re.findall(rf"^([0-9a-f]+)-([0-9a-f]+) r-xp .*{COMPILER}.*$", maps, re.MULTILINE)
+    for first, end in ((int(a, 16), int(b, 16)) for a, b in found):
+        advise(ctypes.c_void_p(first), ctypes.c_size_t(end - first), MADV_DONTNEED)
+    return bool(found)

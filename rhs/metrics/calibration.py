@@ -5,7 +5,7 @@ A belief is right within 0.25 m and 5 degrees of the truth (rhs.belief), and sur
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,7 +53,7 @@ class Kidnap:
     wrong_sure: bool
 
 
-def beliefs_of(steps: Sequence[dict[str, str]]) -> Beliefs:
+def beliefs_of(steps: Sequence[Mapping[str, str]]) -> Beliefs:
     """From rows of steps.csv; views without truth are left out."""
     rows = [row for row in steps if row["true_x_m"]]
 

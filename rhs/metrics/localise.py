@@ -6,6 +6,8 @@ The truth stands in the frame of the map: the task has moved it there.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from rhs.api.metric import RunFiles, columns_of
@@ -43,7 +45,7 @@ def localise_values(run: RunFiles) -> Values:
     }
 
 
-def _share(steps: list[dict[str, str]], column: str, word: str) -> float:
+def _share(steps: Sequence[Mapping[str, str]], column: str, word: str) -> float:
     return sum(row[column] == word for row in steps) / len(steps) if steps else NAN
 
 

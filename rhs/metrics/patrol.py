@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
@@ -19,7 +21,7 @@ STAGES = {"capture_ms": EVERY_PHASE, "sense_ms": EVERY_PHASE, "odometry_ms": EVE
           "localise_ms": ("patrol", "localise"), "map_ms": ("survey",)}
 
 
-def patrol_steps(run: RunFiles) -> list[dict[str, str]]:
+def patrol_steps(run: RunFiles) -> Sequence[Mapping[str, str]]:
     """The lines of steps.csv that belong to the patrol."""
     return [row for row in run.steps if row["phase"] == "patrol"]
 
@@ -52,7 +54,7 @@ def _unaligned_rmse_m(believed: Trajectory | None, driven: Trajectory | None) ->
     return rmse(absolute_errors_m(pair(believed, driven, TOLERANCE_S), "none"))
 
 
-def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> np.ndarray:
+def arrival_errors_m(missions: list[dict], patrol: Sequence[Mapping[str, str]]) -> np.ndarray:
     """(N,) true distance to the place in each step in which the robot said it had arrived; NaN where nobody knows."""
     said = [row for row in patrol if "arrived" in row["event"].split("+")]
     goals = [m["goal_m"][:2] for m in missions if m["status"] == "arrived"]
@@ -61,13 +63,13 @@ def arrival_errors_m(missions: list[dict], patrol: list[dict[str, str]]) -> np.n
     return np.linalg.norm(np.reshape(at[:count], (-1, 2)) - np.reshape(goals[:count], (-1, 2)), axis=1)
 
 
-def path_optimal_m(run: RunFiles, facts: dict, patrol: list[dict[str, str]]) -> float:
+def path_optimal_m(run: RunFiles, facts: dict, patrol: Sequence[Mapping[str, str]]) -> float:
     """Length of the shortest way from where the patrol truly began through the places in order, on the true plan grown
     by the robot's radius; NaN without a true plan or where a place cannot be reached."""
     return _shortest_m(run.grid("true_map"), facts, patrol, _places(facts))
 
 
-def path_optimal_informed_m(run: RunFiles, facts: dict, patrol: list[dict[str, str]]) -> float:
+def path_optimal_informed_m(run: RunFiles, facts: dict, patrol: Sequence[Mapping[str, str]]) -> float:
     """Length of the shortest way that learns of an unknown obstacle where this robot saw it: through the places it reached,
     and the true poses at which a mission was broken off, in the order they happened, on the true plan with obstacles."""
     plan = run.grid("true_map_patrol")
@@ -83,7 +85,7 @@ def path_optimal_informed_m(run: RunFiles, facts: dict, patrol: list[dict[str, s
     return _shortest_m(run.grid("true_map") if plan is None else plan, facts, patrol, stops)
 
 
-def _shortest_m(plan: OccupancyGrid | None, facts: dict, patrol: list[dict[str, str]], stops: list) -> float:
+def _shortest_m(plan: OccupancyGrid | None, facts: dict, patrol: Sequence[Mapping[str, str]], stops: list) -> float:
     """From where the patrol truly began through the stops, on the plan grown by the robot's radius."""
     if plan is None or not patrol or not patrol[0]["true_x_m"]:
         return NAN
@@ -97,7 +99,7 @@ def _places(facts: dict) -> list[tuple[float, float]]:
     return [(place["x_m"], place["y_m"]) for place in facts["places"]]
 
 
-def _true_xy(step: dict[str, str]) -> tuple[float, float]:
+def _true_xy(step: Mapping[str, str]) -> tuple[float, float]:
     return float(step["true_x_m"]), float(step["true_y_m"])
 
 

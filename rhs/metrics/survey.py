@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +31,7 @@ def survey_values(run: RunFiles) -> Values:
         online, truth, how)
 
 
-def scale_known(survey: list[dict[str, str]]) -> float:
+def scale_known(survey: Sequence[Mapping[str, str]]) -> float:
     """1 where the odometry's metres are metres, 0 where it says itself at the end that nobody told it the scale; NaN without
     views. Only the word against itself is believed."""
     if not survey:
@@ -39,7 +39,7 @@ def scale_known(survey: list[dict[str, str]]) -> float:
     return 0.0 if survey[-1].get("motion_scale_known", "") in ("0", "0.0") else 1.0
 
 
-def touches(steps: list[dict[str, str]], phase: str) -> Values:
+def touches(steps: Sequence[Mapping[str, str]], phase: str) -> Values:
     """Touches and least clearance of the steps of a phase, by the simulator; unknown where nobody judged. A touch that lasts
     several steps counts once."""
     clearances = np.array([float(row["clearance_m"] or "nan") for row in steps])
@@ -102,7 +102,7 @@ def _before_closing(online: Trajectory | None, truth: Trajectory | None, how: st
             "drift_pct": float(100.0 * end / distance) if distance > 0 else NAN}
 
 
-def _status_shares(survey: list[dict[str, str]]) -> Values:
+def _status_shares(survey: Sequence[Mapping[str, str]]) -> Values:
     count = len(survey)
     shares: Values = {name: sum(row["motion_status"] == status for row in survey) / count if count else NAN
                       for name, status in STATUSES.items()}

@@ -18,6 +18,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Closure, Step
 from rhs.api.records import Path as Plan
 from rhs.api.task import Parts
+from rhs.base.memory import let_go_of_compiler
 from rhs.config.compose import RunConfig, to_plain
 from rhs.recording.rerun_view import Audience, Listener, LiveView
 from rhs.recording.writer import Recorder
@@ -87,6 +88,8 @@ class RunLog:
             self.counts[phase] = self.counts.get(phase, 0) + 1
             self.stamp_s = step.stamp_s
             self.began_s = step.stamp_s if self.began_s is None else self.began_s
+            if self.counts[phase].bit_count() == 1:  # views 1, 2, 4, ...: kernels are loaded when they are first needed
+                let_go_of_compiler()
             yield step
 
 

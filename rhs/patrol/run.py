@@ -15,7 +15,7 @@ from rhs.api.records import Step
 from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError
-from rhs.base.memory import hand_back, keep_freed_memory
+from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.parts import Chosen, build, build_part
@@ -187,6 +187,7 @@ class RunContext:
                       made=None if self.shared is None else self.shared.parts)
         self._built.append(parts)
         self._parts = {kind: getattr(parts, kind) for kind in chosen if hasattr(parts, kind)}
+        let_go_of_compiler()
         return parts
 
     def build_part(self, kind: str, context: Context) -> Any:

@@ -3,7 +3,7 @@ touches, doubt, kidnaps, and which part complained first."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from rhs.metrics.cause import first_of_failed
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Step = dict[str, str]
+Step = Mapping[str, str]
 MARKS = (  # events, what the legend says, marker, colour, size
     (("blocked", "replan", "wait", "ask", "skipped"), "way blocked, planned anew", "^", "#e07a00", 7.0),
     (("contact",), "touched something", "*", "#c1121f", 11.0),

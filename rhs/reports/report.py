@@ -81,8 +81,6 @@ def knowing(folder: Path) -> Path | None:
 def motion(folder: Path) -> Path | None:
     """motion.png: the error of the belief in x, y and heading, view by view, with its band; None where nobody knows the
     truth."""
-    import csv
-
     import numpy as np
 
     from .charts import errors_by_axis
@@ -91,8 +89,7 @@ def motion(folder: Path) -> Path | None:
     folder = Path(folder)
     if not (folder / "steps.csv").exists():
         return None
-    with (folder / "steps.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = Run(folder).steps
     names = ("x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad")
     steps = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
     steps["trusted"] = np.array([row["motion_status"] == "ok" for row in rows], bool)
