@@ -197,7 +197,7 @@ class PoseGraphCloser:
 def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph) -> Edges:
     """The chain of motions as the poses hold it, its covariance widened by the drift the settings expect."""
     step_m = np.diff(way_m)
-    turn = np.array([view.motion.covariance for view in views[1:]]).reshape(-1, 6, 6)
+    turn = np.array([view.motion.covariance for view in views])[1:].reshape(-1, 6, 6)
     drift_m = settings.drift_m_per_m * step_m + 1e-3
     drift_rad = settings.drift_rad_per_m * step_m + 1e-3
     floor = np.zeros_like(turn)

@@ -25,7 +25,7 @@ from rhs.estimation.views.thinning import thinned
 FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing of the map: one alone may be a speck
 FURNITURE = 0.95  # chance that a cell with so many is occupied
 LEAST_PLACES = 20  # views that stay stored whatever they take
-MOST_PLACES = 1000  # views stored at most: closing the loop compares each with each, in 30 MB and as many again of vectors
+MOST_PLACES = 500  # views stored at most where memory is bounded: closing the loop compares each with each, in 30 MB
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Survey:
 class ViewCollector:
     """Turns steps into views, keeping the features of every `every`-th one, of the first and of the last.
 
-    most_mb: of features, megabytes; beyond it, and beyond MOST_PLACES, those are given up, a tenth at a time, whose place
+    most_mb: of features, megabytes; beyond it, or beyond MOST_PLACES, those are given up, a tenth at a time, whose place
     another view shows as well, so that closing the loop of a way without end in one building takes bounded memory.
     folder: where the file lies that the views are kept in."""
 
@@ -48,6 +48,7 @@ class ViewCollector:
                  features: Callable[[Observation, FeatureSettings], Features], most_mb: float = np.inf, *,
                  folder: Path | None = None) -> None:
         self.every, self.settings, self.features, self.most_mb = every, settings, features, most_mb
+        self._most = MOST_PLACES if np.isfinite(most_mb) else np.inf
         self._places: dict[int, int] = {}  # row in views -> bytes of its features
         self._held = 0  # bytes, of all of them
         self.views = KeptViews(folder)
@@ -79,7 +80,7 @@ class ViewCollector:
         self.views.keep_features(row, features)
         self._places[row] = size = held_bytes(features)
         self._held += size
-        if len(self._places) > (LEAST_PLACES if self._held > 1e6 * self.most_mb else MOST_PLACES):
+        if len(self._places) > (LEAST_PLACES if self._held > 1e6 * self.most_mb else self._most):
             rows = np.array(list(self._places))
             poses = np.stack([self.views[row].map_from_body for row in rows.tolist()])
             for row in rows[thinned(poses, max(len(rows) // 10, 1))].tolist():
