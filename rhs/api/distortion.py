@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+SETTLED = 1e-9  # a step of Newton's this short leaves its square, less than a number of 64 bits holds
+
 
 def distorted(x: np.ndarray, y: np.ndarray, coefficients: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     """Where a lens with OpenCV's (k1, k2, p1, p2, k3), or with k4, k5, k6 of the rational model after them, puts ideal
@@ -45,5 +47,8 @@ def undistorted(
         du, dv = distorted(u, v, coefficients)
         xx, xy, yy = lens_slopes(u, v, coefficients)
         area = np.maximum(xx * yy - xy * xy, 0.05)  # where the lens folds there is no way back: go on in small steps
-        u, v = u + (yy * (x - du) - xy * (y - dv)) / area, v + (xx * (y - dv) - xy * (x - du)) / area
+        right, down = (yy * (x - du) - xy * (y - dv)) / area, (xx * (y - dv) - xy * (x - du)) / area
+        u, v = u + right, v + down
+        if not (np.abs(right) > SETTLED).any() and not (np.abs(down) > SETTLED).any():
+            break
     return u, v
