@@ -37,7 +37,8 @@ def possible_pairs(
         ahead = way[None, :] - way[rows][:, None]
         gap = np.linalg.norm(stood[rows][:, None] - stood[None], axis=2)
         again = (ahead > settings.min_way_m) | looked_back(turned, np.radians(settings.min_turn_deg), rows)
-        earlier, later = np.nonzero(again & (ahead >= 0) & (gap < settings.advanced.apart_m + settings.max_drift_share * ahead))
+        within_m = settings.advanced.apart_m + settings.max_drift_share * ahead
+        earlier, later = np.nonzero(again & (ahead >= 0) & (gap < within_m))
         found.append(np.stack([earlier + first, later]))
     earlier, later = np.concatenate(found, axis=1)
     order = np.argsort(-likeness[earlier, later], kind="stable")

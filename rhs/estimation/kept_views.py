@@ -58,7 +58,8 @@ class KeptViews(LazyViews):
     It is read at given places, never from where somebody left off, so that forked processes may share it."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 (closed when nobody holds the views)
+        self._folder = Path(folder or tempfile.gettempdir())
+        self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # closed when nobody holds the views any more
         weakref.finalize(self, self._file.close)
         self._begins, self._sizes = array("q"), array("q")  # of each view in the file
         self._end = 0
@@ -107,10 +108,10 @@ class KeptViews(LazyViews):
         try:
             os.pwrite(self._file.fileno(), data, at)
         except OSError as error:
-            where = Path(tempfile.gettempdir())
-            raise RhsError(f"cannot keep the views in a file: {error.strerror or error} ({free_space(where)})") from error
+            raise RhsError(f"cannot keep the views in a file in {self._folder}: {error.strerror or error} "
+                           f"({free_space(self._folder / 'views')})") from error
         self._end = max(self._end, at + len(data))
         return at
 
     def _get(self, at: int, size: int) -> Any:
-        return pickle.loads(os.pread(self._file.fileno(), size, at))
+        return pickle.loads(os.pread(self._file.fileno(), size, at))  # noqa: S301 (nobody else can write to this file)

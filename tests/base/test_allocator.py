@@ -57,3 +57,29 @@ def test_what_was_freed_is_handed_back_when_asked():
     """Twenty arrays of 4 MB."""
     done = subprocess.run([sys.executable, "-c", HANDED_BACK], capture_output=True, text=True, check=True)
     assert float(done.stdout) > 60.0
+
+
+LET_GO = """
+import llvmlite.binding as llvm
+from pathlib import Path
+from rhs.base.memory import let_go_of_compiler
+def text_mb():
+    lines, held = Path("/proc/self/smaps").read_text().splitlines(), 0
+    for k, line in enumerate(lines):
+        if "r-xp" in line and "libllvmlite" in line:
+            held += int(next(other for other in lines[k:] if other.startswith("Rss:")).split()[1]) / 1024
+    return held
+def run():
+    return str(llvm.parse_assembly("define i32 @f() { ret i32 7 }"))
+first, before = run(), text_mb()
+assert let_go_of_compiler()
+print(before, text_mb(), run() == first)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux can be told")
+def test_the_compiler_is_let_go_of_and_works_when_it_is_asked_again():
+    """Its program text is no longer held, in megabytes; what it makes of a function afterwards is the same."""
+    done = subprocess.run([sys.executable, "-c", LET_GO], capture_output=True, text=True, check=True)
+    before, after, same = done.stdout.split()
+    assert float(before) > 1.0 and float(after) == 0.0 and same == "True"

@@ -93,7 +93,7 @@ def replayed(folder: Path, run: Path, words: list[str]) -> dict[str, float]:
     if process.returncode:
         raise SystemExit(process.stderr.read())
     cpu_s = sum(os.times()[2:4]) - before_s
-    (first_mb, first_s), (quarter_mb, _), (last_mb, last_s) = marks[MARKS[0]], marks[25], marks[100]
+    (_, first_s), (quarter_mb, _), (last_mb, last_s) = marks[MARKS[0]], marks[25], marks[100]
     return {"together_mb": together, "alone_mb": most_mb, **{f"at_{mark}_mb": mb for mark, (mb, _) in marks.items()},
             "grows_kb_per_view": 1e3 * (last_mb - quarter_mb) / (0.75 * views), "cpu_s": cpu_s,
             "cpu_ms_per_view": 1e3 * cpu_s / views, "view_ms": 1e3 * (last_s - first_s) / (0.9 * views)}

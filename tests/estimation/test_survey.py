@@ -98,6 +98,22 @@ def test_a_table_that_the_scan_passes_over_is_in_the_map_and_what_one_view_only_
     assert not free.occupied().any(), "nobody changes what it is given"
 
 
+def test_only_so_many_places_are_compared_with_each_other(monkeypatch):
+    """Where memory is bounded: 200 small places on a line, 40 allowed; a task that asks for all of them gets them."""
+    monkeypatch.setattr(survey, "MOST_PLACES", 40)
+
+    def stored(most_mb: float) -> int:
+        collector = ViewCollector(1, FeatureSettings(), lambda seen, settings: Features(*np.zeros((3, 4, 3), np.float32)),
+                                  most_mb)
+        for k in range(200):
+            seen = Observation(k, float(k), CAMERA, np.zeros((24, 32, 3), np.uint8))
+            list(collector.watch([Step(k, "survey", float(k), seen, Motion(np.eye(4), np.eye(6), Tracking.OK),
+                                       Belief(se2(0.1 * k, 0.0, 0.0), np.eye(6)), None, None, None, 0, (), None, {})]))
+        return sum(view.features is not None for view in collector.views)
+
+    assert 36 <= stored(60.0) <= 40 and stored(np.inf) == 200
+
+
 def test_a_way_without_end_in_one_room_keeps_its_places_within_their_memory():
     """Round and round on a circle, a megabyte a place, 25 allowed: the circle stays covered, first and last are there."""
     def features(seen, settings):

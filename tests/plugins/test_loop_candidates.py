@@ -33,6 +33,13 @@ def test_a_camera_that_looked_away_and_back_sees_a_place_again():
     assert not looked_back(turned, np.radians(130.0)).any()
 
 
+def test_views_are_compared_a_few_at_a_time_as_if_all_at_once():
+    turned = np.array([rotation_z(a) for a in np.random.default_rng(3).uniform(-3.0, 3.0, 40)])
+    whole = looked_back(turned, 1.0)
+    assert whole.any() and all(np.array_equal(looked_back(turned, 1.0, slice(k, k + 7)), whole[k : k + 7])
+                               for k in range(0, 40, 7))
+
+
 def test_a_radian_counts_as_a_metre():
     poses = np.array([se2(0, 0, 0), se2(3, 4, 0), se2(3, 4, 0.5)])
     assert progress_m(poses) == pytest.approx([0.0, 5.0, 5.5])

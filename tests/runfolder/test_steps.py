@@ -9,6 +9,7 @@ from helpers.synthetic_run import make_steps
 from rhs.api.errors import RhsError
 from rhs.api.files import replacing
 from rhs.api.trajectory import read_tum
+from rhs.runfolder.run import Run
 from rhs.runfolder.steps_csv import COLUMNS, StepTable
 
 
@@ -28,6 +29,8 @@ def test_every_step_is_a_row_and_a_pose(tmp_path):
     assert [int(row["index"]) for row in rows] == list(range(16))
     assert rows[3]["motion_inliers"] == "53.0" and rows[3]["odometry_ms"] == "2.0"
     assert tuple(rows[0])[: len(COLUMNS)] == COLUMNS
+    assert Run(tmp_path).steps == rows, "text by column, however it is held"
+    assert Run(tmp_path).steps[0].get("nothing") is None
     for name, count in (("estimate", 8), ("truth_survey", 8), ("patrol", 8), ("truth_patrol", 8)):
         assert len(read_tum(tmp_path / f"{name}.tum")) == count
     row, pose = rows[10], read_tum(tmp_path / "truth_patrol.tum").poses[2]
