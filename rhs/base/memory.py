@@ -24,7 +24,7 @@ KEPT_BYTES = 256 << 20
 HEAPS = 1
 # madvise(2), sys/mman.h
 MADV_DONTNEED = 4
-# Numba's compiler: loading a cached kernel walks through 50 MB of its program text.
+# Numba's compiler: loading a cached kernel walks through 65 MB of its program text and constants.
 COMPILER = "libllvmlite"
 
 
@@ -51,14 +51,17 @@ def hand_back() -> bool:
 
 
 def let_go_of_compiler() -> bool:
-    """Let go of the pages of the compiler's program text; one that is run again is mapped anew from its file. False where
-    the system has no such call (not Linux), or the compiler is not loaded."""
+    """Let go of the pages that the compiler has of its file, program text and constants: those that are needed again are
+    mapped anew. False where the system cannot be told (not Linux), or the compiler is not loaded."""
     try:
-        maps, advise = Path("/proc/self/maps").read_text(), ctypes.CDLL(None).madvise
+        lines, advise = Path("/proc/self/smaps").read_text().splitlines(), ctypes.CDLL(None).madvise
     except (AttributeError, OSError, TypeError):
         return False
-    # text alone (r-x): it is never written to, so what its file holds is all of it
-    found = re.findall(rf"^([0-9a-f]+)-([0-9a-f]+) r-xp .*{COMPILER}.*$", maps, re.MULTILINE)
-    for first, end in ((int(a, 16), int(b, 16)) for a, b in found):
-        advise(ctypes.c_void_p(first), ctypes.c_size_t(end - first), MADV_DONTNEED)
-    return bool(found)
+    done, span = False, None
+    for line in lines:
+        if begins := re.match(r"([0-9a-f]+)-([0-9a-f]+) (\S+) ", line):
+            span = (int(begins[1], 16), int(begins[2], 16)) if COMPILER in line and "w" not in begins[3] else None
+        elif span is not None and re.match(r"Anonymous: +0 kB", line):  # never written to: all of it is in the file
+            advise(ctypes.c_void_p(span[0]), ctypes.c_size_t(span[1] - span[0]), MADV_DONTNEED)
+            done = True
+    return done
