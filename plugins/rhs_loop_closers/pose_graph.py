@@ -200,10 +200,9 @@ def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray,
     turn = np.array([view.motion.covariance for view in views])[1:].reshape(-1, 6, 6)
     drift_m = settings.drift_m_per_m * step_m + 1e-3
     drift_rad = settings.drift_rad_per_m * step_m + 1e-3
-    floor = np.zeros_like(turn)
-    floor[:, range(3), range(3)] = (drift_m**2)[:, None]
-    floor[:, range(3, 6), range(3, 6)] = (drift_rad**2)[:, None]
-    return chain(poses, turn + floor)
+    turn[:, range(3), range(3)] += (drift_m**2)[:, None]
+    turn[:, range(3, 6), range(3, 6)] += (drift_rad**2)[:, None]
+    return chain(poses, turn)
 
 
 def level_edges(poses: np.ndarray, s: PoseGraphAdvanced) -> Edges:

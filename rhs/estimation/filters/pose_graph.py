@@ -178,22 +178,23 @@ def _weighted(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel:
 
 def _normal_equations(
     poses: np.ndarray, residual: np.ndarray, information: np.ndarray, edges: Edges, scale: CommonScale
-) -> tuple[list[np.ndarray], np.ndarray, _Border]:
-    """Of A delta = -b: the blocks (M, 6, 6) that A sums, of from-from, from-to, to-from and to-to, and the vector b (6N,);
+) -> tuple[np.ndarray, np.ndarray, _Border]:
+    """Of A delta = -b: the blocks (4, M, 6, 6) that A sums, of from-from, from-to, to-from and to-to, and the vector b (6N,);
     and what the common scale adds to them: its column (6N,), its own entry and its part of b."""
     by_to = _right_jacobian_inverse(residual)
     by_from = -by_to @ adjoints(inverse(poses[edges.to_at]) @ poses[edges.from_at])
     by_scale = _by_scale(edges, scale)
-    gradient, column, blocks = np.zeros((len(poses), 6)), np.zeros((len(poses), 6)), []
-    for at_a, jac_a in ((edges.from_at, by_from), (edges.to_at, by_to)):
+    gradient, column, blocks = np.zeros((len(poses), 6)), np.zeros((len(poses), 6)), np.empty((2, 2, *by_to.shape))
+    for some, at_a, jac_a in zip(blocks, (edges.from_at, edges.to_at), (by_from, by_to), strict=True):
         left = np.swapaxes(jac_a, 1, 2) @ information
         np.add.at(gradient, at_a, np.einsum("nij,nj->ni", left, residual))
         if scale.edges.any():
             np.add.at(column, at_a, np.einsum("nij,nj->ni", left, by_scale))
-        blocks += [left @ jac_b for jac_b in (by_from, by_to)]
+        for room, jac_b in zip(some, (by_from, by_to), strict=True):
+            np.matmul(left, jac_b, out=room)
     pull = np.einsum("nij,nj->ni", information, by_scale)
     own, along = (pull * by_scale).sum() + scale.sigma**-2, (pull * residual).sum() + scale.share / scale.sigma**2
-    return blocks, gradient.ravel(), (column.ravel(), float(own), float(along))
+    return blocks.reshape(4, *by_to.shape), gradient.ravel(), (column.ravel(), float(own), float(along))
 
 
 def _by_scale(edges: Edges, scale: CommonScale) -> np.ndarray:
@@ -211,10 +212,11 @@ class _Pattern:
     def __init__(self, edges: Edges, count: int) -> None:
         rows = np.concatenate([edges.from_at, edges.from_at, edges.to_at, edges.to_at]) - 1
         columns = np.concatenate([edges.from_at, edges.to_at, edges.from_at, edges.to_at]) - 1
-        self._free = np.flatnonzero((rows >= 0) & (columns >= 0))
-        names = columns[self._free] * count + rows[self._free]
-        self._order = np.argsort(names, kind="stable")
-        places, self._begin = np.unique(names[self._order], return_index=True)
+        free = np.flatnonzero((rows >= 0) & (columns >= 0))
+        names = columns[free] * count + rows[free]
+        order = np.argsort(names, kind="stable")
+        self._taken = free[order]
+        places, self._begin = np.unique(names[order], return_index=True)
         column, row = np.divmod(places, count)
         deep = np.bincount(column, minlength=count - 1)  # blocks that stand in each column of blocks
         rank = np.arange(len(places)) - np.concatenate([[0], np.cumsum(deep)])[column]
@@ -225,10 +227,10 @@ class _Pattern:
         self._rows[self._at] = (6 * row[:, None] + six)[:, :, None]
         self._diagonal = self._at[row == column][:, six, six].ravel()
 
-    def filled(self, blocks: list[np.ndarray]) -> np.ndarray:
-        """The values of the matrix, which sums these blocks (M, 6, 6)."""
+    def filled(self, blocks: np.ndarray) -> np.ndarray:
+        """The values of the matrix, which sums these blocks (4, M, 6, 6)."""
         values = np.empty(len(self._rows))
-        values[self._at] = np.add.reduceat(np.concatenate(blocks)[self._free][self._order], self._begin, axis=0)
+        values[self._at] = np.add.reduceat(blocks.reshape(-1, 6, 6)[self._taken], self._begin, axis=0)
         return values
 
     def damped(self, values: np.ndarray, damping: float) -> csc_matrix:
