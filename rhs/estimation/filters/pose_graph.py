@@ -179,7 +179,7 @@ def _weighted(residual: np.ndarray, whitening: np.ndarray, edges: Edges, kernel:
 def _normal_equations(
     poses: np.ndarray, residual: np.ndarray, information: np.ndarray, edges: Edges, scale: CommonScale
 ) -> tuple[np.ndarray, np.ndarray, _Border]:
-    """Of A delta = -b: the blocks (4, M, 6, 6) that A sums, of from-from, from-to, to-from and to-to, and the vector b (6N,);
+    """Of A delta = -b: the blocks (4, M, 6, 6) that A sums, of from-from, from-to, to-from and to-to, the vector b (6N,),
     and what the common scale adds to them: its column (6N,), its own entry and its part of b."""
     by_to = _right_jacobian_inverse(residual)
     by_from = -by_to @ adjoints(inverse(poses[edges.to_at]) @ poses[edges.from_at])
