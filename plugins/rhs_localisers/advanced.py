@@ -246,8 +246,8 @@ class ScanAdvanced(FilterAdvanced):
     """Thresholds of `localiser=particle_filter_scan`."""
 
     fresh_m: float = 0.1
-    """scans taken so far apart are worth two, nearer ones less in proportion, metres; of one turned on the spot the share
-    that came into view. 0: each is worth one"""
+    """scans taken so far apart are worth two, nearer ones less in proportion, metres; of one turned on the spot the share that
+    came into view. 0: each is worth one"""
     near_above: float = 0.9
     """with less than this share of the weight within 0.25 m and 5 degrees the robot does not call itself tracking, however
     much lies in the cluster: along a bare corridor it may be metres off"""
