@@ -246,8 +246,9 @@ class ScanAdvanced(FilterAdvanced):
     """Thresholds of `localiser=particle_filter_scan`."""
 
     fresh_m: float = 0.1
-    """scans taken so far apart are worth two, nearer ones less in proportion, metres; of one turned on the spot the share that
-    came into view. 0: each is worth one"""
+    """scans taken so far apart are worth two, nearer ones less in proportion, metres"""
+    fresh_lever_m: float = 1.0
+    """a turn by a radian is worth as much as so many metres"""
     near_above: float = 0.9
     """with less than this share of the weight within 0.25 m and 5 degrees the robot does not call itself tracking, however
     much lies in the cluster: along a bare corridor it may be metres off"""
@@ -260,4 +261,4 @@ class ScanAdvanced(FilterAdvanced):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_ranges("", self, searching=(0.0, 1.0), near_above=(0.0, 1.0), fresh_m=(0.0, 100.0))
+        check_ranges("", self, searching=(0.0, 1.0), near_above=(0.0, 1.0), fresh_m=(0.0, 100.0), fresh_lever_m=(0.0, 100.0))

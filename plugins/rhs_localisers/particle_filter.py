@@ -106,7 +106,7 @@ class ParticleLocaliser:
         assert self._cloud is not None and self._field is not None, "start() comes before update()"
         self._move(motion)
         if self._peak is not None and isinstance(self._advanced, ScanAdvanced):
-            self._fresh = freshness(motion, scan_of(observation, motion), self._advanced.fresh_m)
+            self._fresh = freshness(motion, self._advanced)
         self._watch(observation, motion)
         self._weigh(observation, motion)
         self._use_places(observation, motion)
@@ -288,14 +288,11 @@ class ParticleLocaliser:
         return Belief(se2(*cluster.mean), covariance, self._status(), probability, details)
 
 
-def freshness(motion: Motion, scan: Scan | None, fresh_m: float) -> float:
-    """How much of a scan after this motion is new (0..1): a robot that stands sees the same errors again, and so does one
-    that turns, but for what came into view."""
-    if fresh_m == 0.0 or scan is None:
-        return 1.0
+def freshness(motion: Motion, a: ScanAdvanced) -> float:
+    """How much of a view after this motion is new (0..1): a robot that stands sees the same errors again."""
     x_m, y_m, yaw_rad = planar(motion.previous_from_body)
-    sight_rad = max(float(np.ptp(scan.bearings_rad)), 1e-3)
-    return min(1.0, float(np.hypot(x_m, y_m)) / fresh_m + abs(float(yaw_rad)) / sight_rad)
+    way_m = float(np.hypot(x_m, y_m)) + a.fresh_lever_m * abs(float(yaw_rad))
+    return min(1.0, way_m / a.fresh_m) if a.fresh_m > 0 else 1.0
 
 
 def scan_of(observation: Observation, motion: Motion) -> Scan | None:

@@ -60,6 +60,8 @@ class WheelError:
         """Hold the wheels' guess against where the scan was laid. seen: its information (3, 3) in its own frame, without
         blind directions; way_m: driven since the last scan."""
         if not (guess.measured and guess.fresh):
+            self._along.clear()  # wheels that hang or leap were right before by luck
+            self._turned.clear()
             return
         sigma = np.diag(guess.prior) ** -0.5
         strength, directions = np.linalg.eigh(seen * np.outer(sigma, sigma))
