@@ -228,7 +228,7 @@ class Sentinel:
         return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
-        self.attempts += 1
+        self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission = self.book.missions[-1]
         things = self._near_things(pose) if self.barred else np.zeros((0, 2))
         tight = self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
@@ -295,7 +295,7 @@ class Sentinel:
     def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
         """Stand for a view before what is in the way; the plan that failed is tried again."""
         self.waited, self.progress.still = self.waited + 1, 0
-        self.attempts -= self.path is None
+        self.attempts -= self.path is None and not self.guard.moves
         events.append(event)
         return self._watching(at_m, pose)
 
