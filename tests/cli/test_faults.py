@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import os
 import resource
 import subprocess
@@ -58,6 +59,7 @@ def test_data_is_never_code(path):
 
 def test_many_runs_in_one_process_leak_nothing(tmp_path):
     """Open files and memory stay where they are (a notebook, a long sweep in one process)."""
+    gc.collect()  # what other tests left behind is no matter of these runs
     open_files, memory_mb = [], []
     for number in range(18):
         rhs.run([*CHOICE, "source.views=2", f"output='{tmp_path / str(number)}'"], quiet=True)

@@ -105,7 +105,9 @@ def place_after_a_place_left_out(bench: Bench) -> None:
 def robot_is_stuck(bench: Bench) -> None:
     answer = bench.ask(*hostile("source", "stuck"), "output=run", code=3, says="not achieved: 0 of 2 places")
     words = ("no progress", "contact", "no path")
-    assert all(status == "gave_up" and reason.startswith(words) for status, reason in missions(bench, "run"))
+    told = missions(bench, "run")  # a place may be put off once, and is given up when it is tried again
+    assert sorted(status for status, _ in told) in (["gave_up"] * 2, ["gave_up"] * 2 + ["skipped"])
+    assert all(reason.startswith(words) for _, reason in told)
     assert answer.row()["patrol_steps"] < 100
 
 
