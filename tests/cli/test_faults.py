@@ -59,10 +59,11 @@ def test_data_is_never_code(path):
 
 def test_many_runs_in_one_process_leak_nothing(tmp_path):
     """Open files and memory stay where they are (a notebook, a long sweep in one process)."""
-    gc.collect()  # what other tests left behind is no matter of these runs
+    gc.collect()  # of what other tests left behind
     open_files, memory_mb = [], []
     for number in range(18):
         rhs.run([*CHOICE, "source.views=2", f"output='{tmp_path / str(number)}'"], quiet=True)
+        gc.collect()  # figures and configurations hold themselves until then
         open_files.append(len(os.listdir("/proc/self/fd")))
         memory_mb.append(int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20)
     assert open_files[-1] == open_files[1]
