@@ -193,7 +193,8 @@ class Sentinel:
         if self.path is None and not self._plan(pose, events):
             return self._after_failed_plan(pose, events)
         assert self.path is not None
-        command = steer(self.path.points_m, belief.map_from_body, pace := self.guard.pace_here)
+        pace = self.guard.pace_here
+        command = steer(self.path.points_m, belief.map_from_body, pace)
         if not self.guard.sees:
             return self._with_room(command, scan, events)
         return self._safely(command, in_body(target_on(self.path.points_m, pose[:2], pace), pose), pose, events)
