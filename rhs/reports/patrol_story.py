@@ -44,12 +44,21 @@ def patrol_story(folder: Path, row: Mapping[str, Any]) -> Story:
     return Story((*_what_happened(missions, rows), *_of_the_row(row), *_of_the_steps(folder)), places)
 
 
+def _changed(rows: list[dict[str, Any]]) -> str:
+    """What was found changed at the places, of those that could be compared with the survey."""
+    changed, compared = ([row["picture"][3:] for row in rows if row[key]] for key in ("changes", "before"))
+    if changed:
+        return f"Something changed at {', '.join(changed)}."
+    if not compared:
+        return "None of them could be compared with the survey."
+    return "Nothing was found changed " + ("at any of them." if len(compared) == len(rows) else f"at {', '.join(compared)}.")
+
+
 def _what_happened(missions: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
     reached = [m["place"] for m in missions if m["status"] == "arrived"]
     given_up = [m for m in missions if m["status"] == "gave_up"]
-    changed = [row["picture"][3:] for row in rows if row["changes"]]
     lines = [f"The robot reached {_count(len(reached), 'place')}: {', '.join(reached) or 'none'}."]
-    lines.append(f"Something changed at {', '.join(changed)}." if changed else "Nothing was found changed at any of them.")
+    lines.append(_changed(rows))
     lines += [f"It gave {m['place']} up: {m['reason']}." for m in given_up]
     lines += [f"On the way to {m['place']} something stood in the way: {m['reason']}; it set out anew." for m in missions
               if m["status"] == "aborted"]

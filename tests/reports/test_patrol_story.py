@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.synthetic_run import make_run
 
-from rhs.reports.patrol_story import patrol_story
+from rhs.reports.patrol_story import _changed, patrol_story
 from rhs.reports.report import html
 from rhs.runfolder.row import write_row
 
@@ -67,3 +67,14 @@ def test_the_page_needs_nothing_else_and_is_small(run):
     page = html(run).read_text(encoding="utf-8")
     assert len(page) < 5e6 and "What changed at each place" in page
     assert not re.search(r"https?://|<script|<link|src=\"(?!data:)", page)
+
+
+@pytest.mark.parametrize("rows, says", [
+    ([{"picture": "01_hall", "changes": [], "before": []}], "None of them could be compared with the survey."),
+    ([{"picture": "01_hall", "changes": [], "before": [3]}, {"picture": "02_desk", "changes": [], "before": []}],
+     "Nothing was found changed at hall."),
+    ([{"picture": "01_hall", "changes": [], "before": [3]}], "Nothing was found changed at any of them."),
+    ([{"picture": "01_hall", "changes": [{}], "before": [3]}], "Something changed at hall."),
+])
+def test_a_place_that_nobody_compared_is_not_called_unchanged(rows, says):
+    assert _changed(rows) == says
