@@ -72,13 +72,14 @@ class ContinuityWatch:
             return Continuity.GOES_ON
         if scan_continuity(scan, self._scan, motion.previous_from_body, self._rules) is Continuity.BROKEN:
             return Continuity.BROKEN
-        return Continuity.GOES_ON if self._on_walls(expected) else seen
+        return Continuity.GOES_ON if self.on_walls(expected) else seen
 
     def _passer_by(self, last: Scan | None, motion: Motion) -> bool:
         share = scan_share(last, self._scan, motion.previous_from_body, self._rules, fine=True)
         return share >= self._rules.passer_by_share
 
-    def _on_walls(self, pose: np.ndarray | None) -> bool:
+    def on_walls(self, pose: np.ndarray | None) -> bool:
+        """Whether the last scan, taken at a pose (3,), lies on the walls of the map."""
         if self._scan is None or self._walls is None or pose is None:
             return False
         return self._walls.share(self._scan, pose) >= self._smooth_share

@@ -161,9 +161,10 @@ class Logbook:
             self.put_off_at_m, self.put_off_here = at_m.copy(), []
         self.put_off_here.append(self.place)
 
-    def others(self) -> int:
-        """Places left besides the current one that were not put off here."""
-        return sum(place not in self.put_off_here for place in self.places[self.visited + 1:])
+    def others(self, at_m: np.ndarray) -> int:
+        """Places left besides the current one that were not put off here, (2,) metres."""
+        here = self.put_off_here if np.linalg.norm(at_m - self.put_off_at_m) <= ELSEWHERE_M else []
+        return sum(place not in here for place in self.places[self.visited + 1:])
 
     def skipped(self) -> int:
         """How often the current place was put off."""

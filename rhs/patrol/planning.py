@@ -67,6 +67,11 @@ class RoomyPlanner:
             return replace(least, reason=PlanReason.NEVER_SEEN)
         return least
 
+    def open_cells(self, obstacles: np.ndarray) -> np.ndarray:
+        """(H, W) bool: where the map is free and none of the obstacles (H, W) stands."""
+        open_cells: np.ndarray = self._free & ~obstacles
+        return open_cells
+
     def _through(self, start_m: np.ndarray, goal_m: np.ndarray, obstacles: np.ndarray, seen_m: np.ndarray) -> Path | None:
         """A way in finer cells with as much of the margin as there is, or None."""
         self._tight = self._tight or TightMap(self.grid, self._free)

@@ -18,6 +18,7 @@ from .control import Pace, turn
 HOPE = 0.5  # chance of being right above which the robot goes on the way it looks
 GO_ON_M = 2.0  # way between two looks round
 ROOM_M = 0.6  # less room than this ahead: turn
+STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 OPEN_M = 5.0  # farther than this the room is as good as it gets
 
 
@@ -89,6 +90,16 @@ def clear_ahead_m(scan: Scan, radius_m: float) -> float:
     y = scan.origin_xy_m[1] + scan.ranges_m[seen] * np.sin(scan.bearings_rad[seen])
     inside = (np.abs(y) < radius_m) & (x > 0)
     return float(x[inside].min() - radius_m) if inside.any() else np.inf
+
+
+def cut_to_room(command: Twist, scan: Scan | None, radius_m: float) -> Twist | None:
+    """The command, ended where the scan has something ahead; None where there is no room at all."""
+    if command.forward_mps <= 0 or scan is None:
+        return command
+    room_m = clear_ahead_m(scan, radius_m) - STOP_SHORT_M
+    if room_m >= command.forward_mps * command.duration_s:
+        return command
+    return Twist(command.forward_mps, command.turn_radps, room_m / command.forward_mps) if room_m > 0.05 else None
 
 
 def _open_side(scan: Scan) -> float:

@@ -26,6 +26,7 @@ from rhs.api.task import Parts
 from rhs.api.validate import check_blocked, check_capture
 from rhs.estimation.survey import known_free
 
+from .aside import PATIENCE_VIEWS, Aside
 from .control import Pace, Progress, ahead_on_path, closest_gap, first_on_way, steer, target_on, turn
 from .guard import Guard
 from .kidnap import Kidnapper
@@ -33,7 +34,7 @@ from .loop import Decision, names
 from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner
-from .relocate import Search, clear_ahead_m
+from .relocate import Search, cut_to_room
 from .surroundings import SURE
 
 WAIT_S = 0.5  # one view of waiting
@@ -41,9 +42,7 @@ WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 MOST_BARRED = 6  # commands refused on end after which a gap hardly wider than the robot is not tried again
-MOST_BACK = 2  # times on the way to one place that the robot goes back because no way leads on from where it stands
-MOST_BACK_TO_SEE = 5  # or that it has to see what it waits for
-STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
+MOST_BACK, MOST_BACK_TO_SEE = 2, 5  # times on the way to one place that the robot goes back: to find a way, or to see
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
 
@@ -86,10 +85,8 @@ class Sentinel:
         self.look_again: list[float] = []
         self.looked_again = False
         self.seen_obstacles: list[np.ndarray] = []
-        self.progress = Progress()
-        self.waited = self.views_spent = 0
-        self.lost_steps = 0
-        self.contacts = self.barred = self.backed = 0
+        self.progress, self.aside = Progress(), Aside()
+        self.waited = self.views_spent = self.lost_steps = self.contacts = self.barred = self.backed = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -182,6 +179,9 @@ class Sentinel:
         if self.contacts > self.settings.contacts:
             self._finish(MissionStatus.GAVE_UP, f"contact: touched something unseen {self.contacts} times", events)
             return None
+        if self.aside.resting(pose[:2], self.settings.arrive_m):
+            self.path = None
+            return self._wait(self.aside.for_m, pose, events)
         if self.path is not None and (blockage := self._blockage(pose)) is not None:
             command = self._answer(blockage, pose, events)
             if command is not None or self.book.current is None:
@@ -216,13 +216,8 @@ class Sentinel:
 
     def _with_room(self, command: Twist, scan: Scan | None, events: list[Event]) -> Twist:
         """The command of a robot that believes in walls without measuring them, cut to what is free ahead among them."""
-        if command.forward_mps <= 0 or scan is None:
-            return command
-        room_m = clear_ahead_m(scan, self.radius_m) - STOP_SHORT_M
-        if room_m >= command.forward_mps * command.duration_s:
-            return command
-        if room_m > 0.05:
-            return Twist(command.forward_mps, command.turn_radps, room_m / command.forward_mps)
+        if (cut := cut_to_room(command, scan, self.radius_m)) is not None:
+            return cut
         events.append(Event.STOPPED)
         self.path = None
         side = 1.0 if self.progress.still % 4 < 2 else -1.0
@@ -230,12 +225,13 @@ class Sentinel:
 
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
-        mission = self.book.missions[-1]
+        mission, aside_m = self.book.missions[-1], self.aside.goal_m
         things = self._near_things(pose) if self.barred else np.zeros((0, 2))
         tight = self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
         seen = in_map(self.guard.around.things(least=SURE), pose) if tight else None
-        plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things,
-                               squeeze=self.guard.sees, seen_m=seen)
+        goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
+        plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
+                               seen_m=seen)
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
@@ -264,10 +260,10 @@ class Sentinel:
             seen = np.concatenate([seen, self._near_things(pose)])
         at = self._in_the_way(seen, pose) if len(seen) else pose[:2]
         if len(seen):
-            if self._may_have_gone(at, pose):
+            if self._goes_aside(at, pose) or self._may_have_gone(at, pose):
                 return self._wait(at, pose, events)
             mission = self.book.current
-            command = self._answer(self._told(at, known=True, no_way=True), pose, events)
+            command = self._answer(self._told(at, pose, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
         if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
@@ -279,12 +275,19 @@ class Sentinel:
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
-        status = MissionStatus.GAVE_UP
-        if len(seen) and not self.book.skipped() and self.book.others():  # things go, or look different from elsewhere
+        if later := len(seen) > 0 and not self.book.skipped() and self.book.others(pose[:2]) > 0:  # things go
             self.book.put_off(pose[:2])
-            status = MissionStatus.SKIPPED
+        status = MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP
         self._finish(status, f"no path: {self.last_reason}{touched}", events)
         return None
+
+    def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
+        """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
+        waits = self.guard.moves and not self.contacts and self.waited >= PATIENCE_VIEWS
+        goes = (waits or self.aside.goal_m is not None) and self.aside.go(
+            pose[:2], at_m, self.grid, self.roads.open_cells(self.watch.cells))
+        self.waited = 0 if goes else self.waited
+        return goes
 
     def _may_have_gone(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
         """Where something moves: whether anything that was seen before may have gone, and is forgotten. Who is seen to come
@@ -314,11 +317,11 @@ class Sentinel:
         if len(hits) == 0:
             return None
         known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)
-        return self._told(hits.mean(axis=0), known=known)
+        return self._told(hits.mean(axis=0), pose, known=known)
 
-    def _told(self, at_m: np.ndarray, *, known: bool, no_way: bool = False) -> Blockage:
+    def _told(self, at_m: np.ndarray, pose: np.ndarray, *, known: bool = True, no_way: bool = False) -> Blockage:
         """What the replan part is told of something in the way there."""
-        return Blockage(at_m, known, self.waited, self.book.skipped(), self.book.others(), no_way)
+        return Blockage(at_m, known, self.waited, self.book.skipped(), self.book.others(pose[:2]), no_way)
 
     def _answer(self, blockage: Blockage, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Do what the replan part says of the blockage: a command to wait, or None and no path any more."""
@@ -365,8 +368,7 @@ class Sentinel:
         self._begin_place()
 
     def _near(self, pose: np.ndarray) -> bool:
-        goal = np.array(self.book.missions[-1].goal_m)
-        return float(np.linalg.norm(pose[:2] - goal)) <= self.settings.arrive_m
+        return bool(np.linalg.norm(pose[:2] - self.book.missions[-1].goal_m) <= self.settings.arrive_m)
 
     def _stuck(self, pose: np.ndarray) -> str | None:
         """Why the place is given up, if it is."""
@@ -383,8 +385,7 @@ class Sentinel:
         self.lost_in_all += 1
         mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
         events.append(Event.LOST)
-        settings = self.settings
-        if self.lost_steps > settings.lost_views or self.lost_in_all > settings.lost_views_total:
+        if self.lost_steps > self.settings.lost_views or self.lost_in_all > self.settings.lost_views_total:
             self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views",
                          events)
             if self.book.done:

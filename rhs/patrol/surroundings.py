@@ -19,6 +19,7 @@ SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for 
 CAME_NEAR_M = 0.3  # the rest of who came is so near
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
+BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
 CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
@@ -42,9 +43,11 @@ class Surroundings:
         self.moved_s = -np.inf  # when something was last seen where nothing had been
         self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
         self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
+        self.floor_s = np.full((cells, cells), -np.inf)  # the same, or when the robot stood there or could not see it better
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
+        self.sees_floor = False  # the last view showed more than one height
         self.one_eye = False  # it was read off pictures that were compared: blind while the robot turns on the spot
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
@@ -69,7 +72,7 @@ class Surroundings:
         scan, obstacle = observation.scan, observation.obstacle
         if scan is None and obstacle is None and motion.scan_measured:
             scan, self.one_eye = motion.scan, True
-        self.sight = obstacle if obstacle is not None else scan
+        self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
         seen = []
         things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
         if scan is not None:
@@ -82,9 +85,9 @@ class Surroundings:
             if motion.status is Tracking.OK:  # else what was seen before may stand elsewhere in this frame
                 self._note_what_came(layer.votes, votes, cells, (looked_s, things))
             looked_s[cells[:, 0], cells[:, 1]] = self.now_s
-            self._saw(cells)
+            self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
             if layer is self.below:
-                self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
+                self.below_s[cells[:, 0], cells[:, 1]] = self.floor_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._stand()
 
     def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
@@ -131,7 +134,7 @@ class Surroundings:
         """Nothing was seen yet."""
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
-        self.seen_s[:] = self.below_s[:] = -np.inf
+        self.seen_s[:] = self.below_s[:] = self.floor_s[:] = -np.inf
         self.came_s[:] = np.inf
         for looked_s in self.looked_s:
             looked_s[:] = -np.inf
@@ -145,7 +148,8 @@ class Surroundings:
             layer.votes[lone[:, 0], lone[:, 1]] = 0.0
 
     def _saw(self, cells: np.ndarray) -> None:
-        self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
+        """All heights above the floor were looked at in these cells (K, 2)."""
+        self.seen_s[cells[:, 0], cells[:, 1]] = self.floor_s[cells[:, 0], cells[:, 1]] = self.now_s
 
     def _stand(self) -> None:
         """Where the robot stands there is nothing else."""
@@ -162,7 +166,7 @@ class Surroundings:
         if np.abs(off).max() < KEPT_M:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, *self.looked_s)]
+        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, *self.looked_s)]
         for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.came_s, np.inf), *times):
             kept = np.full_like(array, empty)
             height, width = array.shape
@@ -185,14 +189,17 @@ class Surroundings:
         reach = round(NEAR_M / CELL_M)
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
-        there = self.came_s[near] >= self.now_s - self.fade_s  # what came may have gone unseen
+        rows, columns = np.indices(self.seen_s[near].shape)
+        middles = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=-1) * CELL_M + self.at_eye.origin_m
+        beside = np.linalg.norm(middles - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M
+        there = beside | (self.came_s[near] >= self.now_s - self.fade_s)  # what came may have gone unseen
         there &= self.seen_s[near] >= self.now_s - self.remember_s
-        at_eye = (self.at_eye.votes[near] >= least) & (self.seen_s[near] >= self.now_s - within_s)
+        at_eye = (self.at_eye.votes[near] >= least) & (beside | (self.seen_s[near] >= self.now_s - within_s))
         # so may a trail of votes that a pet left too near to be seen cleared
-        lately_s = min(within_s, self.low_s) if self.moves else within_s
+        lately_s = within_s if self.moved_s == -np.inf else min(within_s, self.low_s)
         below = (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - lately_s)
         rows, columns = np.nonzero(there & (at_eye | below))
-        points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=1) * CELL_M + self.at_eye.origin_m
+        points = middles[rows, columns]
         votes = np.maximum(self.at_eye.votes[near], self.below.votes[near])[rows, columns]
         body = self.in_body(points[(votes >= SPECK_VOTES) | in_company(points)])
         return body[np.hypot(*body.T) < NEAR_M]
@@ -229,9 +236,13 @@ class Surroundings:
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
-        """Those of the points (K, 2) of this frame that no view since since_s has covered."""
-        cells = self._cells(points_m)
-        return points_m[self.seen_s[cells[:, 0], cells[:, 1]] < since_s]
+        """Those of the points (K, 2) of this frame that no view since since_s has covered, or of which none has shown the
+        floor: the scan at the camera's height looks over a low box at the ground that is hidden behind it."""
+        rows, columns = self._cells(points_m).T
+        unseen = self.seen_s[rows, columns] < since_s
+        if self.sees_floor:
+            unseen |= self.floor_s[rows, columns] < self.now_s - self.remember_s
+        return points_m[unseen]
 
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better."""

@@ -1,0 +1,103 @@
+"""Among people: who stands before the only way lets others come past, and remembers who stood close beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flatland import BEARINGS, Flatland, Oracle, Through, parts, ring
+
+from rhs.api.geometry import camera_from_fov, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
+from rhs.patrol.aside import AWAY_M, MOST, NEAR_M, Aside, roomy_spot
+from rhs.patrol.control import Pace
+from rhs.patrol.guard import Guard, GuardSettings
+from rhs.patrol.loop import steps
+from rhs.patrol.mission import Logbook, MissionSettings
+from rhs.patrol.sentinel import Sentinel
+from rhs_replan import NewMission
+
+CAMERA = camera_from_fov(32, 24, 57.0, height_m=1.0)
+STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
+WALL_M = 4.0 / np.cos(BEARINGS)
+
+
+class Shy(Flatland):
+    """Somebody stands in the gap between robot and place for as long as the robot is near."""
+
+    passed = False
+
+    def drive(self, command):
+        self.passed |= bool(np.hypot(*(self.pose[:2, 3] - (2.65, 1.0))) > 2.0)
+        if self.passed:
+            self.occupied &= ~self.hidden
+        return super().drive(command)
+
+
+def guard():
+    return Guard(0.3, Pace(step_m=0.25, turn_step_rad=np.radians(12.0)), GuardSettings())
+
+
+def test_the_spot_aside_is_roomy_near_by_and_away_from_who_comes():
+    """A corridor 1 m wide along y = 2 that opens into a room from x = 5 on; somebody stands at x = 2."""
+    open_cells = np.zeros((40, 100), bool)
+    open_cells[15:25] = True
+    open_cells[:, 50:80] = True
+    grid = OccupancyGrid(np.where(open_cells, 0.05, 0.95).astype(np.float32), 0.1, (0.0, 0.0))
+    at, who = np.array([3.5, 2.0]), np.array([2.0, 2.0])
+    spot = roomy_spot(at, np.stack([who, at]), grid, open_cells)
+    assert 5.5 < spot[0] < 7.5 and np.linalg.norm(spot - who) > AWAY_M and np.linalg.norm(spot - at) < NEAR_M
+    aside = Aside()
+    spots = [aside.goal_m.copy() for _ in range(MOST) if aside.go(at, who, grid, open_cells)]
+    assert len(spots) == MOST and not aside.go(at, who, grid, open_cells), "a bound"
+    assert min(np.linalg.norm(a - b) for k, a in enumerate(spots) for b in spots[:k]) >= AWAY_M, "elsewhere each time"
+
+
+def test_a_robot_that_somebody_waits_for_goes_aside_and_then_gets_on():
+    """Who stands in the only way goes on when the robot has left: waiting alone would last for ever."""
+    hidden = np.zeros((80, 80), bool)
+    hidden[1:20, 25:28] = hidden[60:79, 25:28] = True
+    world = Shy(ring(), (1.0, 1.0, 0.0), (("a", 4.0, 1.0),), hidden=hidden)
+    oracle = Oracle(world)
+    given = parts(oracle)
+    given.planner.corners, given.replan = False, NewMission()
+    sentinel = Sentinel(given, world.grid(), (), places=(("a", 4.0, 1.0),), radius_m=world.radius,
+                        settings=MissionSettings())
+    count = 0
+    for step in steps(world, Through(world.camera), oracle, sentinel):
+        sentinel.guard.around.moved_s = sentinel.guard.around.now_s  # people about
+        count += 1
+        assert count < 600 and not step.collided
+    assert sentinel.book.missions[-1].status == "arrived" and world.passed
+
+
+def test_ground_hidden_behind_a_low_box_has_not_been_seen_though_the_camera_looks_over_it():
+    watched, over = guard(), Twist(0.5, 0.0, 2.6)
+    for index, low_m in ((1, 1.0), (2, 4.0)):
+        low = Scan(BEARINGS, low_m / np.cos(BEARINGS), 5.0)
+        watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, WALL_M, 6.0), obstacle=low), STILL)
+        hidden = watched.around.unseen(over, margin_m=0.05, up_to_m=1.5, since_s=-np.inf)
+        assert (np.hypot(*hidden.T) > 1.1).any() == (low_m < 2.0)
+
+
+@pytest.mark.parametrize(("away_m", "known"), [(0.45, True), (1.2, False)])
+def test_who_came_close_beside_the_robot_is_not_forgotten_for_being_out_of_sight(away_m, known):
+    """Somebody comes up ahead; the robot turns away for ten seconds, and nobody sees him go."""
+    watched = guard()
+    for index in range(1, 8):
+        ranges = np.where(np.abs(BEARINGS) < 0.25, away_m if index > 3 else np.inf, WALL_M)
+        ranges = np.minimum(ranges, WALL_M)
+        watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, ranges, 6.0)), STILL)
+    assert watched.moves
+    half = replace(STILL, previous_from_body=se2(0.0, 0.0, np.pi))
+    for index in range(8, 28):
+        watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, WALL_M, 6.0)), half if index == 8 else STILL)
+    assert (watched.around.free_way_m(Twist(-0.5, 0.0, 0.5), 0.05, 1.5) < 1.0) == known
+
+
+def test_a_place_put_off_here_is_worth_a_try_from_elsewhere():
+    book = Logbook((("a", 1.0, 0.0), ("b", 2.0, 0.0)))
+    here = np.array([5.0, 5.0])
+    book.put_off(here)
+    book.places = (book.places[1], book.places[0])
+    assert book.others(here) == 0 and book.others(here + 1.0) == 1
