@@ -13,9 +13,10 @@ from rhs.api.grid import OccupancyGrid
 PATIENCE_VIEWS = 12  # of waiting for somebody, half a second each, until the robot goes aside
 REST_VIEWS = 16  # there, at most: who walks comes by in some seconds
 MOST = 3  # times on the way to one place, each time elsewhere
-AWAY_M = 1.5  # from what stands in the way, and from where the robot has stood aside before
+AWAY_M = 2.0  # at least so far from what stands in the way
+ELSEWHERE_M = 1.0  # and so far from where the robot stands, or stood aside before
 NEAR_M = 5.0  # no further from the robot
-ENOUGH_M = 1.0  # room beside the robot's middle: its own and somebody's width; more is no better
+ENOUGH_M = 0.8  # room beside the robot, as much as somebody keeps from it and is wide; more is no better
 WAY_COST = 0.1  # metres of room that a metre of way is worth
 
 
@@ -35,28 +36,33 @@ class Aside:
         self._rest -= self._rest > 0
         return self._rest > 0
 
-    def go(self, at_m: np.ndarray, for_m: np.ndarray, grid: OccupancyGrid, open_cells: np.ndarray) -> bool:
-        """Choose where to go from (2,), out of the way of what stands at for_m (2,); whether there is anywhere. open_cells
-        (H, W) bool: where the map is free and nothing was seen to stand."""
-        away_from_m = np.stack([for_m, at_m, *self._spots])
-        spot = roomy_spot(at_m, away_from_m, grid, open_cells) if len(self._spots) < MOST else None
+    def go(self, at_m: np.ndarray, for_m: np.ndarray, grid: OccupancyGrid, blocked: np.ndarray) -> bool:
+        """Choose where to go from (2,), out of the way of what stands at for_m (2,); whether there is anywhere. blocked
+        (H, W) bool: where the middle of the robot may not be."""
+        spots = np.stack([at_m, *self._spots])
+        spot = roomy_spot(for_m, spots, grid, blocked) if len(self._spots) < MOST else None
         self.goal_m, self.for_m = spot, for_m
         self._spots += [] if spot is None else [spot]
         return spot is not None
 
 
-def roomy_spot(at_m: np.ndarray, away_from_m: np.ndarray, grid: OccupancyGrid, open_cells: np.ndarray) -> np.ndarray | None:
-    """(2,) the middle of a cell with room near (2,), not near any of the points (K, 2); None where there is none."""
-    from scipy.ndimage import distance_transform_edt
+def roomy_spot(for_m: np.ndarray, spots_m: np.ndarray, grid: OccupancyGrid, blocked: np.ndarray) -> np.ndarray | None:
+    """(2,) the middle of a cell with room, away from (2,); None where there is none. spots_m (K, 2): the first is where the
+    robot stands and sets off, the others have been tried."""
+    from scipy.ndimage import distance_transform_edt, label
 
-    room_m = distance_transform_edt(np.pad(open_cells, 1))[1:-1, 1:-1] * grid.resolution_m
-    cells = np.argwhere(open_cells)
+    at_m, open_cells = spots_m[0], np.pad(~blocked, 1)
+    regions, _ = label(open_cells)
+    cells = np.argwhere(~blocked)
+    if not len(cells):
+        return None
+    region, room_m = (array[1:-1, 1:-1][tuple(cells.T)] for array in (regions, distance_transform_edt(open_cells)))
     middles = grid.centres(cells)
     way_m = np.linalg.norm(middles - at_m, axis=1)
-    away_m = np.linalg.norm(middles[:, None] - away_from_m[None], axis=2).min(axis=1)
-    fit = (way_m <= NEAR_M) & (away_m >= AWAY_M)
+    fit = (region == region[way_m.argmin()]) & (way_m <= NEAR_M) & (np.linalg.norm(middles - for_m, axis=1) >= AWAY_M)
+    fit &= np.linalg.norm(middles[:, None] - spots_m, axis=2).min(axis=1) >= ELSEWHERE_M
     if not fit.any():
         return None
-    worth = np.minimum(room_m[cells[:, 0], cells[:, 1]], ENOUGH_M) - WAY_COST * way_m
+    worth = np.minimum(grid.resolution_m * room_m, ENOUGH_M) - WAY_COST * way_m
     best: np.ndarray = middles[fit][np.argmax(worth[fit])]
     return best

@@ -67,10 +67,11 @@ class RoomyPlanner:
             return replace(least, reason=PlanReason.NEVER_SEEN)
         return least
 
-    def open_cells(self, obstacles: np.ndarray) -> np.ndarray:
-        """(H, W) bool: where the map is free and none of the obstacles (H, W) stands."""
-        open_cells: np.ndarray = self._free & ~obstacles
-        return open_cells
+    def blocked(self, obstacles: np.ndarray) -> np.ndarray:
+        """(H, W) bool: where the robot's side would be nearer to a wall of the map or an obstacle (H, W) than its margin."""
+        growth_cells, mapped = self._grown[-1]
+        blocked: np.ndarray = mapped | inflate(obstacles, growth_cells)
+        return blocked
 
     def _through(self, start_m: np.ndarray, goal_m: np.ndarray, obstacles: np.ndarray, seen_m: np.ndarray) -> Path | None:
         """A way in finer cells with as much of the margin as there is, or None."""
@@ -93,7 +94,8 @@ class RoomyPlanner:
         plan = self.planner.plan(problem)
         plan_ms = 1e3 * (time.process_time() - began_s)
         plan = check_path(plan, problem, who=self.who)
-        return shortened(replace(plan, plan_ms=plan_ms), problem)
+        plan = shortened(replace(plan, plan_ms=plan_ms), problem)
+        return _set_off(plan, grid) if plan.found and blocked[tuple(grid.cells(start_m[None])[0])] else plan
 
     def _gap_m(self, things_m: np.ndarray) -> np.ndarray:
         """(H, W) metres from each cell's centre to the nearest thing."""
@@ -146,6 +148,15 @@ class TightMap:
             gaps = cKDTree(points).query(self.grid.centres(cells), distance_upper_bound=most_m)[0]
             room[self._inside] = np.minimum(gaps, most_m)
         return room
+
+
+def _set_off(path: Path, grid: OccupancyGrid) -> Path:
+    """The way of a robot that stands in a cell which its size closes, without the step to the middle of the nearest open
+    cell: whatever side that lies on, the robot's guard knows how near it may come to what."""
+    points = path.points_m
+    if len(points) < 3 or np.linalg.norm(points[1] - points[0]) > np.sqrt(2.0) * grid.resolution_m:
+        return path
+    return replace(path, points_m=np.delete(points, 1, axis=0))
 
 
 def length_m(path: Path) -> float:

@@ -285,7 +285,7 @@ class Sentinel:
         """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
         waits = self.guard.moves and not self.contacts and self.waited >= PATIENCE_VIEWS
         goes = (waits or self.aside.goal_m is not None) and self.aside.go(
-            pose[:2], at_m, self.grid, self.roads.open_cells(self.watch.cells))
+            pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells))
         self.waited = 0 if goes else self.waited
         return goes
 

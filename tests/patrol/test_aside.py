@@ -9,7 +9,7 @@ from flatland import BEARINGS, Flatland, Oracle, Through, parts, ring
 from rhs.api.geometry import camera_from_fov, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
-from rhs.patrol.aside import AWAY_M, MOST, NEAR_M, Aside, roomy_spot
+from rhs.patrol.aside import AWAY_M, ELSEWHERE_M, MOST, NEAR_M, Aside, roomy_spot
 from rhs.patrol.control import Pace
 from rhs.patrol.guard import Guard, GuardSettings
 from rhs.patrol.loop import steps
@@ -39,18 +39,20 @@ def guard():
 
 
 def test_the_spot_aside_is_roomy_near_by_and_away_from_who_comes():
-    """A corridor 1 m wide along y = 2 that opens into a room from x = 5 on; somebody stands at x = 2."""
-    open_cells = np.zeros((40, 100), bool)
-    open_cells[15:25] = True
-    open_cells[:, 50:80] = True
-    grid = OccupancyGrid(np.where(open_cells, 0.05, 0.95).astype(np.float32), 0.1, (0.0, 0.0))
+    """A corridor 1 m wide along y = 2 that opens into a room from x = 5 to 8; another behind its wall at y = 4.2 is no way
+    off; somebody stands at x = 2."""
+    blocked = np.ones((90, 100), bool)
+    blocked[15:25, 0:60] = blocked[0:40, 50:80] = blocked[44:90] = False
+    grid = OccupancyGrid(np.where(blocked, 0.95, 0.05).astype(np.float32), 0.1, (0.0, 0.0))
     at, who = np.array([3.5, 2.0]), np.array([2.0, 2.0])
-    spot = roomy_spot(at, np.stack([who, at]), grid, open_cells)
-    assert 5.5 < spot[0] < 7.5 and np.linalg.norm(spot - who) > AWAY_M and np.linalg.norm(spot - at) < NEAR_M
+    spot = roomy_spot(who, at[None], grid, blocked)
+    assert 5.5 < spot[0] < 7.5 and spot[1] < 4.0
+    assert np.linalg.norm(spot - who) > AWAY_M and np.linalg.norm(spot - at) < NEAR_M
     aside = Aside()
-    spots = [aside.goal_m.copy() for _ in range(MOST) if aside.go(at, who, grid, open_cells)]
-    assert len(spots) == MOST and not aside.go(at, who, grid, open_cells), "a bound"
-    assert min(np.linalg.norm(a - b) for k, a in enumerate(spots) for b in spots[:k]) >= AWAY_M, "elsewhere each time"
+    spots = [aside.goal_m.copy() for _ in range(MOST) if aside.go(at, who, grid, blocked)]
+    assert len(spots) == MOST and not aside.go(at, who, grid, blocked), "a bound"
+    gaps = [np.linalg.norm(a - b) for k, a in enumerate(spots) for b in spots[:k]]
+    assert min(gaps) >= ELSEWHERE_M, "elsewhere each time"
 
 
 def test_a_robot_that_somebody_waits_for_goes_aside_and_then_gets_on():
@@ -91,7 +93,8 @@ def test_who_came_close_beside_the_robot_is_not_forgotten_for_being_out_of_sight
     assert watched.moves
     half = replace(STILL, previous_from_body=se2(0.0, 0.0, np.pi))
     for index in range(8, 28):
-        watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, WALL_M, 6.0)), half if index == 8 else STILL)
+        view = Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, WALL_M, 6.0))
+        watched.observe(view, half if index == 8 else STILL)
     assert (watched.around.free_way_m(Twist(-0.5, 0.0, 0.5), 0.05, 1.5) < 1.0) == known
 
 
