@@ -37,7 +37,7 @@ class ContinuityWatch:
         One eye's key-points have no depth: there the odometry tells whether it followed enough points from the last view.
         Where the key-points cannot tell, measured scans do: they break where one cannot follow the other, and go on where
         the new one lies on the walls of the map as well. Key-points that break while half of the scan goes on are those of
-        somebody who passes close by, and tell nothing."""
+        somebody who passes close by, and tell nothing; where most of the scan lies on walls too, nobody was carried off."""
         last, scan = self._features, self._scan
         self._features, self._scan = features(observation, self._settings), observation.scan
         if self._left is not None:
@@ -65,7 +65,7 @@ class ContinuityWatch:
         assert self._features is not None
         seen = continuity(last, self._features, observation.camera, motion.previous_from_body, self._rules)
         if seen is Continuity.BROKEN and self._passer_by(scan, motion):
-            return Continuity.UNKNOWN
+            return Continuity.GOES_ON if self.on_walls(expected, self._rules.passer_by_walls) else Continuity.UNKNOWN
         if seen is not Continuity.UNKNOWN:
             return seen
         if motion.scan_measured and motion.status is Tracking.OK:
@@ -78,8 +78,8 @@ class ContinuityWatch:
         share = scan_share(last, self._scan, motion.previous_from_body, self._rules, fine=True)
         return share >= self._rules.passer_by_share
 
-    def on_walls(self, pose: np.ndarray | None) -> bool:
-        """Whether the last scan, taken at a pose (3,), lies on the walls of the map."""
+    def on_walls(self, pose: np.ndarray | None, share: float | None = None) -> bool:
+        """Whether this share of the last scan, else smooth_share, lies on the walls of the map if taken at a pose (3,)."""
         if self._scan is None or self._walls is None or pose is None:
             return False
-        return self._walls.share(self._scan, pose) >= self._smooth_share
+        return self._walls.share(self._scan, pose) >= (self._smooth_share if share is None else share)

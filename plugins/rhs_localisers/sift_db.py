@@ -122,9 +122,10 @@ class PlaceLocaliser:
         best = self._state.best
         expected = None if best is None else planar(best.map_from_body)
         seen = self._watching.goes_on(observation, motion, expected)
-        if seen is Continuity.BROKEN and motion.status is Tracking.OK and (
+        if seen is not Continuity.GOES_ON and motion.status is Tracking.OK and (
                 self._hides(observation.scan, best) or self._watching.on_walls(expected)):
-            seen = Continuity.UNKNOWN  # the odometry saw past who stands there, or saw what few key-points did not show
+            # the odometry saw past who stands there, or saw what few key-points did not show
+            seen = Continuity.UNKNOWN if seen is Continuity.BROKEN else Continuity.GOES_ON
         tracking = best is not None and self._status(best.weight) is BeliefStatus.TRACKING
         self._confirmation.travel(motion.previous_from_body, seen)
         self._contradiction.move(motion.previous_from_body)

@@ -15,6 +15,7 @@ THING = 0.75  # votes from which a cell holds a thing: one beam that ended there
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
 SURE = 2.0  # votes of a thing that a tight way has to keep from: what the edges of things smear by a cell has fewer
+STOOD = 4.0  # votes of what was seen to stand; somebody who walks on leaves one to three in a cell
 SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
 CAME_NEAR_M = 0.3  # the rest of who came is so near
 NOTHING = np.zeros((0, 2))
@@ -195,8 +196,9 @@ class Surroundings:
         there = beside | (self.came_s[near] >= self.now_s - self.fade_s)  # what came may have gone unseen
         there &= self.seen_s[near] >= self.now_s - self.remember_s
         at_eye = (self.at_eye.votes[near] >= least) & (beside | (self.seen_s[near] >= self.now_s - within_s))
-        # so may a trail of votes that a pet left too near to be seen cleared
-        lately_s = within_s if self.moved_s == -np.inf else min(within_s, self.low_s)
+        # so may a trail of votes that a pet left too near to be seen cleared, if not what was seen to stand there
+        trails = self.moved_s > -np.inf and self.low_s < within_s
+        lately_s = np.where(trails & (self.below.votes[near] < STOOD), self.low_s, within_s)
         below = (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - lately_s)
         rows, columns = np.nonzero(there & (at_eye | below))
         points = middles[rows, columns]

@@ -60,7 +60,8 @@ class ExplainSettings:
     depth_m: float = 0.05
     """and up to this constant, metres"""
     telling: int = 60
-    """a view with fewer key-points says nothing by not being recognised"""
+    """a view with fewer key-points says nothing by not being recognised, nor does one near stored views with fewer: of
+    bare walls they hold some 30, and hardly any view of them is named"""
     expected_m: float = 0.8
     """a view ought to be recognised where a stored view stands this near, metres"""
     expected_deg: float = 20.0
@@ -199,6 +200,9 @@ class ContinuitySettings:
     passer_by_share: float = 0.5
     """key-points that do not go on are somebody's who passes when so many beams, finely, do: 18 of 20 views with a person
     close by in a drawn building; of pairs of views from two places of five drawn buildings 0.2 to 1.2 in 100"""
+    passer_by_walls: float = 0.75
+    """and the view goes on after all where so much of the scan lies on walls of the map: somebody close by hides up to a
+    quarter of it"""
     carried: float = 0.5
     """chance of having been carried elsewhere when a view does not go on from the last; else it was spoiled"""
 
@@ -206,7 +210,7 @@ class ContinuitySettings:
         check_ranges("", self, pixels_px=(0.5, 100.0), likeness=(-1.0, 1.0), depth_share=(0.0, 10.0), depth_m=(0.0, 10.0),
                      goes_on_share=(0.0, 1.0), telling_pairs=(1, 100_000), scan_goes_on_share=(0.0, 1.0),
                      scan_broken_share=(0.0, 1.0), telling_beams=(1, 100_000), beam_m=(0.0, 10.0), beam_share=(0.0, 1.0),
-                     fine_beam_m=(0.0, 10.0), fine_beam_share=(0.0, 1.0), passer_by_share=(0.0, 1.0), carried=(0.01, 0.99))
+                     fine_beam_m=(0.0, 10.0), fine_beam_share=(0.0, 1.0), passer_by_share=(0.0, 1.0), passer_by_walls=(0.0, 1.0), carried=(0.01, 0.99))
 
 
 @dataclass(frozen=True)
