@@ -1,6 +1,7 @@
 """What it takes to be sure again, and what to be sure no longer."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from rhs.api.geometry import inverse, se2
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.api.records import Belief, BeliefStatus, Features, Motion, Observation, Scan, Tracking
 from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.views.explainability import expected
 from rhs.estimation.views.features import share
 from rhs.estimation.views.motion_consistency import Continuity
 from rhs_localisers.advanced import ConfirmationRules
@@ -182,19 +184,35 @@ def test_without_key_points_scans_tell_whether_a_view_goes_on():
 
 
 def test_key_points_of_somebody_close_by_do_not_outvote_half_of_a_scan():
-    """The picture changes altogether; the wall stands where it stood in two thirds of the fan, or nowhere."""
-    def seen(after):
-        part = ContinuityWatch(FEATURES, None)
-        for angle, scan in ((0.1, _facing(2.0)), (3.2, after)):
+    """The picture changes altogether; the wall stands where it stood in two thirds or four fifths of the fan, or nowhere.
+    Where four fifths lie on the wall of the map too, nobody was carried off."""
+    def seen(after, walls=None):
+        part = ContinuityWatch(FEATURES, walls)
+        for angle, scan in ((0.1, _facing(2.95)), (3.2, after)):
             view = look(_round(angle))
-            out = part.goes_on(replace(view, scan=scan), Motion(STILL, SMALL, Tracking.OK), None)
+            out = part.goes_on(replace(view, scan=scan), Motion(STILL, SMALL, Tracking.OK), MIDDLE)
         return out
 
-    somebody = _facing(2.0)
-    ranges = somebody.ranges_m.copy()
-    ranges[:7] = 0.8
-    assert seen(replace(somebody, ranges_m=ranges)) is UNKNOWN
-    assert seen(_facing(2.5)) is BROKEN and seen(None) is BROKEN
+    def somebody(beams):
+        wall = _facing(2.95)
+        return replace(wall, ranges_m=np.where(np.arange(len(wall.ranges_m)) < beams, 0.8, wall.ranges_m))
+
+    assert seen(somebody(7)) is UNKNOWN and seen(somebody(4)) is UNKNOWN
+    assert seen(somebody(7), _walls()) is UNKNOWN and seen(somebody(4), _walls()) is GOES_ON
+    assert seen(_facing(2.5), _walls()) is BROKEN and seen(None, _walls()) is BROKEN
+
+
+class _Stored(SimpleNamespace):
+    def __len__(self):
+        return len(self.stands)
+
+
+def test_what_stored_views_of_bare_walls_do_not_recognise_tells_nothing():
+    """Two stored views stand where the robot does, of 100 key-points each, or of 30 each."""
+    query = Features(np.zeros((90, 2)), np.zeros((90, 128)), np.zeros((90, 3)))
+    for stored, tells in ((100, True), (30, False)):
+        memory = _Stored(stands=np.zeros((2, 3)), starts=np.arange(3) * stored)
+        assert expected(memory, query, np.eye(4)) == tells
 
 
 def test_a_belief_that_no_place_confirms_any_longer_loses_half_its_chance_every_two_metres():
