@@ -35,7 +35,7 @@ from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
-from .surroundings import SURE
+from .surroundings import NOTHING, SURE
 
 WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
@@ -54,9 +54,8 @@ class Sentinel:
     def __init__(self, parts: Parts, grid: OccupancyGrid, views: Sequence[View], *,
                  places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings) -> None:
         self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
-        self.slam = parts.slam  # draws a new map all the time
         self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan)
-        self.radius_m, self.views = radius_m, tuple(views)
+        self.radius_m, self.views, self.slam = radius_m, tuple(views), parts.slam  # which draws a new map all the time
         self._take_map(grid)
         self.book = Logbook(places)
         self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
@@ -72,8 +71,7 @@ class Sentinel:
 
     def _take_map(self, grid: OccupancyGrid) -> None:
         """Plan and watch on this map from now on."""
-        free = known_free(grid, self.views, self.radius_m)
-        self.grid = grid
+        self.grid, free = grid, known_free(grid, self.views, self.radius_m)
         self.roads = RoomyPlanner(self.planner, grid, free, radius_m=self.radius_m, settings=self.settings,
                                   who=self.who["planner"])
         self.watch = ObstacleWatch(grid, free, tolerance_m=self.settings.wall_tolerance_m,
@@ -108,7 +106,9 @@ class Sentinel:
         return belief
 
     def note(self, belief: Belief, scan: Scan) -> None:
-        if belief.status is BeliefStatus.TRACKING:
+        sure = belief.status is BeliefStatus.TRACKING
+        self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else NOTHING
+        if sure:
             self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=self.guard.around.now_s)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:

@@ -15,11 +15,11 @@ THING = 0.75  # votes from which a cell holds a thing: one beam that ended there
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
 SURE = 2.0  # votes of a thing that a tight way has to keep from: what the edges of things smear by a cell has fewer
-STOOD = 4.0  # votes of what was seen to stand; somebody who walks on leaves one to three in a cell
 SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
 CAME_NEAR_M = 0.3  # the rest of who came is so near
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
+MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
@@ -48,6 +48,7 @@ class Surroundings:
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
+        self.map_m = NOTHING  # (K, 2) what the map knows near the robot, in its body frame
         self.sees_floor = False  # the last view showed more than one height
         self.one_eye = False  # it was read off pictures that were compared: blind while the robot turns on the spot
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
@@ -193,18 +194,28 @@ class Surroundings:
         rows, columns = np.indices(self.seen_s[near].shape)
         middles = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=-1) * CELL_M + self.at_eye.origin_m
         beside = np.linalg.norm(middles - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M
-        there = beside | (self.came_s[near] >= self.now_s - self.fade_s)  # what came may have gone unseen
-        there &= self.seen_s[near] >= self.now_s - self.remember_s
-        at_eye = (self.at_eye.votes[near] >= least) & (beside | (self.seen_s[near] >= self.now_s - within_s))
-        # so may a trail of votes that a pet left too near to be seen cleared, if not what was seen to stand there
-        trails = self.moved_s > -np.inf and self.low_s < within_s
-        lately_s = np.where(trails & (self.below.votes[near] < STOOD), self.low_s, within_s)
-        below = (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - lately_s)
-        rows, columns = np.nonzero(there & (at_eye | below))
-        points = middles[rows, columns]
-        votes = np.maximum(self.at_eye.votes[near], self.below.votes[near])[rows, columns]
+        remembered = self.seen_s[near] >= self.now_s - self.remember_s
+        fresh = remembered & (self.came_s[near] >= self.now_s - self.fade_s)  # what came may have gone unseen
+        at_eye = (self.at_eye.votes[near] >= least) & ((beside & remembered) | (fresh & (
+            self.seen_s[near] >= self.now_s - within_s)))
+        below = (self.below.votes[near] >= least) & fresh & (self.below_s[near] >= self.now_s - within_s)
+        if self.moved_s > -np.inf:  # so may a trail of votes that a pet left too near to be seen cleared
+            stale = below & (self.below_s[near] < self.now_s - self.low_s)
+            below[stale] = self._on_map(middles[stale])
+        found = np.nonzero(at_eye | below)
+        points = middles[found]
+        votes = np.maximum(self.at_eye.votes[near], self.below.votes[near])[found]
         body = self.in_body(points[(votes >= SPECK_VOTES) | in_company(points)])
         return body[np.hypot(*body.T) < NEAR_M]
+
+    def _on_map(self, points_m: np.ndarray) -> np.ndarray:
+        """(K,) bool: of points (K, 2) of this frame, those where the map knows something: that does not go."""
+        near = np.zeros(len(points_m), bool)
+        if len(self.map_m) and len(points_m):
+            from scipy.spatial import cKDTree
+
+            near = np.isfinite(cKDTree(self.map_m).query(self.in_body(points_m), distance_upper_bound=MAPPED_M)[0])
+        return near
 
     def bump(self, ahead: float) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back; the (K, 2) points of it in the body frame."""

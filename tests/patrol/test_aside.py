@@ -98,6 +98,18 @@ def test_who_came_close_beside_the_robot_is_not_forgotten_for_being_out_of_sight
     assert (watched.around.free_way_m(Twist(-0.5, 0.0, 0.5), 0.05, 1.5) < 1.0) == known
 
 
+def test_where_somebody_moves_a_low_thing_out_of_sight_is_kept_if_the_map_knows_it_and_a_trail_is_not():
+    """Something low was seen 0.6 m ahead, where the camera then looks over it; the map has a wall there, or 0.3 m beside."""
+    for wall_m, known in ((0.6, True), (0.9, False)):
+        watched = guard()
+        for index in range(1, 40):
+            low = Scan(BEARINGS, 0.6 / np.cos(BEARINGS) if index < 3 else WALL_M, 5.0, (0.0, 0.0), 3.0)
+            watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, WALL_M, 6.0), obstacle=low), STILL)
+        watched.around.moved_s = watched.around.now_s
+        watched.around.map_m = np.stack([np.full(21, wall_m), np.linspace(-0.5, 0.5, 21)], axis=1)
+        assert (watched.around.free_way_m(Twist(0.5, 0.0, 0.5), 0.05, 1.0) < 0.5) == known
+
+
 def test_a_place_put_off_here_is_worth_a_try_from_elsewhere():
     book = Logbook((("a", 1.0, 0.0), ("b", 2.0, 0.0)))
     here = np.array([5.0, 5.0])
