@@ -16,6 +16,7 @@ MOST = 3  # times on the way to one place, each time elsewhere
 AWAY_M = 2.0  # at least so far from what stands in the way
 ELSEWHERE_M = 1.0  # and so far from where the robot stands, or stood aside before
 NEAR_M = 5.0  # no further from the robot
+SET_OFF_M = 0.5  # a robot close to things may set off from an open cell so near
 ENOUGH_M = 0.8  # room beside the robot, as much as somebody keeps from it and is wide; more is no better
 WAY_COST = 0.1  # metres of room that a metre of way is worth
 
@@ -59,7 +60,8 @@ def roomy_spot(for_m: np.ndarray, spots_m: np.ndarray, grid: OccupancyGrid, bloc
     region, room_m = (array[1:-1, 1:-1][tuple(cells.T)] for array in (regions, distance_transform_edt(open_cells)))
     middles = grid.centres(cells)
     way_m = np.linalg.norm(middles - at_m, axis=1)
-    fit = (region == region[way_m.argmin()]) & (way_m <= NEAR_M) & (np.linalg.norm(middles - for_m, axis=1) >= AWAY_M)
+    here = np.unique(region[way_m <= max(way_m.min(), SET_OFF_M)])
+    fit = np.isin(region, here) & (way_m <= NEAR_M) & (np.linalg.norm(middles - for_m, axis=1) >= AWAY_M)
     fit &= np.linalg.norm(middles[:, None] - spots_m, axis=2).min(axis=1) >= ELSEWHERE_M
     if not fit.any():
         return None

@@ -242,8 +242,8 @@ class Sentinel:
 
     def _near_things(self, pose: np.ndarray) -> np.ndarray:
         """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map. Where things
-        move, what it has not looked at for a while may have gone."""
-        lately_s = self.settings.advanced.guard.fade_s if self.guard.moves else np.inf
+        move, what it has not looked at for a while may have gone; not what its guard refuses to pass again and again."""
+        lately_s = self.settings.advanced.guard.fade_s if self.guard.moves and self.barred < MOST_BARRED else np.inf
         points = in_map(self.guard.around.things(lately_s), pose)
         near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
         return near

@@ -196,12 +196,13 @@ class Surroundings:
         beside = np.linalg.norm(middles - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M
         remembered = self.seen_s[near] >= self.now_s - self.remember_s
         fresh = remembered & (self.came_s[near] >= self.now_s - self.fade_s)  # what came may have gone unseen
-        at_eye = (self.at_eye.votes[near] >= least) & ((beside & remembered) | (fresh & (
-            self.seen_s[near] >= self.now_s - within_s)))
+        at_eye = (self.at_eye.votes[near] >= least) & fresh & (self.seen_s[near] >= self.now_s - within_s)
         below = (self.below.votes[near] >= least) & fresh & (self.below_s[near] >= self.now_s - within_s)
         if self.moved_s > -np.inf:  # so may a trail of votes that a pet left too near to be seen cleared
             stale = below & (self.below_s[near] < self.now_s - self.low_s)
             below[stale] = self._on_map(middles[stale])
+        at_eye |= beside & remembered & (self.at_eye.votes[near] >= least)  # nobody saw it go
+        below |= beside & (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - self.remember_s)
         found = np.nonzero(at_eye | below)
         points = middles[found]
         votes = np.maximum(self.at_eye.votes[near], self.below.votes[near])[found]
