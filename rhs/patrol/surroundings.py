@@ -159,8 +159,8 @@ class Surroundings:
         self.hidden[cells[:, 0], cells[:, 1]] = False
 
     def _hide(self, obstacle: Scan, low: np.ndarray) -> None:
-        """Ground behind the low (N,) bool of an obstacle scan's ends is hidden, though the camera looks over it, unless it was
-        looked into lately."""
+        """Ground behind the low (N,) bool of an obstacle scan's ends is hidden, though the camera looks over it, unless it
+        was looked into lately."""
         away = obstacle.ranges_m[low, None] + np.arange(CELL_M, HIDDEN_M, CELL_M)
         bearing = obstacle.bearings_rad[low, None]
         points = np.stack([away * np.cos(bearing), away * np.sin(bearing)], axis=-1).reshape(-1, 2) + obstacle.origin_xy_m
