@@ -20,7 +20,6 @@ CAME_NEAR_M = 0.3  # the rest of who came is so near
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
-HIDDEN_M = 0.6  # so far behind the face of a low thing its back may be
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
@@ -45,11 +44,12 @@ class Surroundings:
         self.moved_s = -np.inf  # when something was last seen where nothing had been
         self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
         self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
-        self.hidden = np.zeros((cells, cells), bool)  # lies behind something low, and was not looked into
+        self.floor_s = np.full((cells, cells), -np.inf)  # the same, or when the robot stood there or could not see it better
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
         self.map_m = NOTHING  # (K, 2) what the map knows near the robot, in its body frame
+        self.sees_floor = False  # the last view showed more than one height
         self.one_eye = False  # it was read off pictures that were compared: blind while the robot turns on the spot
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
@@ -74,7 +74,7 @@ class Surroundings:
         scan, obstacle = observation.scan, observation.obstacle
         if scan is None and obstacle is None and motion.scan_measured:
             scan, self.one_eye = motion.scan, True
-        self.sight = obstacle if obstacle is not None else scan
+        self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
         seen = []
         things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
         if scan is not None:
@@ -89,10 +89,7 @@ class Surroundings:
             looked_s[cells[:, 0], cells[:, 1]] = self.now_s
             self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
             if layer is self.below:
-                self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
-                self.hidden[cells[:, 0], cells[:, 1]] = False
-        if obstacle is not None:
-            self._hide(obstacle, low_only(obstacle, scan))
+                self.below_s[cells[:, 0], cells[:, 1]] = self.floor_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._stand()
 
     def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
@@ -139,8 +136,7 @@ class Surroundings:
         """Nothing was seen yet."""
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
-        self.seen_s[:] = self.below_s[:] = -np.inf
-        self.hidden[:] = False
+        self.seen_s[:] = self.below_s[:] = self.floor_s[:] = -np.inf
         self.came_s[:] = np.inf
         for looked_s in self.looked_s:
             looked_s[:] = -np.inf
@@ -154,18 +150,8 @@ class Surroundings:
             layer.votes[lone[:, 0], lone[:, 1]] = 0.0
 
     def _saw(self, cells: np.ndarray) -> None:
-        """These cells (K, 2) were looked into."""
-        self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
-        self.hidden[cells[:, 0], cells[:, 1]] = False
-
-    def _hide(self, obstacle: Scan, low: np.ndarray) -> None:
-        """Ground behind the low (N,) bool of an obstacle scan's ends is hidden, though the camera looks over it, unless it
-        was looked into lately."""
-        away = obstacle.ranges_m[low, None] + np.arange(CELL_M, HIDDEN_M, CELL_M)
-        bearing = obstacle.bearings_rad[low, None]
-        points = np.stack([away * np.cos(bearing), away * np.sin(bearing)], axis=-1).reshape(-1, 2) + obstacle.origin_xy_m
-        rows, columns = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3]).T
-        self.hidden[rows, columns] |= self.below_s[rows, columns] < self.now_s - self.remember_s
+        """All heights above the floor were looked at in these cells (K, 2)."""
+        self.seen_s[cells[:, 0], cells[:, 1]] = self.floor_s[cells[:, 0], cells[:, 1]] = self.now_s
 
     def _stand(self) -> None:
         """Where the robot stands there is nothing else."""
@@ -182,9 +168,8 @@ class Surroundings:
         if np.abs(off).max() < KEPT_M:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, *self.looked_s)]
-        others = (self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.came_s, np.inf), (self.hidden, False)
-        for array, empty in (*others, *times):
+        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, *self.looked_s)]
+        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.came_s, np.inf), *times):
             kept = np.full_like(array, empty)
             height, width = array.shape
             to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
@@ -265,9 +250,13 @@ class Surroundings:
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
-        """Those of the points (K, 2) of this frame that no view since since_s has covered, or that something low hides."""
+        """Those of the points (K, 2) of this frame that no view since since_s has covered, or, where something moves, of which
+        none has shown the floor: the scan at the camera's height looks over a low box at ground that is hidden behind it."""
         rows, columns = self._cells(points_m).T
-        return points_m[(self.seen_s[rows, columns] < since_s) | self.hidden[rows, columns]]
+        unseen = self.seen_s[rows, columns] < since_s
+        if self.sees_floor and self.moved_s > -np.inf:
+            unseen |= self.floor_s[rows, columns] < self.now_s - self.remember_s
+        return points_m[unseen]
 
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better."""

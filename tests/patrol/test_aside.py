@@ -73,8 +73,9 @@ def test_a_robot_that_somebody_waits_for_goes_aside_and_then_gets_on():
     assert sentinel.book.missions[-1].status == "arrived" and world.passed
 
 
-def test_ground_hidden_behind_a_low_box_has_not_been_seen_though_the_camera_looks_over_it():
+def test_where_somebody_moves_ground_behind_a_low_box_has_not_been_seen_though_the_camera_looks_over_it():
     watched, over = guard(), Twist(0.5, 0.0, 2.6)
+    watched.around.moved_s = 0.0
     for index, low_m in ((1, 1.0), (2, 4.0)):
         low = Scan(BEARINGS, low_m / np.cos(BEARINGS), 5.0)
         watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, WALL_M, 6.0), obstacle=low), STILL)
