@@ -250,8 +250,8 @@ class Surroundings:
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
-        """Those of the points (K, 2) of this frame that no view since since_s has covered, or, where something moves, of which
-        none has shown the floor: the scan at the camera's height looks over a low box at ground that is hidden behind it."""
+        """Those of the points (K, 2) of this frame that no view since since_s has covered, or, where something moves, of
+        which none has shown the floor: the scan at the camera's height looks over a low box at what is hidden behind it."""
         rows, columns = self._cells(points_m).T
         unseen = self.seen_s[rows, columns] < since_s
         if self.sees_floor and self.moved_s > -np.inf:
