@@ -5,7 +5,10 @@ Classic does with it: models are put where the first <state> says, whatever thei
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -17,6 +20,7 @@ DRIVES = ("drive", "planar_move", "planarmove", "mecanum", "skid", "ackermann", 
 SAME_M, CLOSED_M = 1e-3, 0.1  # two waypoints at one spot; a path whose ends are so near is closed
 SLOWEST_MPS, FASTEST_MPS = 0.05, 3.0
 LONGEST_S = 1e6
+MODEL_PATHS = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH")
 
 
 def as_saved(world: Element) -> None:
@@ -82,3 +86,22 @@ def _seconds(waypoint: Element) -> float:
     if not 0.0 <= seconds <= LONGEST_S:
         raise ConfigError(f"<time> of an actor's waypoint is {text[:40]!r}; expected 0 to {LONGEST_S:g} seconds")
     return seconds
+
+
+def installed(name: str) -> list[Path]:
+    """Where Gazebo would look for a model, or a file in one, on this machine."""
+    folders = [Path(folder) for key in MODEL_PATHS for folder in os.environ.get(key, "").split(os.pathsep) if folder]
+    return [folder / name for folder in (*folders, Path.home() / ".gazebo" / "models")]
+
+
+def downloaded(uri: str) -> tuple[str, list[Path]]:
+    """(name, where its versions may lie, the newest first) of a model of Gazebo Fuel, https://HOST/1.0/OWNER/models/NAME."""
+    parts = [unquote(part) for part in urlsplit(uri).path.split("/") if part]
+    if "models" not in parts[1:-1]:
+        return "", []
+    at = parts.index("models", 1)
+    owner, name, host = parts[at - 1], parts[at + 1], urlsplit(uri).hostname or ""
+    folders = [Path.home() / cache / "fuel" / host / owner.lower() / "models" / name.lower()
+               for cache in (".gz", ".ignition")]
+    versions = [version for folder in folders if folder.is_dir() for version in folder.iterdir() if version.name.isdigit()]
+    return name, sorted(versions, key=lambda version: -int(version.name))

@@ -20,7 +20,7 @@ import numpy as np
 from rhs.api.floorplan import Person
 from rhs.base.errors import ConfigError
 
-from .gazebo import as_saved, is_robot, person_of
+from .gazebo import as_saved, downloaded, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
 from .soup import Part, box, cylinder, part, sphere
 
@@ -123,7 +123,7 @@ def _scale(element: Element, key: str, path: Path) -> np.ndarray:
 
 def _include(scene: Scene, element: Element, at: np.ndarray, path: Path, depth: int) -> None:
     uri = (element.findtext("uri") or "").strip()
-    name = uri.removeprefix("model://").strip("/")
+    name = uri.split("/models/")[-1].removeprefix("model://").strip("/").lower().replace(" ", "_")
     found = _found(uri, path.parent)
     if found is not None and found.is_dir():
         found = _model_file(found)
@@ -316,7 +316,12 @@ def _image(scene: Scene, uri: str, path: Path) -> np.ndarray | None:
 
 
 def _found(uri: str, folder: Path) -> Path | None:
-    """The file or folder that a uri names: model:// and package:// beside the file and above it, else from its folder."""
+    """The file or folder that a uri names: model:// and package:// beside the file and above it, then where Gazebo would
+    look; Fuel's among those downloaded; else from the file's folder."""
+    versions: list[Path] = []
+    if uri.startswith(("https://", "http://")):
+        name, versions = downloaded(uri)
+        uri = f"model://{name}"
     for scheme in ("model://", "package://", "file://"):
         if uri.startswith(scheme):
             name = uri.removeprefix(scheme)
@@ -331,6 +336,7 @@ def _found(uri: str, folder: Path) -> Path | None:
             places += [above / name, above / "models" / name]
             if above.name == name.split("/")[0]:
                 places.append(above.parent / name)
+        places += [*installed(name), *versions]
     return next((place.resolve() for place in places if place.exists()), None)
 
 

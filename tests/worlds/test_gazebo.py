@@ -98,3 +98,22 @@ def test_a_tour_goes_through_a_door_of_70_cm_and_says_which_rooms_it_leaves_out(
     sides = {bool(x > 0) for x, _ in world.route_m}
     assert len(sides) == rooms
     assert ("leaves out 1 room of" in caplog.text) == (rooms == 1)
+
+
+def test_models_are_found_where_gazebo_keeps_them(tmp_path, monkeypatch, caplog):
+    """In a folder of GAZEBO_MODEL_PATH, and among those that Fuel has downloaded, the newest version."""
+    cache = tmp_path / ".gz/fuel/fuel.gazebosim.org/me/models/my table"
+    for folder, x in ((tmp_path / "mine" / "chest", 0.4), (cache / "2", 1.0), (cache / "10", 2.0)):
+        folder.mkdir(parents=True)
+        (folder / "model.sdf").write_text(f"<sdf version='1.7'>{model('m', (x, 0.4, 0.8), '0 0')}</sdf>")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", f"{tmp_path / 'none'}:{tmp_path / 'mine'}")
+    fuel = "https://fuel.gazebosim.org/1.0"
+    world = load_world(saved(tmp_path, (
+        f"<include><uri>model://chest</uri><pose>-2 0 0 0 0 0</pose></include><include><uri>{fuel}/Me/models/My Table</uri>"
+        f"<pose>2 0 0 0 0 0</pose></include><include><uri>{fuel}/OpenRobotics/models/Ground Plane</uri></include>"
+        f"<include><uri>{fuel}/Me/models/Nowhere</uri></include>")))
+    assert distance_m(world, np.array([-1.5, 0.0]))[0] == pytest.approx(0.3)
+    assert distance_m(world, np.array([2.0, 1.0]))[0] == pytest.approx(0.8)
+    assert distance_m(world, np.array([0.5, 0.0]))[0] == pytest.approx(0.5)  # version 10 is 2 m wide
+    assert f"missing or unreadable: 1 files or shapes ({fuel}/Me/models/Nowhere)" in caplog.text
