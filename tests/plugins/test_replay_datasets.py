@@ -81,7 +81,21 @@ def bundle_fusion(folder):
     return folder
 
 
-@pytest.mark.parametrize("made", [replica, scannet, redwood, bundle_fusion])
+def listed(folder, *, color="rgb", depth="depth", scale=5000):
+    """TUM's lists and true poses, with the intrinsics of ETH3D."""
+    pictures(folder, color + "/{}.png", depth + "/{}.png", scale=scale)
+    for name in (color, depth):
+        (folder / f"{name}.txt").write_text("".join(f"{10 + k}.0 {name}/{k}.png\n" for k in range(3)))
+    (folder / "groundtruth.txt").write_text("".join(f"{10 + k}.0 {k} 2 3 0 0 {0.5**0.5} {0.5**0.5}\n" for k in range(3)))
+    (folder / "calibration.txt").write_text("50 51 31.5 23.5\n")
+    return folder
+
+
+def openloris(folder):
+    return listed(folder, color="color", depth="aligned_depth", scale=1000)
+
+
+@pytest.mark.parametrize("made", [replica, scannet, redwood, bundle_fusion, listed, openloris])
 def test_a_data_set_is_read_as_it_is_unpacked(tmp_path, made):
     source, seen = views(made(tmp_path))
     camera = source.camera

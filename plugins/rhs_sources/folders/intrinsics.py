@@ -17,7 +17,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
-         "camera.txt", "intrinsic/intrinsic_color.txt", "info.txt", "cam_params.json")
+         "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "cam_params.json")
 ABOVE = ("cam_params.json",)  # and one folder up
 MOST_BYTES = 1_000_000
 MOST_SCALE = 1e6
