@@ -45,6 +45,8 @@ def read_building(path: Path, file: Section) -> Building:
         return read_solid(path, file, radius_m, start_m)
     if path.suffix.lower() in PICTURES:
         path = _yaml_of(path)
+    if path.suffix.lower() == ".xacro":
+        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > {path.stem}")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
