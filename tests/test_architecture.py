@@ -50,7 +50,7 @@ SHALLOW = {
     "sweeps.held_out": "promises, apart from the suites they are made for",
     "sweeps.server": "what the forking process imports, and no other",
     "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",
-    "worlds.clearance": "grids, where tours are proposed on them", "worlds.round_trip": "the travelling salesman, apart",
+    "worlds.round_trip": "the travelling salesman, apart",
     "worlds.random.hall": "one family of buildings each",
 }
 HEAVY = {"cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "kiss_icp", "gtsam",

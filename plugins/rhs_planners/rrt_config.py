@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_choice, check_range
 
@@ -80,6 +80,7 @@ class RrtStar(PlannerSettings):
     """RRT* (Karaman and Frazzoli 2011), by OMPL: goes on improving until its iterations are used up."""
 
     preload = ("rhs_planners.tree",)
+    word: ClassVar[str] = "rrt_star"
 
     range_m: float = 0.0
     """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
@@ -92,8 +93,8 @@ class RrtStar(PlannerSettings):
     were three for every free cell, at least 4 times"""
 
     def __post_init__(self):
-        _check_star(self, "rrt_star")
-        check_range("planner.rrt_star", "goal_bias", self.goal_bias, low=0.0, high=1.0)
+        _check_star(self, self.word)
+        check_range(f"planner.{self.word}", "goal_bias", self.goal_bias, low=0.0, high=1.0)
 
     def rounds(self, free_cells: int) -> list[int]:
         return extended(self.iterations, self.extensions, free_cells)
@@ -108,30 +109,10 @@ class RrtStar(PlannerSettings):
 
 
 @dataclass
-class InformedRrtStar(PlannerSettings):
+class InformedRrtStar(RrtStar):
     """Informed RRT* (Gammell, Srinivasa, Barfoot 2014), by OMPL: samples only where the path can still get shorter."""
 
-    preload = ("rhs_planners.tree",)
-
-    range_m: float = 0.0
-    """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
-    goal_bias: float = 0.05
-    """share of samples that are the goal itself"""
-    iterations: int = 5000
-    """samples, all of them used"""
-    extensions: int | None = None
-    """as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there
-    were three for every free cell, at least 4 times"""
-
-    def __post_init__(self):
-        _check_star(self, "informed_rrt_star")
-        check_range("planner.informed_rrt_star", "goal_bias", self.goal_bias, low=0.0, high=1.0)
-
-    def rounds(self, free_cells: int) -> list[int]:
-        return extended(self.iterations, self.extensions, free_cells)
-
-    def knob(self, rounds: list[int]) -> tuple[str, int]:
-        return "extensions", len(rounds) - 1
+    word: ClassVar[str] = "informed_rrt_star"
 
     def build(self, context: Context) -> Planner:
         from .tree import TreePlanner, informed_rrt_star

@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from rhs.api.errors import ContractError
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
-
-class WheelSettings(Protocol):
-    """The settings an encoder model reads; see the config of a sensor for meanings and units."""
-
-    noise: bool
-    wheel_scale_sigma: float
-    wheel_distance_share: float
-    wheel_turn_share: float
-    wheel_slip_chance: float
-    wheel_slip_share: float
+from .wheeled import Wheeled
 
 
 class Encoders:
     """Wheel travel as encoders count it: a scale error per run, noise per reading, now and then a spin."""
 
-    def __init__(self, settings: WheelSettings, rng: np.random.Generator) -> None:
+    def __init__(self, settings: Wheeled, rng: np.random.Generator) -> None:
         self._settings = settings
         self._rng = rng
         self._scale = 1.0 + settings.wheel_scale_sigma * rng.standard_normal(2)  # of distance, of turn

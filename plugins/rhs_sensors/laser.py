@@ -7,35 +7,25 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range
 
+from .wheeled import Wheeled
+
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
-class Laser:
+class Laser(Wheeled):
     """A laser scanner and wheel encoders, no camera: of recordings (CARMEN logs, bags with LaserScan), or simulated."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "wheel", "command"})
 
-    noise: bool = True
-    """false: an ideal sensor; recordings keep the noise they have, whatever is said here"""
     range_sigma_m: float = 0.01
     """noise of each range, metres (1 sigma); 0.01: a Hokuyo UTM-30LX"""
     min_range_m: float = 0.05
     """nearer readings are unknown, metres (dirt and the robot itself)"""
     max_range_m: float = 30.0
     """readings beyond this say only that nothing is nearer, metres"""
-    wheel_scale_sigma: float = 0.02
-    """each run's encoders count distance and turn too long by such a share (1 sigma)"""
-    wheel_distance_share: float = 0.02
-    """noise of one reading of distance, share of it since the last view (1 sigma)"""
-    wheel_turn_share: float = 0.03
-    """noise of one reading of turn, share of it since the last view (1 sigma)"""
-    wheel_slip_chance: float = 0.0
-    """chance per view that the wheels spin: they count wheel_slip_share too much"""
-    wheel_slip_share: float = 0.5
-    """share counted too much when the wheels spin"""
 
     def __post_init__(self) -> None:
         owner = "sensor.laser"
@@ -44,9 +34,7 @@ class Laser:
         check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
-        check_range(owner, "wheel_scale_sigma", self.wheel_scale_sigma, low=0.0, high=0.5)
-        for name in ("wheel_distance_share", "wheel_turn_share", "wheel_slip_chance", "wheel_slip_share"):
-            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
+        self.check_wheels(owner)
 
     def build(self, context: Context) -> Sensor:
         from .laser_sensor import LaserSensor

@@ -9,6 +9,8 @@ from rhs.api.errors import ConfigError, check_range
 from rhs.estimation.scans.settings import BandSettings
 from rhs.estimation.views.settings import DepthNoiseSettings
 
+from .wheeled import Wheeled
+
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Sensor
 
@@ -22,15 +24,13 @@ class RgbdAdvanced:
 
 
 @dataclass
-class Rgbd:
+class Rgbd(Wheeled):
     """Colour, depth, the scan in the depth row at the camera's height and the nearest thing between floor and robot's
     height, with the noise of a Kinect."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
 
-    noise: bool = True
-    """false: an ideal sensor; views of recordings keep the noise they have, whatever is said here"""
     min_range_m: float = 0.4
     """nearer depths are unknown, metres along the optical axis (Kinect: 0.4)"""
     max_range_m: float = 8.0
@@ -51,16 +51,6 @@ class Rgbd:
     """beams of the scan, evenly spaced columns; 0 = one per image column"""
     scan_rows: int = 1
     """odd number of rows around the camera's height whose median is the scan; 1 = the thesis"""
-    wheel_scale_sigma: float = 0.02
-    """each run's encoders count distance and turn too long by such a share (1 sigma)"""
-    wheel_distance_share: float = 0.02
-    """noise of one reading of distance, share of it since the last view (1 sigma)"""
-    wheel_turn_share: float = 0.03
-    """noise of one reading of turn, share of it since the last view (1 sigma)"""
-    wheel_slip_chance: float = 0.0
-    """chance per view that the wheels spin: they count wheel_slip_share too much"""
-    wheel_slip_share: float = 0.5
-    """share counted too much when the wheels spin"""
     advanced: RgbdAdvanced = field(default_factory=RgbdAdvanced)
 
     def __post_init__(self) -> None:
@@ -79,9 +69,7 @@ class Rgbd:
         check_range(owner, "scan_rows", self.scan_rows, low=1, high=99)
         if self.scan_rows % 2 == 0:
             raise ConfigError(f"{owner}.scan_rows={self.scan_rows} is even; expected an odd number such as 1 or 3")
-        check_range(owner, "wheel_scale_sigma", self.wheel_scale_sigma, low=0.0, high=0.5)
-        for name in ("wheel_distance_share", "wheel_turn_share", "wheel_slip_chance", "wheel_slip_share"):
-            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
+        self.check_wheels(owner)
 
     def build(self, context: Context) -> Sensor:
         from .rgbd_sensor import RgbdSensor

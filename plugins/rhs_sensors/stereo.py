@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 from rhs.api.errors import ConfigError, check_range, check_ranges
 from rhs.estimation.scans.settings import BandSettings
 
+from .wheeled import Wheeled
+
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Sensor
 
@@ -35,15 +37,13 @@ class StereoAdvanced:
 
 
 @dataclass
-class Stereo:
+class Stereo(Wheeled):
     """Two cameras side by side: depth from their disparity where there is texture, and the scans that a depth camera gives;
     unknown is NaN."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "right_image"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
 
-    noise: bool = True
-    """false: an ideal sensor; views of recordings keep the noise they have, whatever is said here"""
     image_sigma: float = 2.0
     """noise of each colour channel of both images, grey levels of 255 (1 sigma)"""
     disparity_sigma_px: float = 0.3
@@ -70,16 +70,6 @@ class Stereo:
     """beams of the scan, evenly spaced columns; 0 = one per image column"""
     scan_rows: int = 5
     """odd number of rows around the camera's height whose median is the scan"""
-    wheel_scale_sigma: float = 0.02
-    """each run's encoders count distance and turn too long by such a share (1 sigma)"""
-    wheel_distance_share: float = 0.02
-    """noise of one reading of distance, share of it since the last view (1 sigma)"""
-    wheel_turn_share: float = 0.03
-    """noise of one reading of turn, share of it since the last view (1 sigma)"""
-    wheel_slip_chance: float = 0.0
-    """chance per view that the wheels spin: they count wheel_slip_share too much"""
-    wheel_slip_share: float = 0.5
-    """share counted too much when the wheels spin"""
     advanced: StereoAdvanced = field(default_factory=StereoAdvanced)
 
     def __post_init__(self) -> None:
@@ -99,9 +89,7 @@ class Stereo:
             check_range(owner, name, value, low=1, high=high)
             if value % 2 == 0:
                 raise ConfigError(f"{owner}.{name}={value} is even; expected an odd number such as 3 or 5")
-        check_range(owner, "wheel_scale_sigma", self.wheel_scale_sigma, low=0.0, high=0.5)
-        for name in ("wheel_distance_share", "wheel_turn_share", "wheel_slip_chance", "wheel_slip_share"):
-            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
+        self.check_wheels(owner)
 
     def build(self, context: Context) -> Sensor:
         from .stereo_sensor import StereoSensor

@@ -17,13 +17,13 @@ from rhs.api.errors import ConfigError, RecordingError
 from rhs.api.files import replacing
 from rhs.api.records import Capture, Twist, WorldFacts
 
+from .carmen.log import is_carmen, open_carmen
 from .folders.clouds import is_clouds, open_clouds
 from .folders.euroc import is_euroc, open_euroc
 from .folders.frames import is_frames, open_frames
 from .folders.kitti import is_kitti, open_kitti
 from .folders.video import is_video, open_video
 from .replay_bag import is_bag, open_bag
-from .replay_carmen import is_carmen, open_carmen
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import Recording, is_tum, open_tum

@@ -16,9 +16,9 @@ from rhs.api.records import Capture
 from rhs.recording.mcap_scan import open_scan
 
 from . import replay_bag_messages as ros
+from .carmen.log import NO_CAMERA
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
-from .replay_carmen import NO_CAMERA
 from .replay_images import check_depth, check_pair
 from .replay_mounts import Mounts, fixed_links, mount_of, mounted
 from .replay_tum import Recording

@@ -18,6 +18,7 @@ COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgb
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
 BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_gbrg8": "BayerGBRG2RGB",
          "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
+YUV = {"yuv422": "YUV2RGB_UYVY", "uyvy": "YUV2RGB_UYVY", "yuv422_yuy2": "YUV2RGB_YUY2", "yuyv": "YUV2RGB_YUY2"}  # of webcams
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 
@@ -37,8 +38,15 @@ def color_of(message, topic: str) -> np.ndarray:
 
         mosaic = np.ascontiguousarray(_rows(message, np.dtype("u1"), 1, topic)[:, :, 0])
         return cv2.cvtColor(mosaic, getattr(cv2, f"COLOR_{BAYER[message.encoding]}"))
+    if message.encoding in YUV:
+        import cv2
+
+        if int(message.width) % 2:
+            raise ConfigError(f"{topic}: {message.encoding} images are {message.width} pixels wide; expected an even number")
+        return cv2.cvtColor(_rows(message, np.dtype("u1"), 2, topic), getattr(cv2, f"COLOR_{YUV[message.encoding]}"))
     if message.encoding not in COLOR:
-        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {', '.join((*COLOR, *BAYER))}")
+        known = ", ".join((*COLOR, *BAYER, *YUV))
+        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {known}")
     channels, order = COLOR[message.encoding]
     image = _rows(message, np.dtype("u1"), channels, topic)
     return np.ascontiguousarray(image if order is None else image[:, :, list(order)])

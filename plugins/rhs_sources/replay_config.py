@@ -36,7 +36,8 @@ class Replay:
     """Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m."""
     truth: str = ""
     """File of true poses, of the camera (of a CARMEN log or clouds, of the scanner): stamp tx ty tz qx qy qz qw, or of
-    numbered files the 12 numbers of KITTI a view; empty: groundtruth.txt, *.freiburg or poses.txt in the folder."""
+    numbered files the 12 numbers of KITTI a view; empty: groundtruth.txt, *.freiburg or poses.txt in the folder, TRUEPOS in
+    a CARMEN log; corrected: the poses that somebody corrected in a CARMEN log."""
     rate_hz: float = 0.0
     """Views a second of numbered images, clouds and videos, whatever their names and the container say; 0: what these say,
     else 30, of clouds 10."""

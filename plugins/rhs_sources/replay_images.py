@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera
 from rhs.api.pictures import check_size, head_of
 
 SEEN_M = (0.05, 100.0)  # typical depths that cameras see
@@ -59,6 +61,20 @@ def check_pair(color: np.ndarray, depth: np.ndarray, where: str) -> None:
     if color.shape[:2] != depth.shape[:2]:
         (h, w), (dh, dw) = color.shape[:2], depth.shape[:2]
         raise ConfigError(f"{where}: colour is {w}x{h} but depth is {dw}x{dh}; expected registered images of one size")
+
+
+def shrunk(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """The image in (width, height) fewer pixels, each the mean of what it covers."""
+    import cv2
+
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def resized(camera: Camera, size: tuple[int, int]) -> Camera:
+    """The camera of images that `shrunk` made: pixel (0, 0) is the middle of the first one."""
+    x, y = size[0] / camera.width, size[1] / camera.height
+    return replace(camera, width=size[0], height=size[1], fx=camera.fx * x, fy=camera.fy * y, skew=camera.skew * x,
+                   cx=(camera.cx + 0.5) * x - 0.5, cy=(camera.cy + 0.5) * y - 0.5)
 
 
 def check_depth(depth: np.ndarray, *, scale: float, where: str) -> bool:

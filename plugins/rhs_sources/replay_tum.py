@@ -1,6 +1,7 @@
 """TUM RGB-D folders: rgb.txt and depth.txt (or associations.txt), images, groundtruth.txt.
 
-Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012. Depth 5000 = 1 m, 0 = unknown.
+Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012. Depth 5000 = 1 m, 0 = unknown. OpenLORIS
+calls its lists color.txt and aligned_depth.txt, and its 1000 is 1 m.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from .replay_mounts import placed_camera
 from .replay_register import DepthCamera
 from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
 
+ALIGNED = "aligned_depth.txt"
+COLORS, DEPTHS = ("rgb.txt", "color.txt"), (ALIGNED, "depth.txt")
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -40,7 +44,7 @@ class Recording:
 
 
 def is_tum(path: Path) -> bool:
-    return any((path / name).is_file() for name in ("associations.txt", "rgb.txt", "depth.txt"))
+    return any((path / name).is_file() for name in ("associations.txt", *COLORS, *DEPTHS))
 
 
 def open_tum(path: Path, settings) -> Recording:
@@ -55,7 +59,8 @@ def open_tum(path: Path, settings) -> Recording:
     truth = None if truth_file is None else read_tum_truth(truth_file, settings)
     if truth is not None:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
-    return open_pairs(pairs, settings, truth=truth, default_scale=5000.0, rejected=rejected)
+    scale = 1000.0 if (path / ALIGNED).is_file() else 5000.0
+    return open_pairs(pairs, settings, truth=truth, default_scale=scale, rejected=rejected)
 
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,
@@ -110,13 +115,12 @@ def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _pairs(path: Path, settings) -> tuple[list[tuple[float, Path, Path]], Counter]:
-    """(colour stamp, colour file, depth file) in order of time; rgb.txt and depth.txt win over associations.txt."""
-    if (path / "rgb.txt").is_file():
-        if not (path / "depth.txt").is_file():
-            raise ConfigError(f"{path}: rgb.txt is there but depth.txt is not; replay needs both")
-        (color_s, colors, lost_a), (depth_s, depths, lost_b) = (
-            _list(path / name, settings) for name in ("rgb.txt", "depth.txt")
-        )
+    """(colour stamp, colour file, depth file) in order of time; lists of each win over associations.txt."""
+    color, depth = (next((name for name in names if (path / name).is_file()), None) for names in (COLORS, DEPTHS))
+    if color is not None:
+        if depth is None:
+            raise ConfigError(f"{path}: {color} is there but depth.txt is not; replay needs both")
+        (color_s, colors, lost_a), (depth_s, depths, lost_b) = (_list(path / name, settings) for name in (color, depth))
         pairs = associate(color_s, depth_s, settings.max_difference_s)
         lost = lost_a + lost_b + Counter(unpaired=len(color_s) - len(pairs))
         return [(float(color_s[i]), colors[i], depths[j]) for i, j in pairs], +lost

@@ -14,12 +14,14 @@ from rhs.api.floorplan import World, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
+from .clearance import clearance_of, coarser
 from .map_walls import Building, no_room, room_of, roomiest_m, walls_of
 from .maps import load_map
 from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .scene_files import SCENES
-from .tour import Place, Tour, propose
+from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
+from .world_checks import walk_fault
 from .world_yaml import Section
 
 log = logging.getLogger("rhs.worlds")
@@ -29,6 +31,7 @@ FOREIGN = (*PICTURES, *MESHES, *SCENES)
 MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
 APART_M = 0.5  # places that are proposed
+LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
 LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
 
 
@@ -42,6 +45,8 @@ def read_building(path: Path, file: Section) -> Building:
         return read_solid(path, file, radius_m, start_m)
     if path.suffix.lower() in PICTURES:
         path = _yaml_of(path)
+    if path.suffix.lower() == ".xacro":
+        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > {path.stem}")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
@@ -80,13 +85,52 @@ def settled(world: World, building: Building, file: Section) -> World:
     inside = world if "start" in given else replace(world, start=(x, y, 0.0))
     start = world.start if "start" in given else (x, y)
     places: int | tuple[Place, ...] = world.places if "places" in given else 4
+    grid = truth_grid(inside)
     try:
-        tour = short_tour(truth_grid(inside), world.robot_radius_m, start=start, places=places, name=world.name)
+        left = rooms_left_m2(grid, world.robot_radius_m, start)
+        if left:  # half a cell decides whether a door is wide enough
+            grid = truth_grid(inside, 0.5 * grid.resolution_m)
+            left = rooms_left_m2(grid, world.robot_radius_m, start)
+        tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name)
     except ConfigError as error:
         raise ConfigError(f"{world.path}: {error}") from error
+    if left:
+        log.warning("%s: the route leaves out %d room%s of %.0f m2 in all, with no door of %.2f m to it; a smaller robot: "
+                    "source.robot_radius_m=", world.name, len(left), "s" if len(left) > 1 else "", sum(left),
+                    2.0 * (world.robot_radius_m + MARGIN_M))
     return replace(world, start=world.start if "route_m" in given else tour.start,
                    places=world.places if "places" in given else on_route(tour.places, tour.route_m),
                    route_m=world.route_m if "route_m" in given else tour.route_m)
+
+
+def rooms_left_m2(grid: OccupancyGrid, radius_m: float, start: tuple[float, ...]) -> list[float]:
+    """Square metres where a robot of that radius has room, in each part of a plan that it cannot get to from its start with
+    MARGIN_M to spare; parts of less than LEAST_ROOM_M2 are no room."""
+    from scipy.ndimage import label
+
+    coarse = coarser(grid, MOST_CELLS)
+    wide = clearance_of(coarse) >= radius_m + MARGIN_M + SPARE_M
+    regions, _ = label(wide, structure=np.ones((3, 3)))
+    cells = np.argwhere(wide)
+    if not len(cells):
+        return []
+    gaps_m = np.hypot(*(coarse.centres(cells) - start[:2]).T)
+    areas_m2 = np.bincount(regions.ravel())[1:] * coarse.resolution_m**2
+    here = int(regions[tuple(cells[np.argmin(gaps_m)])])
+    return [float(area) for number, area in enumerate(areas_m2, 1) if number != here and area >= LEAST_ROOM_M2]
+
+
+def peopled(world: World, building: Building) -> World:
+    """The world with those who walk in the building; whose way leads through a wall is left out, and that is said."""
+    people, left = list(world.moving.people), []
+    for person in building.people:
+        if person.name in {other.name for other in people} or walk_fault(world, person):
+            left.append(person.name)
+        else:
+            people.append(person)
+    if left:
+        log.warning("%s: left out, as they walk through walls or outside: %s", world.name, ", ".join(left[:5]))
+    return replace(world, moving=replace(world.moving, people=tuple(people)))
 
 
 def on_route(places: tuple[Place, ...], route_m: np.ndarray) -> tuple[Place, ...]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.floorplan import Mesh, Wall
+from rhs.api.floorplan import Mesh, Person, Wall
 from rhs.api.grid import OccupancyGrid, configuration_space
 from rhs.base.errors import ConfigError
 
@@ -24,12 +24,13 @@ INDOORS = 0.1  # least share of the roomiest room that one indoors must have to 
 @dataclass(frozen=True, eq=False)
 class Building:
     """What a file of somebody else holds. stand_m: (2,) a point in its room, far from everything. camera_height_m: of a
-    robot that sees its walls."""
+    robot that sees its walls. people: who walks there."""
 
     walls: tuple[Wall, ...]
     stand_m: np.ndarray
     mesh: Mesh | None = None
     camera_height_m: float = 1.2
+    people: tuple[Person, ...] = ()
 
 
 def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = None) -> np.ndarray:

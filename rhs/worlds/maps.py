@@ -11,6 +11,7 @@ occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
@@ -23,6 +24,7 @@ from rhs.api.pictures import declared_size, head_of
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
+log = logging.getLogger("rhs.worlds")
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 MOST_CELLS = 25_000_000  # 250 m x 250 m at 5 cm; the head of a small file could ask for all the memory there is
 _BAND_CELLS = 1_000_000  # of a map that are turned at a time
@@ -102,7 +104,7 @@ def read_header(yaml_path: str | FilePath, *, origin: tuple[float, float, float]
         raise ConfigError(f"{path}: free_thresh {free} is above occupied_thresh {occupied}; expected it below")
     x, y, yaw = (*map(float, corner), 0.0)[:3]
     return MapHeader(
-        image=path.parent / str(keys["image"]),
+        image=_image_of(path, str(keys["image"])),
         resolution_m=_number(path, keys, "resolution", 0.0, low=1e-6, high=1e6),
         origin=(x, y, yaw),
         negate=bool(_number(path, keys, "negate", 0, low=0, high=1)),
@@ -122,6 +124,17 @@ def read_yaml(path: FilePath) -> dict[Any, Any]:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _image_of(path: FilePath, name: str) -> FilePath:
+    """The image that a map names; where it is not there (map_saver writes paths of its own machine), the one of that name
+    beside the map, and that is said."""
+    image = path.parent / name
+    beside = path.parent / name.replace("\\", "/").split("/")[-1]
+    if image.is_file() or not beside.is_file():
+        return image
+    log.warning("%s: there is no %s; taken is %s beside it", path.name, name, beside.name)
+    return beside
 
 
 def _number(path: FilePath, keys: dict[Any, Any], name: str, default: float, *, low: float, high: float) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.floorplan import Mesh, Wall
+from rhs.api.floorplan import Mesh, Person, Wall
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.base.errors import ConfigError
 
@@ -35,7 +35,7 @@ CAMERA_M = 0.25  # of a household robot: it sees what is taller, also a coffee t
 def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray | None) -> Building:
     """The building in a mesh or scene file. Raises ConfigError in one line."""
     said: list[str] = []
-    parts, on_ground = _upright(path, file, said)
+    parts, people, on_ground = _upright(path, file, said)
     parts = sound(parts)
     if not parts:
         raise ConfigError(f"{path}: no triangles with an area in this file; expected a building")
@@ -54,18 +54,20 @@ def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray |
         said.append(f"floor found at z = {floor:.2f} m")
     if said:
         log.warning("%s: %s", path.name, "; ".join(said))
-    return Building(walls, stand, Mesh(corners, uv, texture, images, solid), height)
+    return Building(walls, stand, Mesh(corners, uv, texture, images, solid), height, people)
 
 
-def _upright(path: Path, file: Section, said: list[str]) -> tuple[list[Part], bool]:
-    """Parts in metres, z up; whether the ground is z = 0 by convention, as in SDF and URDF."""
+def _upright(path: Path, file: Section, said: list[str]) -> tuple[list[Part], tuple[Person, ...], bool]:
+    """Parts in metres, z up; who walks; whether the ground is z = 0 by convention, as in SDF and URDF."""
     if path.suffix.lower() not in MESHES:
         scene = read_scene(path)
         if scene.missing:
             names = list(dict.fromkeys(scene.missing))
             said.append(f"left out, as missing or unreadable: {len(names)} files or shapes ({', '.join(names[:3])}"
                         f"{', ...' if len(names) > 3 else ''})")
-        return scene.parts, True
+        if scene.robots:
+            said.append(f"left out, as robots: {', '.join(scene.robots)}")
+        return scene.parts, tuple(scene.people), True
     mesh = read_mesh(path)
     if mesh.missing:
         said.append(f"left out, as missing: {len(set(mesh.missing))} files ({', '.join(sorted(set(mesh.missing))[:3])})")
@@ -74,7 +76,7 @@ def _upright(path: Path, file: Section, said: list[str]) -> tuple[list[Part], bo
     up = file.text("up", mesh.up or _thinnest(size, said), choices=("y", "z"))
     unit_m = file.number("unit_m", _unit_m(mesh, size, path, said, given="unit_m" in file.nodes), low=1e-6, high=1e3)
     matrix = (Y_UP if up == "y" else np.eye(4)) @ np.diag([unit_m, unit_m, unit_m, 1.0])
-    return [one.moved(matrix) for one in mesh.parts], False
+    return [one.moved(matrix) for one in mesh.parts], (), False
 
 
 def _extent(parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:

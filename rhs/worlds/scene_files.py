@@ -3,7 +3,7 @@ what is solid. Written after the SDFormat specification 1.4 to 1.11 (http://sdfo
 
 `model://NAME` and `package://NAME` are looked up beside the file and above it. What is missing is left out and named. A
 link that draws nothing shows what is solid of it. Deviations: joints stand at zero; lights, plugins, sensors and physics are
-left.
+left. What Gazebo makes of saved states, robots and actors: gazebo.py.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from rhs.api.floorplan import Person
 from rhs.base.errors import ConfigError
 
+from .gazebo import as_saved, downloaded, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
 from .soup import Part, box, cylinder, part, sphere
 
@@ -29,16 +31,23 @@ ABOVE = 5  # folders above a file in which models are looked for
 BUILT_IN = ("sun", "ground_plane")  # come with Gazebo: a light, and a plane that the floor stands for
 NAMED_COLOURS = {"white": (255, 255, 255), "grey": (178, 178, 178), "darkgrey": (74, 74, 74), "black": (20, 20, 20),
                  "red": (255, 0, 0), "green": (0, 255, 0), "blue": (0, 0, 255), "yellow": (255, 255, 0),
-                 "orange": (255, 130, 20), "purple": (255, 0, 255), "wood": (160, 115, 70), "bricks": (160, 90, 70)}
+                 "orange": (255, 130, 20), "purple": (255, 0, 255), "wood": (160, 115, 70), "bricks": (160, 90, 70),
+                 "skyblue": (33, 112, 178), "turquoise": (0, 255, 255), "indigo": (84, 0, 128), "flatblack": (25, 25, 25),
+                 "gold": (204, 165, 30), "darkyellow": (178, 178, 0), "paintedwall": (200, 195, 185),
+                 "woodfloor": (150, 110, 70), "ceilingtiled": (215, 215, 210), "grass": (90, 120, 60)}
+ACTOR_M = (0.2, 1.7)  # radius and height of somebody who stands
 
 
 @dataclass(eq=False)
 class Scene:
-    """What was found: parts in place, z up, metres; whether there is a ground plane; the names of what is missing."""
+    """What was found: parts in place, z up, metres; whether there is a ground plane; the names of what is missing, and of
+    the robots, which are left out; who walks."""
 
     parts: list[Part] = field(default_factory=list)
     ground: bool = False
     missing: list[str] = field(default_factory=list)
+    robots: list[str] = field(default_factory=list)
+    people: list[Person] = field(default_factory=list)
     meshes: dict[Path, MeshFile | None] = field(default_factory=dict)
     images: dict[Path, np.ndarray | None] = field(default_factory=dict)
 
@@ -76,20 +85,45 @@ def _children(scene: Scene, parent: Element, placed: np.ndarray, path: Path, dep
     """Worlds, models, links and includes of an element; placed (4, 4): where it stands."""
     if depth > DEEPEST:
         raise ConfigError(f"{path}: models include one another more than {DEEPEST} deep; expected no circle")
+    if parent.tag == "world":
+        as_saved(parent)
     poses = _poses(parent)
     for child in parent:
         if child.tag == "world":
             _children(scene, child, placed, path, depth + 1)
+        elif child.tag == "model" and is_robot(child):
+            scene.robots.append(child.get("name", "a robot"))
         elif child.tag in ("model", "link"):
-            at = placed @ poses.get(id(child), np.eye(4))
+            at = placed @ poses.get(id(child), np.eye(4)) @ _scale(child, "scale", path)
             (_link if child.tag == "link" else _children)(scene, child, at, path, depth + 1)
         elif child.tag == "include":
-            _include(scene, child, placed @ poses[id(child)], path, depth)
+            _include(scene, child, placed @ poses[id(child)] @ _scale(child, "scale", path), path, depth)
+        elif child.tag == "actor":
+            _actor(scene, child, placed)
+
+
+def _actor(scene: Scene, actor: Element, placed: np.ndarray) -> None:
+    """Somebody who walks in the frame of the world, or stands."""
+    person = person_of(actor, _pose)
+    if person is not None:
+        scene.people.append(person)
+        return
+    up = np.eye(4)
+    up[2, 3] = 0.5 * ACTOR_M[1]
+    feet = placed @ _pose(actor)
+    feet[2, 3] = 0.0
+    scene.parts.append(cylinder(*ACTOR_M).moved(feet @ up))
+
+
+def _scale(element: Element, key: str, path: Path) -> np.ndarray:
+    """(4, 4) of an attribute of three numbers; the identity where there is none."""
+    text = element.get(key)
+    return np.eye(4) if text is None else np.diag([*_values(text, 3, key, path), 1.0])
 
 
 def _include(scene: Scene, element: Element, at: np.ndarray, path: Path, depth: int) -> None:
     uri = (element.findtext("uri") or "").strip()
-    name = uri.removeprefix("model://").strip("/")
+    name = uri.split("/models/")[-1].removeprefix("model://").strip("/").lower().replace(" ", "_")
     found = _found(uri, path.parent)
     if found is not None and found.is_dir():
         found = _model_file(found)
@@ -164,12 +198,15 @@ def _worn(scene: Scene, one: Part, shape: Element, path: Path, at: np.ndarray) -
     """The part in place, in the colour or the picture of the SDF's material if it has one."""
     material = shape.find("material")
     if material is not None:
-        diffuse = (material.findtext("diffuse") or material.findtext("ambient") or "").split()
-        script = (material.findtext("script/name") or "").removeprefix("Gazebo/").lower()
-        if len(diffuse) >= 3:
-            one = one.coloured(_colour(diffuse, path))
-        elif script in NAMED_COLOURS:
-            one = one.coloured(NAMED_COLOURS[script])
+        diffuse, ambient = ((material.findtext(key) or "").split() for key in ("diffuse", "ambient"))
+        script = NAMED_COLOURS.get((material.findtext("script/name") or "").removeprefix("Gazebo/").lower())
+        light = diffuse if len(diffuse) >= 3 else ambient
+        if script is not None and len(diffuse) < 3:  # the building editor tints what a script paints by <ambient>
+            tint = np.array(_colour(ambient, path) if len(ambient) >= 3 else (255, 255, 255)) / 255.0
+            r, g, b = (tint * script).astype(int).tolist()
+            one = one.coloured((r, g, b))
+        elif len(light) >= 3:
+            one = one.coloured(_colour(light, path))
         picture = (material.findtext("pbr/metal/albedo_map") or material.findtext("pbr/specular/albedo_map") or "").strip()
         image = _image(scene, picture, path) if picture else None
         one = one if image is None else one.wearing(image)
@@ -279,7 +316,12 @@ def _image(scene: Scene, uri: str, path: Path) -> np.ndarray | None:
 
 
 def _found(uri: str, folder: Path) -> Path | None:
-    """The file or folder that a uri names: model:// and package:// beside the file and above it, else from its folder."""
+    """The file or folder that a uri names: model:// and package:// beside the file and above it, then where Gazebo would
+    look; Fuel's among those downloaded; else from the file's folder."""
+    versions: list[Path] = []
+    if uri.startswith(("https://", "http://")):
+        name, versions = downloaded(uri)
+        uri = f"model://{name}"
     for scheme in ("model://", "package://", "file://"):
         if uri.startswith(scheme):
             name = uri.removeprefix(scheme)
@@ -294,6 +336,7 @@ def _found(uri: str, folder: Path) -> Path | None:
             places += [above / name, above / "models" / name]
             if above.name == name.split("/")[0]:
                 places.append(above.parent / name)
+        places += [*installed(name), *versions]
     return next((place.resolve() for place in places if place.exists()), None)
 
 

@@ -23,6 +23,7 @@ from .clearance import clearance_of, coarser
 from .round_trip import round_trip
 
 SIGHT_M = 2.5  # the survey sees every free spot from so near at least; grows with the building, see `_sight_m`
+MARGIN_M = 0.1  # that a route keeps from what is not free, beyond the robot's radius
 SPARE_M = 0.02  # more clearance than asked for: what lies between the middles of two cells may be this much nearer
 PAST_M = 1.0  # the tour goes on so far past its start, that the last views are like the first
 BEND_M = 0.3  # a bend flatter than this is pulled straight
@@ -51,7 +52,7 @@ class Tour:
     route_m: np.ndarray
 
 
-def propose(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...] | None = None, margin_m: float = 0.1,
+def propose(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...] | None = None, margin_m: float = MARGIN_M,
             places: int | Sequence[Place] = 4) -> Tour:
     """A survey of the free space of a grid (unknown is not free) for a robot of that radius.
 

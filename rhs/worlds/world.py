@@ -26,7 +26,7 @@ from rhs.api.floorplan import (
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
-from .buildings import FOREIGN, RADIUS_M, read_building, settled
+from .buildings import FOREIGN, RADIUS_M, peopled, read_building, settled
 from .map_walls import Building
 from .random.names import FAMILIES, PREFIX, is_random
 from .world_checks import check_extent, check_world
@@ -77,7 +77,7 @@ def _foreign(path: Path, building_path: Path, file: Section) -> World:
     building = read_building(building_path, file)
     world = _world(path, file, building)
     check_extent(world, file)
-    world = settled(world, building, file)
+    world = peopled(settled(world, building, file), building)
     check_world(world, file)
     return world
 

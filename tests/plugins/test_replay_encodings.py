@@ -44,6 +44,20 @@ def bytes_of(data):
     return np.frombuffer(data, np.uint8)
 
 
+@pytest.mark.parametrize(("encoding", "order"), [("yuv422", "UYVY"), ("uyvy", "UYVY"), ("yuv422_yuy2", "YUYV"),
+                                                 ("yuyv", "YUYV")])
+def test_two_pixels_that_share_their_colour_are_red_and_half_as_bright(encoding, order):
+    """BT.601, 16 to 235: red is Y 81, U 90, V 240; another 81 - 29 of brightness beside it takes away 1.164 * 29."""
+    values = {"U": [90], "V": [240], "Y": [81, 52]}
+    row = [values[letter].pop(0) for letter in order]
+    message = SimpleNamespace(encoding=encoding, height=2, width=2, step=4, is_bigendian=0,
+                              data=np.array(row * 2, np.uint8))
+    np.testing.assert_allclose(color_of(message, "/image")[0], [[255, 0, 0], [221, 0, 0]], atol=3)
+    message.width = 1
+    with pytest.raises(ConfigError, match="expected an even number"):
+        color_of(message, "/image")
+
+
 def test_rvl_gives_every_pixel_back():
     """By hand: 1000 and 998 after one unknown pixel: runs of 1 and 2, steps 2000 (0, 2, 7, 3 by three bits, the lowest
     first: 8, A, F, 3) and 3 (-2 as 2 * 2 - 1)."""

@@ -100,7 +100,7 @@ def test_a_log_whose_stamps_step_back_keeps_all_scans_in_the_order_of_the_file(t
         ("FLASER 999999999 1 2", "999999999 beams"),
         ("FLASER one 1 2", "'one' where a number"),
         (flaser(0, [1.0], (np.nan, 0, 0), 1.0), "odometry holds NaN"),
-        ("ODOM 0 0 0 0 0 0 1.0 host 1", "no FLASER line"),
+        ("ODOM 0 0 0 0 0 0 1.0 host 1", "no FLASER, ROBOTLASER1 or RAWLASER1 line"),
     ],
 )
 def test_damaged_laser_logs_are_refused_with_their_line(tmp_path, line, words):

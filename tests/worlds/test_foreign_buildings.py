@@ -216,6 +216,7 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("l.obj", "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n", "which is no building of 2 to 300 m; give unit_m"),
     ("m.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n", "nothing stands between 0.04 and 0.25 m above the floor"),
     ("n.xyz", "", "no building is read from .xyz files"),
+    ("o.urdf.xacro", "<robot/>", "expand it first: xacro o.urdf.xacro > o.urdf"),
 ])
 def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, name, content, words):
     path = write(tmp_path / name, content)

@@ -192,3 +192,11 @@ def test_missing_files_and_bad_yaml_are_refused_in_words(tmp_path):
     path.write_text("!!python/object/apply:os.system ['true']\n")
     with pytest.raises(ConfigError):
         load_map(path)
+
+
+@pytest.mark.parametrize("name", ["/home/somebody/maps/m.png", r"C:\maps\m.png"])
+def test_an_image_that_lies_beside_its_map_is_taken_for_one_of_another_machine(tmp_path, name, caplog):
+    path = write_map(tmp_path, [[0, 254]])
+    path.write_text(path.read_text().replace("image: m.png", f"image: {name}"))
+    assert load_map(path).occupied().tolist() == [[True, False]]
+    assert "taken is m.png beside it" in caplog.text

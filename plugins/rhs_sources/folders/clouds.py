@@ -14,7 +14,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import transform
 
-from ..replay_carmen import NO_CAMERA
+from ..carmen.log import NO_CAMERA
 from ..replay_mounts import mount_of
 from ..replay_stamps import in_order
 from ..replay_tum import Recording

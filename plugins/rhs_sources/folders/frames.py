@@ -1,4 +1,5 @@
-"""Folders of images that no list names: rgb/000001.png beside depth/000001.png, or colour alone.
+"""Folders of images that no list names: rgb/000001.png beside depth/000001.png, frame000001.jpg and depth000001.png in one
+folder (Replica), or colour alone.
 
 Images are taken in the order of the numbers in their names; numbers that are times are the stamps, others come at
 `source.rate_hz` (30 where nothing is said). Colour and depth go together by their numbers, times by being near.
@@ -6,6 +7,7 @@ Images are taken in the order of the numbers in their names; numbers that are ti
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from pathlib import Path
 
@@ -15,18 +17,22 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
 from ..replay_cameras import chosen_camera
-from ..replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
+from ..replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth, resized, shrunk
 from ..replay_mounts import placed_camera
 from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
-from .intrinsics import intrinsics_beside
+from .intrinsics import depth_scale_beside, intrinsics_beside
+from .poses import poses_beside
 from .views import Listed, led, moved, numbered, stamps_by_name, truth_of
 
-COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames")
+COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results")
 DEPTHS = ("depth", "depths", "depth_images")
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm")
 RATE_HZ = 30.0
 DEPTH_SCALE = 1000.0
+SAME_SHAPE = 0.02  # by which width to height of two images of one scene may differ
+
+log = logging.getLogger("rhs.replay")
 
 
 def is_frames(path: Path) -> bool:
@@ -39,15 +45,24 @@ def is_frames(path: Path) -> bool:
 
 def open_frames(path: Path, settings) -> Recording:
     """The views of numbered images: colour with depth where there is a folder of depth. Raises ConfigError."""
-    colors = _images(_folder(path, COLORS) or path)
-    within = _folder(path, DEPTHS)
-    if within is not None and settings.depth_topic != "none":
-        return _paired(path, colors, _images(within), settings)
+    colors, depths = _listed(path)
+    if depths and settings.depth_topic != "none":
+        return _paired(path, colors, depths, settings)
     if not colors:
         raise ConfigError(f"{path}: no numbered image; expected rgb/000001.png, rgb/000002.png, ...")
     stamps, kept, rejected = _stamped([number for number, _ in colors], settings)
-    files = [(colors[i][1], None) for i in kept]
-    return _opened(path, files, (stamps, kept, rejected), settings)
+    return _opened(path, colors, [(i, None) for i in kept], (stamps, rejected), settings)
+
+
+def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]:
+    """(number, file) of the images of colour and of depth: in a folder each, or named depth000001.png in one for both."""
+    colors, within = _folder(path, COLORS), _folder(path, DEPTHS)
+    together = _images(colors or path)
+    if within is not None:
+        return together, _images(within)
+    deep = [file.stem.lower().startswith("depth") for _, file in together]
+    return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
+            [one for one, is_deep in zip(together, deep, strict=True) if is_deep])
 
 
 def _paired(path: Path, colors, depths, settings) -> Recording:
@@ -64,9 +79,8 @@ def _paired(path: Path, colors, depths, settings) -> Recording:
         raise ConfigError(f"{path}: {len(colors)} colour and {len(depths)} depth images, no two with one number (or stamps "
                           f"within {settings.max_difference_s:g} s); type source.depth_topic=none to go without depth")
     rejected = rejected + Counter(unpaired=len(kept) - len(pairs) + len(depths) - len(pairs))
-    chosen = [i for i, _ in pairs]
-    files = [(colors[kept[i]][1], depth) for i, depth in pairs]
-    return _opened(path, files, (stamps[chosen], [kept[i] for i in chosen], rejected), settings)
+    chosen = [(kept[i], depth) for i, depth in pairs]
+    return _opened(path, colors, chosen, (stamps[[i for i, _ in pairs]], rejected), settings)
 
 
 def _stamped(numbers: list[str], settings) -> tuple[np.ndarray, list[int], Counter]:
@@ -76,17 +90,20 @@ def _stamped(numbers: list[str], settings) -> tuple[np.ndarray, list[int], Count
     return stamps[kept], kept, rejected
 
 
-def _opened(path: Path, files, stamped, settings) -> Recording:
-    """files: (colour, depth or None) of each view; stamped: stamps (N,), lines of a file of poses, counts."""
-    stamps, lines, rejected = stamped
-    scale = settings.depth_scale or DEPTH_SCALE
+def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
+    """chosen: (which of colors, depth image or None) of each view; stamped: stamps (N,), counts."""
+    stamps, rejected = stamped
+    files = [(colors[i][1], depth) for i, depth in chosen]
+    scale = settings.depth_scale or depth_scale_beside(path) or DEPTH_SCALE
     first = read_color(files[0][0])
     size = (first.shape[1], first.shape[0])
     recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(path)), settings)
     deep = files[0][1] is not None
-    if deep:
-        _check_first(first, files[0][1], scale)
+    smaller = _first_depth(first, files[0][1], scale) if deep else None
+    if smaller is not None:
+        log.warning("%s: colour of %dx%d is made as small as its depth, %dx%d", path.name, *size, *smaller)
+        camera = resized(camera, smaller)
 
     def read(i: int, before: int | None) -> dict:
         image = read_color(files[i][0])
@@ -96,24 +113,31 @@ def _opened(path: Path, files, stamped, settings) -> Recording:
         if not deep:
             return {"image": image}
         depth = read_depth(files[i][1], scale=scale, max_depth_m=settings.max_depth_m)
+        image = image if smaller is None else shrunk(image, smaller)
         check_pair(image, depth, files[i][0].name)
         return {"image": image, "depth": depth}
 
-    found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)
-    true, counts = truth_of(found, settings)
+    true, counts = truth_of(poses_beside(path), settings, [number for number, _ in colors])
     camera_from_body = inverse(camera.body_from_camera)
 
     def pose(i: int) -> np.ndarray | None:
-        return moved(true(lines[i], float(stamps[i])), camera_from_body)
+        return moved(true(chosen[i][0], float(stamps[i])), camera_from_body)
 
     provides = frozenset({"image", "gray", "depth"} if deep else {"image", "gray"})
     return led(Listed(str(path), stamps, read, camera, provides, pose, rejected + counts), settings)
 
 
-def _check_first(color: np.ndarray, file: Path, scale: float) -> None:
+def _first_depth(color: np.ndarray, file: Path, scale: float) -> tuple[int, int] | None:
+    """(width, height) of depth that shows all of the colour image in fewer pixels (ScanNet); None: in as many. Raises
+    ConfigError where they do not fit each other, or the scale is wrong."""
     depth = read_depth(file, scale=scale, max_depth_m=np.inf)
-    check_pair(color, depth, file.name)
+    (height, width), (deep_height, deep_width) = color.shape[:2], depth.shape[:2]
+    same_shape = abs(deep_width * height / (deep_height * width) - 1.0) < SAME_SHAPE
+    smaller = (deep_width, deep_height) if same_shape and deep_width < width else None
+    if smaller is None:
+        check_pair(color, depth, file.name)
     check_depth(depth, scale=scale, where=file.name)
+    return smaller
 
 
 def _folder(path: Path, names: tuple[str, ...]) -> Path | None:

@@ -1,7 +1,8 @@
 """Intrinsics in files beside the frames, as cameras, calibration programs and data sets write them.
 
 JSON: Open3D's (`intrinsic_matrix`, nine numbers column by column), or fx, fy, cx, cy by name. YAML: what ROS's
-camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line.
+camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line;
+BundleFusion's info.txt. Replica's cam_params.json, one folder up, also says the scale of depth.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
-         "camera.txt", "intrinsic/intrinsic_color.txt")
+         "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "cam_params.json")
+ABOVE = ("cam_params.json",)  # and one folder up
 MOST_BYTES = 1_000_000
+MOST_SCALE = 1e6
 LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "pinhole", "none", "")
 HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 
@@ -25,9 +28,21 @@ HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
     """The camera of the only intrinsics file in a folder; None where there is none. Raises ConfigError."""
     found = sorted({path for pattern in NAMES for path in folder.glob(pattern) if path.is_file()})
+    found = found or [folder.parent / name for name in ABOVE if (folder.parent / name).is_file()]
     if len(found) > 1:
         raise ConfigError(f"{folder}: several intrinsics: {', '.join(p.name for p in found[:4])}; type source.camera=FILE")
     return read_intrinsics(found[0], size) if found else None
+
+
+def depth_scale_beside(folder: Path) -> float | None:
+    """Steps of a depth image in one metre as Replica's cam_params.json says it; None where nothing does."""
+    path = next((path / name for name in ABOVE for path in (folder, folder.parent) if (path / name).is_file()), None)
+    try:
+        plain = {} if path is None else json.loads(path.read_text(encoding="utf-8-sig"))
+        scale = float(plain.get("camera", plain).get("scale", 0.0))
+    except (ValueError, TypeError, AttributeError, UnicodeDecodeError, RecursionError):
+        return None  # whoever needs its intrinsics says so
+    return scale if 0.0 < scale <= MOST_SCALE else None
 
 
 def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
@@ -36,12 +51,14 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
         raise ConfigError(f"{path}: found {path.stat().st_size} bytes; expected a camera's intrinsics; {HOWTO}")
     try:
         text = path.read_text(encoding="utf-8-sig")
+        if "m_calibrationColorIntrinsic" in text:
+            return _of_bundle_fusion(text, size, path)
         if path.suffix == ".txt":
             return _camera(_of_text(text), (), size, path)
         plain = json.loads(text) if path.suffix == ".json" else read_yaml(text)
         if not isinstance(plain, dict):
             raise ValueError(f"found a {type(plain).__name__}, expected names and values")
-        return _of_names(plain, size, path)
+        return _of_names(plain.get("camera", plain), size, path)
     except (ValueError, TypeError, KeyError, UnicodeDecodeError, RecursionError) as error:  # json's and yaml's, too
         short = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
         raise ConfigError(f"{path}: cannot be read as a camera's intrinsics ({short}); {HOWTO}") from None
@@ -73,12 +90,22 @@ def _of_text(text: str) -> list[float]:
     return [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
 
 
+def _of_bundle_fusion(text: str, size: tuple[int, int], path: Path) -> Camera:
+    """Lines `name = values`, of the colour camera, to whose pixels depth is registered."""
+    named = dict(line.split(" = ", 1) for line in text.splitlines() if " = " in line)
+    matrix = [float(word) for word in named["m_calibrationColorIntrinsic"].split()]
+    if len(matrix) != 16:
+        raise ValueError(f"m_calibrationColorIntrinsic has {len(matrix)} numbers, expected 16")
+    said = (int(named.get("m_colorWidth", size[0])), int(named.get("m_colorHeight", size[1])))
+    return _camera([matrix[0], matrix[5], matrix[2], matrix[6]], (), said, path)
+
+
 def _of_names(plain: dict[str, Any], size: tuple[int, int], path: Path) -> Camera:
     model = str(plain.get("distortion_model", "")).lower()
     if model not in LENSES:
         raise ValueError(f"distortion_model is {model}, expected plumb_bob")
-    width = plain.get("width") or plain.get("image_width") or size[0]
-    height = plain.get("height") or plain.get("image_height") or size[1]
+    width = plain.get("width") or plain.get("image_width") or plain.get("w") or size[0]
+    height = plain.get("height") or plain.get("image_height") or plain.get("h") or size[1]
     said = (int(width), int(height))
     if "intrinsic_matrix" in plain:
         flat = np.array(plain["intrinsic_matrix"], float)

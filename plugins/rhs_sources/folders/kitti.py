@@ -17,8 +17,8 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, se3, transform
 from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 
+from ..carmen.log import NO_CAMERA
 from ..replay_cameras import check_pose
-from ..replay_carmen import NO_CAMERA
 from ..replay_images import read_color
 from ..replay_mounts import mount_of
 from ..replay_stamps import in_file_order, number_of, rows

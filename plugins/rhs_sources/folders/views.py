@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,10 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
-from ..replay_cameras import check_pose
 from ..replay_images import UnreadableImage
-from ..replay_stamps import number_of, read_tum_truth, rows, typed_file
+from ..replay_stamps import read_tum_truth, typed_file
 from ..replay_tum import Recording
+from .poses import poses_by_line, poses_by_number
 
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
 _UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
@@ -81,32 +81,25 @@ def stamps_by_name(numbers: list[str], rate_hz: float, usual_hz: float) -> tuple
     return np.arange(len(numbers)) / (rate_hz or usual_hz), False
 
 
-def kitti_poses(path: Path) -> list[np.ndarray]:
-    """4x4 poses of a KITTI file, the 12 numbers of [R | t] a line. Raises ConfigError naming the line."""
-    out = []
-    for number, words in rows(path):
-        where = f"{path.name}:{number}"
-        if len(words) != 12:
-            raise ConfigError(f"{where}: found {len(words)} numbers; expected the 12 of a 3x4 pose")
-        out.append(check_pose(matrix34([number_of(word, where) for word in words]), where))
-    return out
-
-
 def matrix34(numbers: list[float]) -> np.ndarray:
     """4x4 of the 12 numbers of a 3x4 matrix, row by row."""
     return np.vstack([np.array(numbers, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
 
 
-def truth_of(file: Path | None, settings) -> tuple[At, Counter]:
-    """True poses by (line from 0, stamp) from a file, typed or found: of a TUM file (8 columns) by the stamp, of a KITTI
-    file (12 columns) by the line. Poses as the file has them; None where it has none."""
+def truth_of(file: Path | None, settings, numbers: Sequence[str] = ()) -> tuple[At, Counter]:
+    """True poses by (line from 0, stamp) from a file, typed or found: of a TUM file (8 columns) by the stamp, of those of
+    poses.py by the line, or of a folder by the numbers of the views in their names. Poses as the file has them; None where
+    it has none."""
     if settings.truth:
         file = typed_file(settings.truth)
     if file is None:
         return (lambda line, stamp_s: None), Counter()
-    if len(next(iter(rows(file)), (0, []))[1]) == 12:
-        poses = kitti_poses(file)
-        return (lambda line, stamp_s: poses[line] if line < len(poses) else None), Counter()
+    if file.is_dir():
+        named = poses_by_number(file)
+        return (lambda line, stamp_s: named.get(int(float(numbers[line])))), Counter()
+    poses = poses_by_line(file)
+    if poses is not None:
+        return (lambda line, stamp_s: poses.get(line)), Counter()
     truth = read_tum_truth(file, settings)
     return (lambda line, stamp_s: truth.at(stamp_s)), Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
 

@@ -1,0 +1,1 @@
+"""Laser logs of CARMEN, the robot navigation toolkit."""

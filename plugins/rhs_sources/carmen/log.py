@@ -1,0 +1,172 @@
+"""CARMEN logs: scans with the odometry of the moment they were taken.
+
+FLASER and ROBOTLASER1 carry their odometry; RAWLASER1 is read where a log has neither, with ODOM between the two lines about
+it. The scans are taken in the order of the file; stamps that step back are repaired and counted, and the log's own travel
+with the views (`log_stamp_s`), because relations name scans by them. The body is the scanner: where the laser's pose is the
+odometry's moved by a constant, its pose is the way taken; where somebody has corrected it, the odometry is.
+True poses of the scanner may be typed (`source.truth`), by the log's stamps as they were repaired; `source.truth=corrected`
+are those that somebody corrected in the log. A simulator's TRUEPOS are the truth where nothing is typed.
+The log of a robot with `.relations` beside it has true relations between stamps (Kuemmerle et al., 2009), not poses.
+"""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+from rhs.api.geometry import Camera, inverse, planar, se2
+from rhs.api.records import Capture, Scan, WorldFacts
+
+from ..replay_mounts import mount_of, mounted
+from ..replay_stamps import Truth, ascending, in_file_order, in_order, typed_truth
+from ..replay_tum import Recording
+from .lines import Pose, Reading, flaser, robotlaser, stamped_pose
+
+SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
+CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to rounding
+NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
+MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
+FLASER, ROBOT, RAW, ODOM, TRUE = b"FLASER ", b"ROBOTLASER1 ", b"RAWLASER1 ", b"ODOM ", b"TRUEPOS "
+SCANS = (FLASER, ROBOT, RAW)
+KINDS = (*SCANS, ODOM, TRUE)
+CORRECTED = "corrected"  # of source.truth
+STILL = (0.0, 0.0, 0.0)
+
+
+class Log(NamedTuple):
+    """Scans in the order of the file, the odometry (x, y, theta) at each; lines of true poses and where they stand."""
+
+    readings: list[Reading]
+    odometry: list[Pose]
+    true: list[tuple[str, bytes]]
+
+
+def is_carmen(path: Path) -> bool:
+    return path.is_file() and path.name.lower().endswith(SUFFIXES)
+
+
+def open_carmen(path: Path, settings) -> Recording:
+    """The scans of a CARMEN log with wheel travel between them; the first pose of the odometry is the map's origin."""
+    log = _read(path, settings)
+    own = [one.stamp_s for one in log.readings]
+    if not own:
+        raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; expected a CARMEN log with laser scans")
+    stamps, repaired = in_file_order(own, settings.max_jump_s)
+    kept = range(len(own))[settings.start :: settings.stride][: settings.count or None]
+    if not kept:
+        raise ConfigError(f"{path}: source.start={settings.start} but the log has {len(own)} scans")
+
+    odometry = [se2(*pose) for pose in log.odometry]
+    lasers = [se2(*(one.laser or pose)) for one, pose in zip(log.readings, log.odometry, strict=True)]
+    truth = _truth(log, stamps, lasers, odometry, settings)
+    mount = mount_of(settings.scan_mount, "scan_mount")
+    moved = not settings.scan_mount and _constant(lasers, odometry)  # a mount that was typed is on the wheels' body
+    poses = lasers if moved else odometry
+    wheels = len(own) == 1 or any((pose != poses[0]).any() for pose in poses)  # readings that never change are none
+
+    def views():
+        for index, i in enumerate(kept):
+            travel = None if index == 0 or not wheels else planar(inverse(poses[kept[index - 1]]) @ poses[i])
+            extras = {"log_stamp_s": np.array([own[i]])} if repaired else {}
+            scan = mounted(_scan(log.readings[i]), mount, path.name)
+            capture = Capture(index, float(stamps[i]), travel=travel, scan=scan, sensed=True, extras=extras)
+            yield capture, truth.at(capture.stamp_s) if truth is not None else None
+
+    facts = _facts(path, [poses[i] for i in kept], log.readings[0].max_m)
+    provides = frozenset({"scan", *(["wheel"] if wheels else []), *(["log_stamp_s"] if repaired else [])})
+    return Recording(NO_CAMERA, views(), len(kept), Counter(), facts, provides, repaired=repaired)
+
+
+def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFacts:
+    """A world as large as the odometry says it went, a fifth more for its drift, and what the laser sees beyond."""
+    away = np.array([(inverse(poses[0]) @ pose)[:2, 3] for pose in poses])
+    low, high = away.min(axis=0), away.max(axis=0)
+    margin = 0.2 * float((high - low).max()) + min(max_range_m, 15.0)
+    west, south, east, north = (float(v) for v in (*(low - margin), *(high + margin)))
+    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), (west, south, east, north), 0.25)
+
+
+def _read(path: Path, settings) -> Log:
+    """What a log holds. Raises ConfigError with file and line."""
+    readings: list[Reading] = []
+    beside: dict[bytes, list[tuple[str, bytes]]] = {ODOM: [], TRUE: []}
+    kind, fov = b"", float(np.radians(settings.laser_fov_deg))
+    with opened(path) as file:
+        number = 0
+        while line := file.readline(MAX_LINE):
+            number += 1
+            found = next((word for word in KINDS if line.startswith(word)), None)
+            if found is None or (found in SCANS and found != kind and kind not in (b"", RAW)):
+                continue
+            where = f"{path.name}:{number}"
+            if found not in SCANS:
+                beside[found].append((where, line))
+                continue
+            words = _words(line)
+            if found != kind:  # scans that carry their pose are better than those that do not
+                kind, readings = found, []
+            readings.append(flaser(words, where, fov, settings.max_laser_m) if found == FLASER
+                            else robotlaser(words, where, settings.max_laser_m))
+    odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
+    return Log(readings, odometry, beside[TRUE])
+
+
+def _words(line: bytes) -> list[str]:
+    return line.decode("ascii", "replace").split()
+
+
+def _between(lines: list[tuple[str, bytes]], readings: list[Reading]) -> list[Pose]:
+    """The odometry at each scan, between the two readings about it; always the same one where there is none."""
+    wheels = [stamped_pose(_words(line), where) for where, line in lines]
+    kept, _ = ascending([stamp for stamp, _ in wheels], np.inf)
+    if not kept:
+        return [STILL] * len(readings)
+    at, poses = np.array([wheels[i][0] for i in kept]), np.array([wheels[i][1] for i in kept])
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    scans = [one.stamp_s for one in readings]
+    return list(zip(*(np.interp(scans, at, column).tolist() for column in poses.T), strict=True))
+
+
+def _truth(log: Log, stamps: np.ndarray, lasers: list[np.ndarray], odometry: list[np.ndarray], settings) -> Truth | None:
+    """Of the scanner: typed, corrected in the log, or a simulator's."""
+    if settings.truth == CORRECTED:
+        if _constant(lasers, odometry):
+            raise ConfigError("source.truth=corrected: the poses in this log are its odometry's; nobody has corrected them")
+        return Truth(stamps, np.array(lasers), settings.max_truth_gap_s)
+    if settings.truth or not log.true:
+        return typed_truth(settings)
+    true = [stamped_pose(_words(line), where) for where, line in log.true]
+    kept, rejected = in_order([stamp for stamp, _ in true], settings.max_jump_s)
+    mount = inverse(odometry[0]) @ lasers[0] if _constant(lasers, odometry) else np.eye(4)
+    poses = np.array([se2(*true[i][1]) @ mount for i in kept])
+    return Truth(np.array([true[i][0] for i in kept]), poses, settings.max_truth_gap_s, rejected)
+
+
+def _constant(lasers: list[np.ndarray], odometry: list[np.ndarray]) -> bool:
+    """The laser's poses are the odometry's moved by a constant."""
+    if not lasers or not np.isfinite(lasers).all():
+        return False
+    mounts = inverse(np.array(odometry)) @ np.array(lasers)
+    off = inverse(mounts[0]) @ mounts
+    turned = np.abs(np.arctan2(off[:, 1, 0], off[:, 0, 0]))
+    return bool(np.abs(off[:, :2, 3]).max() < CONSTANT_M and turned.max() < CONSTANT_RAD)
+
+
+def _scan(one: Reading) -> Scan:
+    """Ranges at or beyond the maximum are free space without an end (inf); not positive ones are unknown."""
+    ranges = one.ranges_m
+    out = np.where(ranges >= one.max_m, np.inf, np.where(ranges > 0.0, ranges, np.nan))
+    out.setflags(write=False)
+    return Scan(one.bearings_rad, out, one.max_m)
+
+
+def opened(path: Path):
+    if path.suffix == ".bz2":
+        return bz2.open(path, "rb")
+    return gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb")

@@ -1,0 +1,66 @@
+"""True poses as data sets write them: 12 or 16 numbers a line (KITTI, Replica), Open3D's trajectory.log, a folder of one
+4x4 matrix a view (ScanNet). Poses as the file has them; None of one that holds NaN or infinity: it was not found.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rhs.api.errors import ConfigError
+
+from ..replay_cameras import check_pose
+from ..replay_stamps import number_of, rows
+
+FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log")
+FOLDERS = ("pose", "poses")
+Poses = dict[int, np.ndarray | None]  # by line from 0, or by the number in the name
+
+
+def poses_beside(folder: Path) -> Path | None:
+    """The file, or the folder of files, of true poses in a folder of views."""
+    files = (folder / name for name in FILES)
+    inner = (folder / name for name in FOLDERS)
+    return next((path for path in files if path.is_file()), None) or next(
+        (path for path in inner if path.is_dir() and any(path.glob("*.txt"))), None)
+
+
+def poses_by_line(path: Path) -> Poses | None:
+    """Of a file with 12 or 16 numbers a line or of a trajectory.log; None of another. Raises ConfigError with its line."""
+    table = rows(path)
+    width = len(table[0][1]) if table else 0
+    if width == 3 and len(table) % 5 == 0:
+        return _logged(table, path)
+    if width not in (12, 16):
+        return None
+    out: Poses = {}
+    for k, (number, words) in enumerate(table):
+        where = f"{path.name}:{number}"
+        if len(words) != width:
+            raise ConfigError(f"{where}: found {len(words)} numbers; expected the {width} of a {width // 4}x4 pose")
+        out[k] = _pose([number_of(word, where) for word in words], where)
+    return out
+
+
+def poses_by_number(folder: Path) -> Poses:
+    """Of a folder of 4x4 matrices, by the number in their names."""
+    return {int(path.stem): _pose([number_of(word, f"{path.name}:{line}") for line, words in rows(path) for word in words],
+                                  path.name) for path in sorted(folder.glob("*.txt")) if path.stem.isdigit()}
+
+
+def _logged(table: list[tuple[int, list[str]]], path: Path) -> Poses:
+    """Five lines a pose: three whole numbers, then the four rows of a matrix."""
+    out: Poses = {}
+    for k in range(0, len(table), 5):
+        where = f"{path.name}:{table[k][0]}"
+        out[k // 5] = _pose([number_of(word, where) for _, words in table[k + 1 : k + 5] for word in words], where)
+    return out
+
+
+def _pose(numbers: list[float], where: str) -> np.ndarray | None:
+    if len(numbers) not in (12, 16):
+        raise ConfigError(f"{where}: found {len(numbers)} numbers; expected a 3x4 or 4x4 pose")
+    if not np.all(np.isfinite(numbers)):
+        return None
+    return check_pose(np.vstack([np.array(numbers[:12], float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]]), where)
