@@ -72,15 +72,16 @@ class PoseGraphCloser:
     def close(self, views: Sequence[View]) -> Closure:
         """Walls, candidates, geometry, odometry, graph."""
         poses = poses_of(views)
-        way_m = travelled_m(poses, solid=in_a_hand(views)) if len(poses) else np.zeros(0)
-        between = self._between(views, poses, way_m)
+        solid = in_a_hand(views)
+        way_m = travelled_m(poses, solid=solid) if len(poses) else np.zeros(0)
+        between = self._between(views, poses, way_m, solid=solid)
         straight = self._solved([], poses, between)
         between, poses = replace(between, walls=straight.walls), straight.poses
-        found, checked = self._recognised(views, poses, way_m)
-        first = self._solved(self._judged(found, poses, way_m, solid=in_a_hand(views)), poses, between)
-        if self._borne_out(first.edges, views, between.believed):
+        found, checked = self._recognised(views, poses, way_m, solid=solid)
+        first = self._solved(self._judged(found, poses, way_m, solid=solid), poses, between)
+        if solid and self._borne_out(first.edges, between.believed):
             first = replace(first, poses=between.believed)
-        last = self._walked_back(first, views, between, way_m)
+        last = first if solid else self._walked_back(first, views, between, way_m)
         accepted = sum(edge.accepted for edge in last.edges)
         by_scan = sum(edge.accepted for edge in last.edges[len(first.edges):])
         details = {"closures": float(accepted), "closures_by_scan": float(by_scan),
@@ -88,32 +89,33 @@ class PoseGraphCloser:
                    **_of_walls(last)}  # fmt: skip
         return Closure(last.poses, tuple(last.edges), details)
 
-    def _borne_out(self, edges: Sequence[LoopEdge], views: Sequence[View], poses: np.ndarray) -> bool:
+    def _borne_out(self, edges: Sequence[LoopEdge], poses: np.ndarray) -> bool:
         """Whether a camera in a hand came back to where its loops are by what it believes, as far as they can tell: half of
         them fit as well as half would by their own noise alone. Such loops confirm; an odometry with a map of its own knows
         these places better than two views do, and moving it by their noise made it worse."""
         taken = [edge for edge in edges if edge.accepted]
-        if not taken or not in_a_hand(views):
+        if not taken:
             return False
         off = log_poses(np.stack([closing_gap(poses, edge) for edge in taken]))
         spread = _loop_edges(taken, self._advanced).covariances
         chi2 = np.einsum("ni,ni->n", off, np.linalg.solve(spread, off[..., None])[..., 0])
         return bool(np.median(chi2) < gate(6, 0.5))
 
-    def _between(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> Between:
+    def _between(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, *, solid: bool) -> Between:
         every_m = self._settings.walls_every_m
         rules, walls = self._advanced.walls, None
         if every_m > 0 and len(views) > 1:
             walls = wall_graph(followed(views, poses, rules, every_m=every_m), poses, rules)
         odometry = _odometry_edges(views, poses, way_m, self._settings)
-        if self._advanced.level_m > 0.0 and not in_a_hand(views):
+        if self._advanced.level_m > 0.0 and not solid:
             odometry = joined(odometry, level_edges(poses, self._advanced))
         return Between(poses, odometry, walls)
 
-    def _recognised(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> tuple[list[LoopEdge], int]:
+    def _recognised(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, *, solid: bool,
+                    ) -> tuple[list[LoopEdge], int]:
         """Pairs of views that geometry confirms, and how many were checked: half of the checks go to one pair of each
         stretch of the way, the other half first to those beside a pair that was confirmed."""
-        earlier, later = possible_pairs(views, poses, way_m, self._settings, self._rng)
+        earlier, later = possible_pairs(views, poses, way_m, self._settings, self._rng, solid=solid)
         seen_m, most = progress_m(poses), self._settings.checks
         ends_m = np.stack([seen_m[earlier], seen_m[later]], axis=1)
         first = spread(ends_m, self._settings.window_m / 3.0, -(-most // 2))
@@ -129,7 +131,7 @@ class PoseGraphCloser:
 
     def _walked_back(self, solved: Solved, views: Sequence[View], between: Between, way_m: np.ndarray) -> Solved:
         """What follows after the scans of corridors walked the other way round have been heard too."""
-        if self._settings.scan_every_m <= 0 or len(views) < 2 or in_a_hand(views):
+        if self._settings.scan_every_m <= 0 or len(views) < 2:
             return solved
         found = scan_edges(views, solved.poses, way_m, self._advanced.scan_loops, every_m=self._settings.scan_every_m)
         more = self._judged(found, solved.poses, way_m)
