@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -213,7 +214,9 @@ class PoseGraphCloser:
 def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph) -> np.ndarray:
     """(N - 1, 6, 6) of the motions between the views, widened by the drift the settings expect."""
     step_m = np.diff(way_m)
-    turn = np.array([view.motion.covariance for view in views])[1:].reshape(-1, 6, 6)
+    turn = np.empty((len(step_m), 6, 6))
+    for covariance, view in zip(turn, islice(views, 1, None), strict=True):
+        covariance[...] = view.motion.covariance
     drift_m = settings.drift_m_per_m * step_m + 1e-3
     drift_rad = settings.drift_rad_per_m * step_m + 1e-3
     turn[:, range(3), range(3)] += (drift_m**2)[:, None]
