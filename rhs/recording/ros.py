@@ -164,8 +164,8 @@ def camera_info(camera: Camera, stamp_ns: int, frame: str) -> Any:
 
 
 def compressed_image(image: np.ndarray, stamp_ns: int, frame: str) -> Any:
-    """PNG of an (H, W, 3) uint8 RGB image, the file it was read from where that is known: what is recorded comes back bit for
-    bit."""
+    """PNG of an (H, W, 3) uint8 RGB image, the file it was read from where that is known: what is recorded comes back bit
+    for bit."""
     import cv2
 
     if (data := png_of(image)) is not None:

@@ -36,7 +36,8 @@ def test_a_few_poses_of_a_long_way_are_put_where_all_of_them_would_be():
     moved = np.linalg.norm((every - believed)[:, :3, 3], axis=1)
     assert moved.max() > 0.1
     assert np.linalg.norm((few - every)[:, :3, 3], axis=1).max() < 0.002 * moved.max()
-    np.testing.assert_allclose(few[:, :3, :3] @ np.swapaxes(few[:, :3, :3], 1, 2), np.tile(np.eye(3), (400, 1, 1)), atol=1e-9)
+    turns = few[:, :3, :3]
+    np.testing.assert_allclose(turns @ np.swapaxes(turns, 1, 2), np.tile(np.eye(3), (400, 1, 1)), atol=1e-9)
 
 
 def test_metres_that_are_all_too_short_grow_between_the_key_poses_too():
@@ -44,7 +45,8 @@ def test_metres_that_are_all_too_short_grow_between_the_key_poses_too():
     believed = np.stack([se2(0.1 * k, 0.0, 0.0) for k in range(41)])
     keys = KeyPoses(believed, np.tile(1e-8 * np.eye(6), (40, 1, 1)), key_rows(41, 4))
     odometry, loop = keys.chain(), _loops(np.stack([np.eye(4), se2(4.2, 0.0, 0.0)]), [(0, 1)])
-    graph = joined(odometry, Edges(loop.from_at, np.array([len(odometry)]), loop.from_from_to, loop.covariances, loop.robust))
+    loop = Edges(loop.from_at, np.array([len(odometry)]), loop.from_from_to, loop.covariances, loop.robust)
+    graph = joined(odometry, loop)
     found = optimise(believed[keys.rows], graph, scale=CommonScale(np.arange(len(graph)) < len(odometry), 1.0))
     np.testing.assert_allclose(keys.filled(found.poses, found.share)[:, 0, 3], 0.105 * np.arange(41), atol=2e-4)
 

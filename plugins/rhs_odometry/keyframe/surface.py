@@ -37,8 +37,8 @@ def warps(
     rays: np.ndarray, inverse_depth: np.ndarray, slopes: np.ndarray, *, now_from_then: np.ndarray, camera
 ) -> np.ndarray:
     """(N, 2, 2) d pixel then / d pixel now of surfaces seen along rays (N, 4, 3) (rays_beside) with inverse depths (N,) and
-    slopes (N, 2) at their middle, when the camera has moved: now_from_then (4, 4), or (N, 4, 4) from as many views. NaN where
-    it is seen edge on."""
+    slopes (N, 2) at their middle, when the camera has moved: now_from_then (4, 4), or (N, 4, 4) from as many views. NaN
+    where it is seen edge on."""
     rotation, centre = now_from_then[..., :3, :3], now_from_then[..., :3, 3]
     along = np.concatenate([slopes.T, slopes.T])
     rho = np.maximum(inverse_depth + SIGNED_PX[:, None] * along, 1e-3)

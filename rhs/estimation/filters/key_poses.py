@@ -8,7 +8,6 @@ Factor Graphs for Robot Perception (2017), ch. 3; the pre-integration of Forster
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -59,7 +58,8 @@ class KeyPoses:
             motions[:, :3, 3] *= 1.0 + share
             change = adjoints(motions[-1:])[0] @ log_poses(inverse(motions[-1:]) @ inverse(begin)[None] @ end)[0]
             parts = unsure @ np.linalg.solve(unsure[-1], change)
-            out[first + 1 : last + 1] = begin @ motions @ exp_poses(np.einsum("nij,nj->ni", adjoints(inverse(motions)), parts))
+            local = np.einsum("nij,nj->ni", adjoints(inverse(motions)), parts)
+            out[first + 1 : last + 1] = begin @ motions @ exp_poses(local)
             out[last] = end
         return out
 
