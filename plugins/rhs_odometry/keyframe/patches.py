@@ -66,12 +66,12 @@ def _align(then, now, rows, pixels, warps, where, found, scale, rules):
         if not _sample_warped(then, pixels[i, 0] * scale, pixels[i, 1] * scale, warps[i], half + 1, warped):
             continue
         mean = _learn(warped, template, gx, gy, sums)
-        energy, hxx = _dot(template, template, sums), _dot(gx, gx, sums)
-        hxy, hyy = _dot(gx, gy, sums), _dot(gy, gy, sums)
+        _, _, energy, tx, ty = _compared(template, learnt, five)
+        _, _, hxx, _, hxy = _compared(gx, learnt, five)
+        hyy = _dot(gy, gy, sums)
         determinant = hxx * hyy - hxy * hxy
         if energy < side * side * 9.0 or determinant < 1e-4 * (hxx + hyy) ** 2:
             continue
-        tx, ty = _dot(template, gx, sums), _dot(template, gy, sums)
         likeness, x0, y0 = 0.0, where[i, 0] * scale, where[i, 1] * scale
         x, y = x0, y0
         for _ in range(iterations):
