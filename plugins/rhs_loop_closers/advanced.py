@@ -92,6 +92,9 @@ class PoseGraphAdvanced(ClosingAdvanced):
     """a robot on a floor stays on its plane within this, at each view, metres (1 sigma); 0: nothing is held"""
     level_rad: float = 0.03
     """and upright within this, radians (1 sigma): it sways"""
+    most_poses: int = 1000
+    """of a survey of more views only so many, evenly spaced, and those that loops and walls hold are nodes of the graph, the
+    others go with their neighbours: solving takes 11 kB a node"""
     drift: DriftBounds = field(default_factory=DriftBounds)
     scan_loops: ScanLoopSettings = field(default_factory=ScanLoopSettings)
     walls: WallSettings = field(default_factory=WallSettings)
@@ -101,4 +104,4 @@ class PoseGraphAdvanced(ClosingAdvanced):
         super().__post_init__()
         check_ranges("", self, apart_m=(0.1, 1000.0), turn_share=(0.0, 1.0), edge_sigma_m=(1e-6, 10.0),
                      edge_sigma_rad=(1e-6, 1.0), level_m=(0.0, 10.0), level_rad=(1e-4, 10.0),
-                     gate_probability=(0.5, 1.0 - 1e-12))
+                     gate_probability=(0.5, 1.0 - 1e-12), most_poses=(2, 10_000_000))

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from rhs.api.records import View
-from rhs.estimation.views.loops import in_a_hand
 from rhs.estimation.views.place_memory import StoredDescriptors
 from rhs.estimation.views.retrieval import Vlad
 
@@ -20,16 +19,17 @@ from .pose_graph_config import PoseGraph
 BLOCK = 64  # views
 
 def possible_pairs(
-    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph, rng: np.random.Generator
+    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph, rng: np.random.Generator, *,
+    solid: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(N,) and (N,) positions of earlier and later stored views, most alike first: no neighbours, and no further apart
-    than the odometry may have drifted plus what two views of one place can lie apart."""
+    than the odometry may have drifted plus what two views of one place can lie apart (solid: in space)."""
     counts = [0 if view.features is None else len(view.features.pixels) for view in views]
     at = np.flatnonzero(np.array(counts) > 1)
     if len(at) < 2:
         return np.empty(0, int), np.empty(0, int)
     likeness = _likeness(views, at, np.array(counts)[at], rng)
-    way, stood = way_m[at], poses[at][:, : 3 if in_a_hand(views) else 2, 3]
+    way, stood = way_m[at], poses[at][:, : 3 if solid else 2, 3]
     turned = poses[at][:, :3, :3]
     found = []
     for first in range(0, len(at), BLOCK):  # of earlier views, a few at a time: all pairs of all at once are 100 MB

@@ -9,7 +9,8 @@
 4. Scans: where a corridor is walked back the other way round no camera recognises anything; its walls on the way there
    and on the way back are laid onto one another (rhs.estimation.scans.scan_loops), which stand the same tests.
 5. Graph: after solving (rhs.estimation.filters.pose_graph), a loop that stays unhappy or bends the odometry between its
-   neighbours is thrown out and the rest is solved again.
+   neighbours is thrown out and the rest is solved again. Of a long way only key poses are nodes
+   (rhs.estimation.filters.key_poses).
 
 What lies between the loops is held by the odometry, and by the straight walls that scans saw on the way (walls.py), which
 know its heading far better; with walls, what share the odometry's metres are too short by is solved for too. Without loops
@@ -20,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -27,7 +29,8 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, log_so3
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.filters.kalman import gate
-from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, chain, joined, log_poses, optimise
+from rhs.estimation.filters.key_poses import KeyPoses, key_rows
+from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, joined, log_poses, optimise
 from rhs.estimation.scans.scan_loops import scan_edges
 from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported
 from rhs.estimation.views.loops import closing_gap, edge_between, in_a_hand, poses_of, travelled_m
@@ -43,10 +46,12 @@ ANYWHERE = 1e3  # metres and radians: says nothing
 
 @dataclass(frozen=True, eq=False)
 class Between:
-    """What holds the way between the loops: the poses (N, 4, 4) believed, the odometry that led there, the walls seen."""
+    """What holds the way between the loops: the poses (N, 4, 4) believed, the covariances (N - 1, 6, 6) of the motions that
+    led there, whether a floor bears them, the walls seen."""
 
     believed: np.ndarray
-    odometry: Edges
+    covariances: np.ndarray
+    level: bool
     walls: WallGraph | None
 
 
@@ -72,15 +77,16 @@ class PoseGraphCloser:
     def close(self, views: Sequence[View]) -> Closure:
         """Walls, candidates, geometry, odometry, graph."""
         poses = poses_of(views)
-        way_m = travelled_m(poses, solid=in_a_hand(views)) if len(poses) else np.zeros(0)
-        between = self._between(views, poses, way_m)
+        solid = in_a_hand(views)
+        way_m = travelled_m(poses, solid=solid) if len(poses) else np.zeros(0)
+        between = self._between(views, poses, way_m, solid=solid)
         straight = self._solved([], poses, between)
         between, poses = replace(between, walls=straight.walls), straight.poses
-        found, checked = self._recognised(views, poses, way_m)
-        first = self._solved(self._judged(found, poses, way_m, solid=in_a_hand(views)), poses, between)
-        if self._borne_out(first.edges, views, between.believed):
+        found, checked = self._recognised(views, poses, way_m, solid=solid)
+        first = self._solved(self._judged(found, poses, way_m, solid=solid), poses, between)
+        if solid and self._borne_out(first.edges, between.believed):
             first = replace(first, poses=between.believed)
-        last = self._walked_back(first, views, between, way_m)
+        last = first if solid else self._walked_back(first, views, between, way_m)
         accepted = sum(edge.accepted for edge in last.edges)
         by_scan = sum(edge.accepted for edge in last.edges[len(first.edges):])
         details = {"closures": float(accepted), "closures_by_scan": float(by_scan),
@@ -88,32 +94,31 @@ class PoseGraphCloser:
                    **_of_walls(last)}  # fmt: skip
         return Closure(last.poses, tuple(last.edges), details)
 
-    def _borne_out(self, edges: Sequence[LoopEdge], views: Sequence[View], poses: np.ndarray) -> bool:
+    def _borne_out(self, edges: Sequence[LoopEdge], poses: np.ndarray) -> bool:
         """Whether a camera in a hand came back to where its loops are by what it believes, as far as they can tell: half of
         them fit as well as half would by their own noise alone. Such loops confirm; an odometry with a map of its own knows
         these places better than two views do, and moving it by their noise made it worse."""
         taken = [edge for edge in edges if edge.accepted]
-        if not taken or not in_a_hand(views):
+        if not taken:
             return False
         off = log_poses(np.stack([closing_gap(poses, edge) for edge in taken]))
         spread = _loop_edges(taken, self._advanced).covariances
         chi2 = np.einsum("ni,ni->n", off, np.linalg.solve(spread, off[..., None])[..., 0])
         return bool(np.median(chi2) < gate(6, 0.5))
 
-    def _between(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> Between:
+    def _between(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, *, solid: bool) -> Between:
         every_m = self._settings.walls_every_m
         rules, walls = self._advanced.walls, None
         if every_m > 0 and len(views) > 1:
             walls = wall_graph(followed(views, poses, rules, every_m=every_m), poses, rules)
-        odometry = _odometry_edges(views, poses, way_m, self._settings)
-        if self._advanced.level_m > 0.0 and not in_a_hand(views):
-            odometry = joined(odometry, level_edges(poses, self._advanced))
-        return Between(poses, odometry, walls)
+        unsure = _motion_covariances(views, way_m, self._settings)
+        return Between(poses, unsure, self._advanced.level_m > 0.0 and not solid, walls)
 
-    def _recognised(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray) -> tuple[list[LoopEdge], int]:
+    def _recognised(self, views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, *, solid: bool,
+                    ) -> tuple[list[LoopEdge], int]:
         """Pairs of views that geometry confirms, and how many were checked: half of the checks go to one pair of each
         stretch of the way, the other half first to those beside a pair that was confirmed."""
-        earlier, later = possible_pairs(views, poses, way_m, self._settings, self._rng)
+        earlier, later = possible_pairs(views, poses, way_m, self._settings, self._rng, solid=solid)
         seen_m, most = progress_m(poses), self._settings.checks
         ends_m = np.stack([seen_m[earlier], seen_m[later]], axis=1)
         first = spread(ends_m, self._settings.window_m / 3.0, -(-most // 2))
@@ -129,7 +134,7 @@ class PoseGraphCloser:
 
     def _walked_back(self, solved: Solved, views: Sequence[View], between: Between, way_m: np.ndarray) -> Solved:
         """What follows after the scans of corridors walked the other way round have been heard too."""
-        if self._settings.scan_every_m <= 0 or len(views) < 2 or in_a_hand(views):
+        if self._settings.scan_every_m <= 0 or len(views) < 2:
             return solved
         found = scan_edges(views, solved.poses, way_m, self._advanced.scan_loops, every_m=self._settings.scan_every_m)
         more = self._judged(found, solved.poses, way_m)
@@ -172,7 +177,7 @@ class PoseGraphCloser:
         while walls is not None or any(edge.accepted for edge in edges):
             alive = [k for k, edge in enumerate(edges) if edge.accepted]
             solution = self._optimised([edges[k] for k in alive], poses, replace(between, walls=walls))
-            loops, seen = np.split(solution.chi2[len(between.odometry):], [len(alive)])
+            loops, seen = np.split(solution.chi2, [len(alive)])
             bad = crooked(walls, seen, self._advanced.walls) if walls is not None else np.zeros(0, bool)
             worst = _unhappy(loops, kernel, self._advanced.gate_probability)
             if walls is not None and bad.any():
@@ -180,34 +185,48 @@ class PoseGraphCloser:
             elif worst is not None:
                 edges[alive[worst]] = _refused(edges[alive[worst]], "bends the graph: its residual stays outside the gate")
             else:
-                return Solved(edges, solution.poses[: len(poses)], walls, solution.share)
+                return Solved(edges, solution.poses, walls, solution.share)
         return Solved(edges, between.believed, walls)
 
     def _optimised(self, loops: list[LoopEdge], poses: np.ndarray, between: Between) -> Solution:
-        """The graph of odometry, loops and walls, in this order, solved from `poses` on."""
-        graph, walls = joined(between.odometry, _loop_edges(loops, self._advanced)), between.walls
-        if walls is None:
-            return optimise(poses, graph, kernel=self._settings.kernel_sigma)
-        graph = joined(graph, walls.edges)
-        stretched = np.arange(len(graph)) < len(between.odometry)
-        return optimise(np.concatenate([poses, walls.nodes(poses)]), graph, kernel=self._settings.kernel_sigma,
-                        scale=CommonScale(stretched, self._settings.scale_sigma), effort=self._advanced.effort)  # fmt: skip
+        """The poses (N, 4, 4) that odometry, loops and walls agree on, solved from `poses` on; squared residuals of the
+        loops, then of the walls."""
+        walls, held = between.walls, _loop_edges(loops, self._advanced)
+        rows = key_rows(len(poses), self._advanced.most_poses, held.from_at, held.to_at,
+                        np.empty(0, int) if walls is None else walls.edges.from_at)
+        keys = KeyPoses(between.believed, between.covariances, rows)
+        odometry = keys.chain()
+        if between.level:
+            odometry = joined(odometry, level_edges(between.believed[rows], self._advanced, share=len(rows) / len(poses)))
+        graph = joined(odometry, replace(held, from_at=np.searchsorted(rows, held.from_at),
+                                         to_at=np.searchsorted(rows, held.to_at)))
+        nodes, scale, effort = poses[rows], None, None
+        if walls is not None:
+            graph = joined(graph, replace(walls.edges, from_at=np.searchsorted(rows, walls.edges.from_at),
+                                          to_at=len(rows) + walls.wall_of))
+            nodes, effort = np.concatenate([nodes, walls.nodes(poses)]), self._advanced.effort
+            scale = CommonScale(np.arange(len(graph)) < len(odometry), self._settings.scale_sigma)
+        solution = optimise(nodes, graph, kernel=self._settings.kernel_sigma, scale=scale, effort=effort)
+        return replace(solution, poses=keys.filled(solution.poses[: len(rows)], solution.share),
+                       chi2=solution.chi2[len(odometry):])
 
 
-def _odometry_edges(views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: PoseGraph) -> Edges:
-    """The chain of motions as the poses hold it, its covariance widened by the drift the settings expect."""
+def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph) -> np.ndarray:
+    """(N - 1, 6, 6) of the motions between the views, widened by the drift the settings expect."""
     step_m = np.diff(way_m)
-    turn = np.array([view.motion.covariance for view in views])[1:].reshape(-1, 6, 6)
+    turn = np.empty((len(step_m), 6, 6))
+    for covariance, view in zip(turn, islice(views, 1, None), strict=True):
+        covariance[...] = view.motion.covariance
     drift_m = settings.drift_m_per_m * step_m + 1e-3
     drift_rad = settings.drift_rad_per_m * step_m + 1e-3
     turn[:, range(3), range(3)] += (drift_m**2)[:, None]
     turn[:, range(3, 6), range(3, 6)] += (drift_rad**2)[:, None]
-    return chain(poses, turn)
+    return turn
 
 
-def level_edges(poses: np.ndarray, s: PoseGraphAdvanced) -> Edges:
+def level_edges(poses: np.ndarray, s: PoseGraphAdvanced, *, share: float = 1.0) -> Edges:
     """A robot on a floor: every pose lies in the plane of the first and stands upright, wherever in it (loops of few points
-    err in height and tilt, which the floor knows)."""
+    err in height and tilt, which the floor knows). share: that these poses are of all, for which they speak."""
     level = np.broadcast_to(np.eye(4), (max(len(poses) - 1, 0), 4, 4)).copy()
     seen = inverse(poses[:1]) @ poses[1:]
     yaw = np.arctan2(seen[:, 1, 0], seen[:, 0, 0])
@@ -216,7 +235,7 @@ def level_edges(poses: np.ndarray, s: PoseGraphAdvanced) -> Edges:
     level[:, :2, 3] = seen[:, :2, 3]
     sigma = np.array([ANYWHERE, ANYWHERE, s.level_m, s.level_rad, s.level_rad, ANYWHERE])
     count = len(level)
-    return Edges(np.zeros(count, int), np.arange(1, count + 1), level, np.tile(np.diag(sigma**2), (count, 1, 1)),
+    return Edges(np.zeros(count, int), np.arange(1, count + 1), level, np.tile(share * np.diag(sigma**2), (count, 1, 1)),
                  np.zeros(count, bool))
 
 

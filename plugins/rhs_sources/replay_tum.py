@@ -80,17 +80,19 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
 
     lost: list[str] = []
+    listed = [(stamp, str(color), str(depth)) for stamp, color, depth in wanted]  # paths take 2 kB a view
 
     def views():
         index = unreadable = 0
         sound = checked
-        for pair in wanted:
+        for stamp, *files in listed:
+            pair = stamp, *(Path(file) for file in files)
             try:
                 color, depth = _read(pair, scale, settings)
                 sound = sound or _check_scale(pair[2], scale)
             except UnreadableImage as error:
                 unreadable += 1
-                lost[:] = [f"{unreadable} of {len(wanted)} views cannot be read, the last: {error}"]
+                lost[:] = [f"{unreadable} of {len(listed)} views cannot be read, the last: {error}"]
                 continue
             if depth_camera is not None:
                 depth = depth_camera.registered(depth, camera)
@@ -99,7 +101,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
             index += 1
 
-    return Recording(camera, views(), len(wanted), rejected, lost=lost)
+    return Recording(camera, views(), len(listed), rejected, lost=lost)
 
 
 def _check_scale(path: Path, scale: float) -> bool:

@@ -160,11 +160,13 @@ def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> Occup
     """The map, drawn anew from the corrected poses, with what stands below the camera's height laid over what the mapper
     drew of the scans. who: the mapper as typed, for errors."""
     mapper.reset()
+    obstacles = False
     for view in views:
+        obstacles |= view.obstacle is not None
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
     grid = check_grid(mapper.grid(), who=who)
-    if mapper.draws_furniture or not any(view.obstacle is not None for view in views):
+    if mapper.draws_furniture or not obstacles:
         return grid
     return furnished(grid, views)
 

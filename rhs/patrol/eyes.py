@@ -11,6 +11,7 @@ import numpy as np
 
 from rhs.api.contracts import Sensor, Source
 from rhs.api.frozen import freeze
+from rhs.api.packed_pictures import hand_on_png
 from rhs.api.records import Capture, Observation
 from rhs.api.validate import check_capture, check_observation, check_pose
 from rhs.estimation.views.features import foresee
@@ -68,6 +69,7 @@ class Eyes:
         with clock("sense"):
             observation = with_extras(self.sensor.sense(capture), capture)
             observation = check_observation(observation, capture, who=self._who["sensor"])
+            hand_on_png(capture.image, observation.image)
         foresee(observation)
         return Looked(capture, observation, self._judged, clock)
 

@@ -131,6 +131,7 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
     reach_m, who = reach_of(parts.source.facts), parts.who
     revised, walls = surveying.revise(collected.views, parts.odometry, who=who["odometry"], reach_m=reach_m)
     views, closure = surveying.close(revised, parts.loop_closer, who=who["loop_closer"], reach_m=reach_m)
+    hand_back()
     grid = surveying.draw(views, parts.mapper, who=who["mapper"])
     closing_ms = 1e3 * (time.perf_counter() - begin)
     stamps = np.array([view.stamp_s for view in views])
@@ -149,8 +150,9 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
 def contradictions(before: Sequence[View], closed: Sequence[View]) -> dict[str, float]:
     """What the map of a laser says against itself, before and after closing; nothing for a camera, which sees too little at
     once."""
-    measured = (view.scan if view.motion.scan is None else None for view in closed)
-    if not any(scan is not None and np.ptp(scan.bearings_rad) >= SEES_AROUND_RAD for scan in measured):
+    measured = (view.scan for view in closed if view.scan is not None and view.motion.scan is None)
+    first = next(measured, None)  # one sensor measured all of them
+    if first is None or np.ptp(first.bearings_rad) < SEES_AROUND_RAD:
         return {}
     scans = [view.scan if view.motion.scan is None else None for view in closed]
     from rhs.estimation.scans.inconsistency import map_inconsistency  # compiled code

@@ -78,6 +78,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
         row = {**known, **row, "world": known.get("world", row["world"])}  # a task names its recording, nobody what it was
         refused = run.close(**run.outcome_of(cause))
         cause = cause or refused
+        hand_back()
         row = finished(run, row, run.outcome_of(cause))
     if cause is not None:
         write_traceback(folder, cause)

@@ -31,6 +31,27 @@ def _pack_soon() -> None:
     writer.zstandard = _Zstd  # type: ignore[assignment]
 
 
+class _Indices:
+    """The list of chunks that mcap's writer puts at the end of the file, as the bytes it ends up as: its own records are
+    ten times larger, and there is one for each view or two."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+
+    def append(self, index: Any) -> None:
+        from mcap.data_stream import RecordBuilder
+
+        builder = RecordBuilder()
+        index.write(builder)
+        self._bytes += builder.end()
+
+    def __iter__(self) -> Iterator[_Indices]:
+        yield self
+
+    def write(self, builder: Any) -> None:
+        builder.write(self._bytes)
+
+
 class Tape:
     """An MCAP file being written. Each chunk reaches the file when it is full; a crash costs the last one."""
 
@@ -46,6 +67,7 @@ class Tape:
             self._file = self._path.open("wb")
             self._writer = Writer(self._file, chunk_size=chunk_bytes, compression=CompressionType.ZSTD,
                                   enable_data_crcs=True)
+            self._writer._Writer__chunk_indices = _Indices()  # type: ignore[attr-defined]
             self._writer.start(profile="ros2", library="rhs")
 
     @property

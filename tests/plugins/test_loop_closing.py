@@ -96,6 +96,16 @@ def test_pose_graph_halves_the_error_of_a_lap_and_a_half_and_more():
     np.testing.assert_array_equal(closure.poses[0], views[0].map_from_body)
 
 
+def test_a_survey_whose_graph_has_few_nodes_is_closed_as_one_whose_views_all_are():
+    """Every seventh view of a lap and a half, and the ends of its loops; both move it by half a metre, to a millimetre."""
+    views = survey(ring(36, turns=1.5), drift=se2(0.01, 0.004, 0.01))
+    every, few = (PoseGraph(advanced=PoseGraphAdvanced(most_poses=most)).build(context()).close(views) for most in (37, 6))
+    moved = every.poses - [view.map_from_body for view in views]
+    assert np.linalg.norm(moved[:, :3, 3], axis=1).max() > 0.5
+    np.testing.assert_allclose(few.poses[:, :3, 3], every.poses[:, :3, 3], atol=0.002)
+    assert few.details == every.details
+
+
 def test_a_loop_that_errs_in_height_and_tilt_lifts_no_robot_off_its_floor():
     """Out and back along a line by an odometry that is unsure; the loop at its end says 0.2 m lower and 3 degrees down."""
     poses = np.stack([se2(0.3 * k, 0.0, 0.0) for k in range(20)] + [se2(0.3 * k, 0.0, np.pi) for k in range(19, -1, -1)])

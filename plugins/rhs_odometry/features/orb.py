@@ -20,7 +20,7 @@ from rhs.estimation.views.rigid import Rigid, procrustes, refine_reprojection
 from rhs_odometry.tracks import tracks
 
 from ..keyframe.patches import find_patches
-from ..keyframe.surface import surfaces, warps
+from ..keyframe.surface import rays_beside, surfaces, warps
 from .orb_config import Orb
 from .procrustes import ProcrustesOdometry
 
@@ -72,7 +72,7 @@ class OrbOdometry(ProcrustesOdometry):
         pixels, rho, slopes = pixels[known], rho[known], slopes[known]
         q = self._camera.points(pixels, 1.0 / rho)
         motion = inverse(previous_from_current)
-        warped = warps(pixels, rho, slopes, now_from_then=motion, camera=self._camera)
+        warped = warps(rays_beside(pixels, self._camera), rho, slopes, now_from_then=motion, camera=self._camera)
         guess = self._camera.project(transform(motion, q))
         seen, found = find_patches(then.picture, now.picture, pixels=pixels, warps=warped, guess=guess, s=a.patches)
         seen, q = seen[found], q[found]

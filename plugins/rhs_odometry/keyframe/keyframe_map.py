@@ -16,7 +16,7 @@ from .config import Keyframe
 from .culling import Edge, spare, without
 from .pictures import Pictures
 from .reprojection import Sightings, at_middle
-from .surface import placed, warps
+from .surface import placed, rays_beside, warps
 
 
 class KeyframeMap:
@@ -34,6 +34,7 @@ class KeyframeMap:
         self._hung: dict[int, tuple[int, np.ndarray]] = {}  # of those given up: serial of the host, host_from_keyframe
         self.anchor = np.zeros(0, int)  # key frame of each point
         self.pixels = np.zeros((0, 2), np.float32)  # where its key frame saw it
+        self._beside = np.zeros((0, 4, 3))  # rays beside it there; NaN until they are asked for
         self.rays = np.zeros((0, 3))  # x/z, y/z, 1 in the anchor camera
         self.rho = np.zeros(0)
         self.sigma = np.zeros(0)
@@ -78,7 +79,7 @@ class KeyframeMap:
         stay = self.anchor != k
         rows = np.flatnonzero(stay)
         self.anchor = self.anchor[rows] - (self.anchor[rows] > k)
-        for name in ("pixels", "rays", "rho", "sigma", "slopes"):
+        for name in ("pixels", "_beside", "rays", "rho", "sigma", "slopes"):
             setattr(self, name, np.take(getattr(self, name), rows, axis=0))
         number: np.ndarray = np.maximum(np.cumsum(stay) - 1, 0)
         return number
@@ -103,6 +104,7 @@ class KeyframeMap:
         first = len(self.anchor)
         self.anchor = np.concatenate([self.anchor, np.full(len(pixels), keyframe)])
         self.pixels = np.concatenate([self.pixels, np.asarray(pixels, np.float32)])
+        self._beside = np.concatenate([self._beside, np.full((len(pixels), 4, 3), np.nan)])
         self.rays = np.concatenate([self.rays, points / points[:, 2:]])
         self.rho = np.concatenate([self.rho, 1.0 / points[:, 2]])
         self.sigma = np.concatenate([self.sigma, np.full(len(pixels), depth_times * self._sigma)])
@@ -129,7 +131,9 @@ class KeyframeMap:
     def warps(self, ids: np.ndarray, camera_from_map: np.ndarray, camera) -> np.ndarray:
         """(N, 2, 2) d pixel in the anchor / d pixel in a camera, the surface taken to be flat around the point."""
         poses = camera_from_map @ self.poses[self.anchor[ids]]
-        return warps(self.pixels[ids], self.rho[ids], self.slopes[ids], now_from_then=poses, camera=camera)
+        fresh = ids[np.isnan(self._beside[ids, 0, 2])]
+        self._beside[fresh] = rays_beside(self.pixels[fresh], camera)
+        return warps(self._beside[ids], self.rho[ids], self.slopes[ids], now_from_then=poses, camera=camera)
 
     def sightings(self, ids: np.ndarray, rays: np.ndarray, depth_m: np.ndarray, rows: np.ndarray) -> Sightings:
         """What an image that sees points `ids` along rays (N, 3) at depths (N,) on rows (N,) says."""

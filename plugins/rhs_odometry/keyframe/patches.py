@@ -58,7 +58,7 @@ def _align(then, now, rows, pixels, warps, where, found, scale, rules):
     side = 2 * half + 1
     wide = (side + 7) // 8 * 8  # columns beyond the side stay zero
     warped = np.empty((side + 2, side + 2), np.float32)
-    seen, sums = np.empty((side, wide), np.float32), np.empty(wide, np.float32)
+    seen, sums, five = np.empty((side, wide), np.float32), np.empty(wide, np.float32), np.empty((5, wide), np.float32)
     learnt = np.zeros((3, side, wide), np.float32)
     template, gx, gy = learnt[0], learnt[1], learnt[2]
     for i in rows:
@@ -66,25 +66,24 @@ def _align(then, now, rows, pixels, warps, where, found, scale, rules):
         if not _sample_warped(then, pixels[i, 0] * scale, pixels[i, 1] * scale, warps[i], half + 1, warped):
             continue
         mean = _learn(warped, template, gx, gy, sums)
-        energy, hxx = _dot(template, template, sums), _dot(gx, gx, sums)
-        hxy, hyy = _dot(gx, gy, sums), _dot(gy, gy, sums)
+        _, _, energy, tx, ty = _compared(template, learnt, five)
+        _, _, hxx, _, hxy = _compared(gx, learnt, five)
+        hyy = _dot(gy, gy, sums)
         determinant = hxx * hyy - hxy * hxy
         if energy < side * side * 9.0 or determinant < 1e-4 * (hxx + hyy) ** 2:
             continue
-        tx, ty = _dot(template, gx, sums), _dot(template, gy, sums)
         likeness, x0, y0 = 0.0, where[i, 0] * scale, where[i, 1] * scale
         x, y = x0, y0
         for _ in range(iterations):
             inside = _sample(now, x, y, half, mean, seen)
-            cross = _dot(seen, template, sums) if inside else 0.0
+            cross, total, square, sx, sy = _compared(seen, learnt, five) if inside else (0.0, 0.0, 0.0, 0.0, 0.0)
             if cross <= 0.0:
                 likeness = 0.0
                 break
-            total = _sum(seen, sums)
-            power = _dot(seen, seen, sums) - total * total / (side * side)
+            power = square - total * total / (side * side)
             likeness = cross / np.sqrt(energy * power + 1e-9)
             gain = cross / energy
-            bx, by = _dot(seen, gx, sums) - gain * tx, _dot(seen, gy, sums) - gain * ty
+            bx, by = sx - gain * tx, sy - gain * ty
             dx = (hyy * bx - hxy * by) / (determinant * gain)
             dy = (hxx * by - hxy * bx) / (determinant * gain)
             size = np.sqrt(dx * dx + dy * dy)
@@ -110,6 +109,32 @@ def _dot(a, b, sums):
     for c in range(a.shape[1]):
         total += sums[c]
     return total
+
+
+@inner
+def _compared(seen, learnt, sums):
+    """Of a patch that is seen, in one go (sums (5, wide) is room for that): its products with the template, its sum, its
+    square, its products with both slopes."""
+    cross, total, square, sx, sy = sums[0], sums[1], sums[2], sums[3], sums[4]
+    for c in range(seen.shape[1]):
+        cross[c] = total[c] = square[c] = sx[c] = sy[c] = np.float32(0.0)
+    for r in range(seen.shape[0]):
+        row, template, gx, gy = seen[r], learnt[0, r], learnt[1, r], learnt[2, r]
+        for c in range(seen.shape[1]):
+            value = row[c]
+            cross[c] += value * template[c]
+            total[c] += value
+            square[c] += value * value
+            sx[c] += value * gx[c]
+            sy[c] += value * gy[c]
+    a = b = d = e = f = 0.0
+    for c in range(seen.shape[1]):
+        a += cross[c]
+        b += total[c]
+        d += square[c]
+        e += sx[c]
+        f += sy[c]
+    return a, b, d, e, f
 
 
 @inner
@@ -163,13 +188,15 @@ def _sample(image, x, y, half, less, out):
     a, b = np.float32((1 - fu) * (1 - fv)), np.float32(fu * (1 - fv))
     c, d = np.float32((1 - fu) * fv), np.float32(fu * fv)
     side, wide = out.shape
-    across = wide if u - half + wide < width else side
+    across = np.uint64(wide if u - half + wide < width else side)
+    pixels, filled = image.reshape(-1), out.reshape(-1)
+    one, below = np.uint64(1), np.uint64(width)  # unsigned: no index counts from the end
     for row in range(side):
-        upper = image[v - half + row, u - half :]
-        lower = image[v - half + row + 1, u - half :]
+        first, begin = np.uint64((v - half + row) * width + u - half), np.uint64(row * wide)
         for col in range(across):
-            out[row, col] = a * np.float32(upper[col]) + b * np.float32(upper[col + 1]) + (
-                c * np.float32(lower[col]) + d * np.float32(lower[col + 1])) - less
+            i = first + col
+            filled[begin + col] = a * np.float32(pixels[i]) + b * np.float32(pixels[i + one]) + (
+                c * np.float32(pixels[i + below]) + d * np.float32(pixels[i + below + one])) - less
         for col in range(side, wide):
             out[row, col] = np.float32(0.0)
     return True

@@ -26,16 +26,23 @@ def surfaces(depth: np.ndarray, pixels: np.ndarray, s: SurfaceSettings = USUAL) 
     return out[:, 0], out[:, 1:]
 
 
-def warps(
-    pixels: np.ndarray, inverse_depth: np.ndarray, slopes: np.ndarray, *, now_from_then: np.ndarray, camera
-) -> np.ndarray:
-    """(N, 2, 2) d pixel then / d pixel now of surfaces seen at pixels (N, 2) with inverse depths (N,) and slopes (N, 2),
-    when the camera has moved: now_from_then (4, 4), or (N, 4, 4) from as many views. NaN where it is seen edge on."""
-    rotation, centre = now_from_then[..., :3, :3], now_from_then[..., :3, 3]
+def rays_beside(pixels: np.ndarray, camera) -> np.ndarray:
+    """(N, 4, 3) rays of the pixels beside pixels (N, 2) that `warps` asks for."""
     moved = pixels.astype(float) + ENDS_PX[:, None]  # (4, N, 2)
+    rays: np.ndarray = camera.rays(moved.reshape(-1, 2)).reshape(4, -1, 3).transpose(1, 0, 2)
+    return rays
+
+
+def warps(
+    rays: np.ndarray, inverse_depth: np.ndarray, slopes: np.ndarray, *, now_from_then: np.ndarray, camera
+) -> np.ndarray:
+    """(N, 2, 2) d pixel then / d pixel now of surfaces seen along rays (N, 4, 3) (rays_beside) with inverse depths (N,) and
+    slopes (N, 2) at their middle, when the camera has moved: now_from_then (4, 4), or (N, 4, 4) from as many views. NaN
+    where it is seen edge on."""
+    rotation, centre = now_from_then[..., :3, :3], now_from_then[..., :3, 3]
     along = np.concatenate([slopes.T, slopes.T])
     rho = np.maximum(inverse_depth + SIGNED_PX[:, None] * along, 1e-3)
-    local = camera.rays(moved.reshape(-1, 2)).reshape(4, -1, 3) / rho[..., None]
+    local = np.ascontiguousarray(rays.transpose(1, 0, 2)) / rho[..., None]
     ends = camera.project(((rotation @ local[..., None])[..., 0] + centre).reshape(-1, 3)).reshape(2, 2, -1, 2)
     out = np.ascontiguousarray(((ends[1] - ends[0]) / (2.0 * STEP_PX)).transpose(1, 2, 0))
     good = np.abs(np.linalg.det(np.nan_to_num(out))) > 1e-3

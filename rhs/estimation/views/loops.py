@@ -21,7 +21,10 @@ def stored(views: Sequence[View]) -> list[View]:
 
 def poses_of(views: Sequence[View]) -> np.ndarray:
     """(N, 4, 4) map_from_body of the views."""
-    return np.stack([view.map_from_body for view in views]) if views else np.empty((0, 4, 4))
+    poses = np.empty((len(views), 4, 4))
+    for k, view in enumerate(views):
+        poses[k] = view.map_from_body
+    return poses
 
 
 def in_a_hand(views: Sequence[View]) -> bool:
