@@ -18,6 +18,7 @@ CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of
 BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and what it sees of it is some time ago
 TIGHT_M = 0.04  # on a way through a gap hardly wider than the robot: half a cell of what was seen, and the noise of depth
 BESIDE_M, SHORT_STEP_M, SHORT_SIGHT_M = 0.2, 0.1, 0.2  # so near to things there: steps and lookahead that keep to the way
+MOST_HELD = 20  # looks and refusals on end, after which a robot that stands has looked enough
 MOST_REFUSED = 6  # commands after which one eye looks anew from where it gets to
 LEAST_M = 0.08  # a shorter way is none
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
@@ -69,7 +70,7 @@ class Guard:
         self.touched = False
         self.tight = False  # whether the way leads through a gap hardly wider than the robot
         self.given: Twist | None = None
-        self._still = self._refused = 0
+        self._still = self._refused = self._held = 0
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
 
     @property
@@ -135,13 +136,22 @@ class Guard:
         """The command, or the one that is safe in its place, and why; None where nothing is.
 
         target_m (2,): where it shall lead, in the body frame, so that another arc may be taken."""
+        self.around.keeps_beside = self._held < MOST_HELD
+        allowed, why = self._allowed(command, target_m)
+        if allowed is not None and allowed.forward_mps > 0.0:
+            self._held = 0
+        elif command.forward_mps > 0.0:
+            self._held += 1
+        return allowed, why
+
+    def _allowed(self, command: Twist, target_m: np.ndarray | None) -> tuple[Twist | None, Event | None]:
         if not self.sees or command.forward_mps < 0.0:
             return command, None
         wished_m = command.forward_mps * command.duration_s
         if wished_m > 0.0 and not self.around.one_eye and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
             self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._since_s,
                                               up_to_m=wished_m + self.settings.ahead_m)
-        if (look := self._look()) is not None:
+        if self._held < MOST_HELD and (look := self._look()) is not None:
             return look, Event.LOOK
         if wished_m == 0.0:
             return command, None  # a round robot turns on the spot

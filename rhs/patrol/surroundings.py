@@ -50,6 +50,7 @@ class Surroundings:
         self.sight: Scan | None = None  # the widest measured scan of the last view
         self.map_m = NOTHING  # (K, 2) what the map knows near the robot, in its body frame
         self.sees_floor = False  # the last view showed more than one height
+        self.keeps_beside = True  # what is beside the robot is remembered longer
         self.one_eye = False  # it was read off pictures that were compared: blind while the robot turns on the spot
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
@@ -193,7 +194,7 @@ class Surroundings:
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
         rows, columns = np.indices(self.seen_s[near].shape)
         middles = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=-1) * CELL_M + self.at_eye.origin_m
-        beside = np.linalg.norm(middles - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M
+        beside = self.keeps_beside & (np.linalg.norm(middles - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M)
         remembered = self.seen_s[near] >= self.now_s - self.remember_s
         fresh = remembered & (self.came_s[near] >= self.now_s - self.fade_s)  # what came may have gone unseen
         at_eye = (self.at_eye.votes[near] >= least) & fresh & (self.seen_s[near] >= self.now_s - within_s)
