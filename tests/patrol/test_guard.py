@@ -11,7 +11,7 @@ from rhs.api.geometry import camera_from_fov, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Event, Motion, Observation, PlanReason, Scan, Tracking, Twist
 from rhs.patrol.control import Pace
-from rhs.patrol.guard import Guard, GuardSettings
+from rhs.patrol.guard import MOST_HELD, Guard, GuardSettings
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.obstacles import ObstacleWatch
@@ -71,6 +71,18 @@ def test_ground_that_nobody_looked_at_is_looked_at_before_it_is_driven_on_and_on
         yaw = command.turn_radps * command.duration_s
         motion = Motion(se2(0.0, 0.0, yaw), 1e-6 * np.eye(6), Tracking.OK)
     assert 2 <= way.count(Event.LOOK) <= 10 and way[-1] is None and command.forward_mps > 0.0
+
+
+def test_looking_that_shows_nothing_ends():
+    """A robot whose turns do not come about, as of one whose odometry is lost, sees the same again and again."""
+    watched, way = guard(), []
+    for index in range(1, 40):
+        watched.observe(seen(index, 5.0), STILL)
+        command, why = watched.allow(Twist(0.4, 1.0, 0.5))
+        way.append(why)
+        if why is not Event.LOOK:
+            break
+    assert way.count(Event.LOOK) == MOST_HELD and command.forward_mps > 0.0
 
 
 def test_what_was_seen_stays_known_beside_the_robot_where_the_camera_no_longer_looks():
