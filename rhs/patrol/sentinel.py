@@ -231,7 +231,7 @@ class Sentinel:
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission = self.book.missions[-1]
-        things = self._near_things(pose) if self.barred else np.zeros((0, 2))
+        things = self._near_things(pose, walls=self.guard.around.one_eye) if self.barred else np.zeros((0, 2))
         tight = self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
         seen = in_map(self.guard.around.things(least=SURE), pose) if tight else None
         plan = self.roads.plan(pose[:2], np.array(mission.goal_m), obstacles=self.watch.cells, things_m=things,
@@ -244,12 +244,13 @@ class Sentinel:
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
 
-    def _near_things(self, pose: np.ndarray) -> np.ndarray:
+    def _near_things(self, pose: np.ndarray, *, walls: bool = False) -> np.ndarray:
         """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map. Where things
-        move, what it has not looked at for a while may have gone."""
+        move, what it has not looked at for a while may have gone. walls: also what the map knows, nearly where it was
+        seen: one eye believes to be off by as much as its way keeps from a wall."""
         lately_s = self.settings.advanced.guard.fade_s if self.guard.moves else np.inf
         points = in_map(self.guard.around.things(lately_s), pose)
-        near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
+        near: np.ndarray = points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
         return near
 
     def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
