@@ -226,7 +226,7 @@ class Sentinel:
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
-        things = self._near_things(pose) if self.barred else np.zeros((0, 2))
+        things = self._near_things(pose, walls=self.guard.around.one_eye) if self.barred else np.zeros((0, 2))
         tight = self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
         seen = in_map(self.guard.around.things(least=SURE), pose) if tight else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
@@ -240,12 +240,13 @@ class Sentinel:
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
 
-    def _near_things(self, pose: np.ndarray) -> np.ndarray:
-        """(K, 2) what the robot has seen round itself lately and the map does not know, metres in the map. Where things
-        move, what it has not looked at for a while may have gone; not what its guard refuses to pass again and again."""
+    def _near_things(self, pose: np.ndarray, *, walls: bool = False) -> np.ndarray:
+        """(K, 2) metres in the map: what the robot has seen round itself lately and the map does not know; walls: or knows
+        nearly there, as one eye is off by as much as its way keeps from a wall. Where things move, what it has not looked at
+        for a while may have gone; not what its guard refuses to pass again and again."""
         lately_s = self.settings.advanced.guard.fade_s if self.guard.moves and self.barred < MOST_BARRED else np.inf
         points = in_map(self.guard.around.things(lately_s), pose)
-        near: np.ndarray = points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
+        near: np.ndarray = points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
         return near
 
     def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
