@@ -373,8 +373,7 @@ class Sentinel:
 
     def _stuck(self, pose: np.ndarray) -> str | None:
         """Why the place is given up, if it is."""
-        if self.progress.note(pose):
-            self.waited = 0
+        self.waited = 0 if self.progress.note(pose) else self.waited
         if self.progress.still >= self.settings.stuck_steps:
             return "commands moved the robot less than 5 cm each"
         return f"planned {self.attempts} times" if self.attempts > self.settings.tries * 10 else None
