@@ -6,6 +6,7 @@ Classic does with it: models are put where the first <state> says, whatever thei
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -16,7 +17,7 @@ import numpy as np
 from rhs.api.floorplan import Person
 from rhs.base.errors import ConfigError
 
-DRIVES = ("drive", "planar_move", "planarmove", "mecanum", "skid", "ackermann", "turtlebot")  # in the names of plugins
+DRIVES = re.compile(r"(diff|differential|tricycle|omni)_?drive|planar_?move|mecanum|skid_?steer|ackermann|turtlebot")
 SAME_M, CLOSED_M = 1e-3, 0.1  # two waypoints at one spot; a path whose ends are so near is closed
 SLOWEST_MPS, FASTEST_MPS = 0.05, 3.0
 LONGEST_S = 1e6
@@ -45,8 +46,8 @@ def as_saved(world: Element) -> None:
 def is_robot(model: Element) -> bool:
     """A model that a plugin drives: it is no part of the building."""
     plugins = [*model.findall("plugin"), *model.findall("link/plugin")]
-    return any(word in f"{plugin.get('name', '')} {plugin.get('filename', '')}".lower().replace("-", "_")
-               for plugin in plugins for word in DRIVES)
+    names = (f"{plugin.get('name', '')} {plugin.get('filename', '')}".lower().replace("-", "_") for plugin in plugins)
+    return any(DRIVES.search(name) for name in names)
 
 
 def person_of(actor: Element, pose: Callable[[Element], np.ndarray]) -> Person | None:

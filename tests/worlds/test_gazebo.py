@@ -39,9 +39,11 @@ def test_models_stand_and_are_as_large_as_the_state_says(tmp_path):
     assert distance_m(world, np.array([1.5, 1.0]))[0] == pytest.approx(0.3)
 
 
-def test_what_a_plugin_drives_is_a_robot_and_no_part_of_the_building(tmp_path, caplog):
-    drive = "<plugin name='diff_drive' filename='libgazebo_ros_diff_drive.so'/>"
-    other = "<plugin name='label' filename='libLabel.so'/>"
+@pytest.mark.parametrize("name", ["libgazebo_ros_diff_drive.so", "gz-sim-diff-drive-system", "DifferentialDrive.so",
+                                  "libgazebo_ros_planar_move.so", "libgazebo_ros_skid_steer_drive.so"])
+def test_what_a_plugin_drives_is_a_robot_and_no_part_of_the_building(tmp_path, caplog, name):
+    drive = f"<plugin name='p' filename='{name}'/>"
+    other = "<plugin name='door_driver' filename='libLabel.so'/>"
     world = load_world(saved(tmp_path, model("my_bot", (0.5, 0.5, 0.5), "0 0", extra=drive)
                              + model("sign", (0.5, 0.5, 0.5), "2 0", extra=other)))
     assert distance_m(world, np.array([0.0, 0.0]))[0] == pytest.approx(1.75)
