@@ -171,7 +171,7 @@ class Sentinel:
         if self.look_again:
             return turn(self.look_again.pop() * self.pace.turn_step_rad, self.pace)
         if (why := self._stuck(pose)) is not None:
-            self._finish(MissionStatus.GAVE_UP, f"no progress: {why}", events)
+            self._leave(f"no progress: {why}", pose, events)
             return None
         if self.views_spent > self.settings.views_max:
             self._finish(MissionStatus.GAVE_UP, f"budget spent: mission.views_max={self.settings.views_max} views", events)
@@ -276,10 +276,7 @@ class Sentinel:
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
-        if later := len(seen) > 0 and not self.book.skipped() and self.book.others(pose[:2]) > 0:  # things go
-            self.book.put_off(pose[:2])
-        status = MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP
-        self._finish(status, f"no path: {self.last_reason}{touched}", events)
+        self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
         return None
 
     def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
@@ -367,6 +364,13 @@ class Sentinel:
         if self.slam is not None:
             self._take_map(self.slam.grid())
         self._begin_place()
+
+    def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
+        """Give the place up; later: it is tried once more, after the others if any: what is in the way may go."""
+        goes_on = self.book.others(pose[:2]) > 0 or (self.guard.moves and not self.contacts)
+        if later := later and goes_on and not self.book.skipped():
+            self.book.put_off(pose[:2])
+        self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)
 
     def _near(self, pose: np.ndarray) -> bool:
         return bool(np.linalg.norm(pose[:2] - self.book.missions[-1].goal_m) <= self.settings.arrive_m)
