@@ -75,12 +75,12 @@ def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None)
     return card
 
 
-def contract(kind: str, settings: Any) -> list[dict[str, Any]]:
-    """Every check of rhs.testing, whether it holds and why not."""
-    todo = checks(kind)
+def contract(kind: str, settings: Any, tell: Callable[[dict[str, Any]], None] = lambda one: None) -> list[dict[str, Any]]:
+    """Every check of rhs.testing, whether it holds and why not, in a process of its own. tell: hears each as it ends."""
+    names = list(checks(kind))
 
     def work() -> Iterator[tuple[str, str]]:
-        for name, check in todo.items():
+        for name, check in checks(kind).items():
             with tempfile.TemporaryDirectory() as folder:
                 try:
                     check(settings, Path(folder))
@@ -88,10 +88,15 @@ def contract(kind: str, settings: Any) -> list[dict[str, Any]]:
                 except AssertionError as error:
                     yield name, " ".join(str(error).split()) or "it does not hold"
 
-    heard = apart(work, patience_s=CHECK_PATIENCE_S)
-    said = dict(heard.items)
-    return [{"check": name.replace("_", " "), "holds": said.get(name) == "",
-             "why": said.get(name, heard.ended or "not reached")} for name in todo]
+    heard = apart(work, patience_s=CHECK_PATIENCE_S, tell=lambda said: tell(_checked(*said)))
+    left = [_checked(name, "not reached" if k else heard.ended) for k, name in enumerate(names[len(heard.items):])]
+    for one in left:
+        tell(one)
+    return [_checked(*said) for said in heard.items] + left
+
+
+def _checked(name: str, why: str) -> dict[str, Any]:
+    return {"check": name.replace("_", " "), "holds": not why, "why": why}
 
 
 def references(kind: str, but: str) -> dict[str, Any]:

@@ -20,6 +20,7 @@ import numpy as np
 from rhs.api.contracts import Context
 from rhs.api.geometry import camera_from_fov
 from rhs.api.records import FeatureSettings, Path, PlanningProblem, PlanReason, WorldFacts
+from rhs.api.segments import with_exact_ends
 from rhs.metrics.path_judge import path_valid, polyline_length
 from rhs.metrics.planning import above_optimum_pct
 from rhs.testing.shared_state import untouched
@@ -121,7 +122,8 @@ def points_of(path: Path) -> np.ndarray:
 
 def faults_of(path: Path, question: Question) -> list[str]:
     """What is wrong with an answer; nothing where it is right. A budget that was spent is no fault."""
-    problem, points = question.problem, points_of(path)
+    problem = question.problem
+    points = with_exact_ends(points_of(path), problem.start_m, problem.goal_m)
     if not path.found:
         if len(points):
             return ["no_path"]

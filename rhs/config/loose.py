@@ -97,7 +97,7 @@ def match(words: Sequence[str]) -> None:
         cls = found.get(_class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
         if cls is None:
             files = ", ".join(str(module.__file__) for module in _silent)
-            raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no plugin dataclass'}; "
+            raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no @dataclass that has build(self, context)'}; "
                               f"write rhs.register({kind!r}, {name!r}, CLASS) in it")
         registry.register(kind, name, cls)
 
@@ -126,7 +126,7 @@ def _load(path: Path) -> ModuleType:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise PluginError(f"--plugin {path} cannot be run: {type(error).__name__}: {error}") from error
+        raise PluginError(f"--plugin {path} cannot be run: {registry.why_not_imported(error)}") from error
     return module
 
 

@@ -16,6 +16,7 @@ import re
 import signal
 import sys
 import threading
+import traceback
 import typing
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -27,7 +28,7 @@ from typing import Any
 
 from rhs.api.contracts import API_VERSION, DEGRADE, PLUGIN_KINDS
 from rhs.api.metric import Metric
-from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
+from rhs.api.settings import RESERVED, defaults, nearest, unknown_key, unusable
 from rhs.base.errors import ConfigError, PluginError
 
 JOINED = "+"  # between degradations: `degrade=blur+low_light` is one part whose settings stand side by side
@@ -205,9 +206,19 @@ def _import(point: EntryPoint, origin: Origin) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin may even call sys.exit() while it is imported
-        what = "" if isinstance(error, _TooLong) else f"{type(error).__name__}: "
-        raise PluginError(f"{origin.kind}={origin.name} ({origin}) cannot be imported: "
-                          f"{what}{_first_line(error)}") from error
+        raise PluginError(f"{origin.kind}={origin.name} ({origin}) cannot be imported: {why_not_imported(error)}") from error
+
+
+def why_not_imported(error: BaseException) -> str:
+    """What went wrong while a module was imported, in which line of which file, and what to install, in one line."""
+    if isinstance(error, _TooLong):
+        return str(error)
+    said = f"{type(error).__name__}: {(str(error).strip().splitlines() or [''])[0][:120]}"
+    if isinstance(error, ModuleNotFoundError) and error.name:
+        return f"{said}; type: pip install {error.name.partition('.')[0].replace('_', '-')}"
+    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)]
+    own = [one for one in frames if not one[0].startswith((sys.prefix, sys.base_prefix, "<")) and "/rhs/config/" not in one[0]]
+    return said if isinstance(error, SyntaxError) or not own else f"{said} ({Path(own[-1][0]).name}:{own[-1][1]})"
 
 
 def _check_plugin(cls: Any, origin: Origin) -> None:
@@ -217,8 +228,10 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         return
     if not (isinstance(cls, type) and dataclasses.is_dataclass(cls)):
         raise PluginError(f"{who} is not a dataclass; name the settings dataclass in the entry point")
-    if not callable(getattr(cls, "build", None)):
-        raise PluginError(f"{who} has no build(context)")
+    try:
+        inspect.signature(cls.build).bind("self", "context")
+    except (AttributeError, TypeError):
+        raise PluginError(f"{who} has no build(self, context)") from None
     api = getattr(cls, "api", API_VERSION)
     if api > API_VERSION:
         raise PluginError(f"{who} was written for plugin API {api}; this rhs has {API_VERSION}: upgrade rhs")
@@ -231,7 +244,12 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
     for item in dataclasses.fields(cls):
         if item.name in RESERVED:
             raise PluginError(f"{who} has a setting called {item.name}, which rhs uses itself; rename it")
-    defaults(cls)
+    try:
+        said = unusable(cls)
+    except NameError as error:  # an annotation that stands under `if TYPE_CHECKING`
+        raise PluginError(f"{who} has a setting whose type cannot be looked up: {error}; import it at the top") from error
+    if said:
+        raise PluginError(f"{who}: {said}")
 
 
 def _check_metrics(found: Any, who: str) -> None:
@@ -247,10 +265,6 @@ def _distribution(point: EntryPoint) -> str:
 def _name_of(distribution: Distribution) -> str:
     """Name and version; read once for all entry points of a distribution, which share one object."""
     return f"{distribution.name} {distribution.version}"
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).strip().splitlines() or [""])[0][:120]
 
 
 def names_in(kind: str, name: str) -> list[str]:

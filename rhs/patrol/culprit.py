@@ -12,8 +12,8 @@ from pathlib import Path
 from rhs.api.files import replacing
 from rhs.base.commands import plain
 from rhs.base.errors import RhsError
-from rhs.config import registry
 from rhs.config.compose import RunConfig
+from rhs.config.parts import called
 
 log = logging.getLogger("rhs")
 
@@ -29,17 +29,14 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
     for frame, line in traceback.walk_tb(error.__traceback__):
         owner = frame.f_locals.get("self")
         module = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if not kind and id(owner) in who and module != "rhs":
+        if id(owner) in who and module != "rhs":  # a task's frames stand outside those of the part it asks
             kind, package = who[id(owner)], module
         if kind and module == package:
             where = (frame.f_code.co_filename, line)
     if not kind or (isinstance(error, RhsError) and said):
         return text
-    name = chosen[kind].name
-    origins = registry.origins(kind, name)
     path = Path(where[0])
-    return (f"{kind}={name} ({origins[0].distribution if origins else 'unregistered'}) failed in "
-            f"{path.parent.name}/{path.name}:{where[1]}: {text}")
+    return f"{called(kind, chosen[kind])} failed in {path.parent.name}/{path.name}:{where[1]}: {text}"
 
 
 def write_traceback(folder: Path, error: BaseException) -> None:

@@ -18,7 +18,7 @@ from rhs.base.errors import ConfigError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
-from rhs.config.parts import Chosen, build, build_part
+from rhs.config.parts import Chosen, build, build_part, called
 from rhs.metrics.evaluate import evaluate
 from rhs.metrics.success import with_success
 from rhs.recording.rerun_view import check_live
@@ -168,6 +168,9 @@ class RunContext:
 
     def settings(self, kind: str) -> Any:
         return self.config.parts[kind].settings
+
+    def who(self, kind: str) -> str:
+        return called(kind, self.config.parts[kind])
 
     def floor_plan(self) -> World | None:
         """The building, for the robot that the source's settings want."""

@@ -14,7 +14,7 @@ from typing import Any
 
 from rhs.api.contracts import DEGRADE as DEGRADED
 from rhs.api.contracts import KINDS
-from rhs.api.errors import ConfigError
+from rhs.api.errors import ConfigError, ContractError
 from rhs.config.documented import field_docs, summary
 
 from .degradations import DEGRADE
@@ -60,11 +60,18 @@ def _asserting(check: Check) -> Check:
         except AssertionError:
             raise
         except Exception as error:
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            what = " ".join(f"{type(error).__name__}: {error}".split())
-            raise AssertionError(f"{what} ({Path(last.filename).name}:{last.lineno})") from error
+            kind = "" if isinstance(error, ContractError) else f"{type(error).__name__}: "
+            raise AssertionError(" ".join(f"{kind}{error}{_where(error)}".split())) from error
 
     return asserting
+
+
+def _where(error: Exception) -> str:
+    """The line of the part itself at which it raised; nothing where rhs refused what it returned."""
+    frames = [(frame.f_globals.get("__name__", ""), frame.f_code.co_filename, line)
+              for frame, line in traceback.walk_tb(error.__traceback__)]
+    own = [f"{Path(file).name}:{line}" for module, file, line in frames if not module.startswith("rhs.")]
+    return f" ({own[-1]})" if own and not isinstance(error, ContractError) else ""
 
 
 def says_what_it_is(settings: Any, folder: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import complete
 from rhs.api.frozen import freeze
 from rhs.api.geometry import exp_se3, inverse, log_se3, planar, se2
 from rhs.api.records import Belief, BeliefStatus, FeatureSettings, Motion, Observation, Tracking, View
@@ -73,7 +74,7 @@ def hard() -> list[Seen]:
 
 
 def _part(settings: Any, folder: Path, start: Belief | None, *, seed: int = 0, stored: bool = True) -> Any:
-    part = settings.build(context(folder, seed))
+    part = complete("localiser", settings.build(context(folder, seed)))
     part.learn(survey(stored), freeze(empty_grid()))
     part.start(start)
     return part

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import complete
 from rhs.api.frozen import freeze
 from rhs.api.geometry import se3
 from rhs.api.records import Capture, Observation, Twist
@@ -57,7 +58,7 @@ def hard() -> list[Capture]:
 
 
 def _observations(settings: Any, folder: Path, views: list[Capture], seed: int = 0) -> list[Observation]:
-    sensor = settings.build(context(folder, seed, NEAR_THE_LEFT_WALL))
+    sensor = complete("sensor", settings.build(context(folder, seed, NEAR_THE_LEFT_WALL)))
     with untouched(views):
         return [check_observation(sensor.sense(capture), capture, who="sense()") for capture in views]
 
@@ -79,7 +80,7 @@ def keeps_what_it_promises(settings: Any, folder: Path) -> None:
 
 
 def hands_out_arrays_nobody_can_change(settings: Any, folder: Path) -> None:
-    sensor = settings.build(context(folder))
+    sensor = complete("sensor", settings.build(context(folder)))
     for capture in hard()[:2]:
         seen = sensor.sense(capture)
         for name in ("image", "depth", "wheel"):
@@ -147,7 +148,7 @@ def wheels_and_commands_are_those_of_the_drive(settings: Any, folder: Path) -> N
 def same_seed_same_observations_whoever_else_is_built(settings: Any, folder: Path) -> None:
     views = hard()
     alone = _observations(settings, folder, views, seed=3)
-    part, other = (settings.build(context(folder, seed, NEAR_THE_LEFT_WALL)) for seed in (3, 4))
+    part, other = (complete("sensor", settings.build(context(folder, seed, NEAR_THE_LEFT_WALL))) for seed in (3, 4))
     for capture, a in zip(views, alone, strict=True):
         other.sense(capture)
         b = part.sense(capture)
