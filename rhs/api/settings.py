@@ -10,6 +10,7 @@ import dataclasses
 import difflib
 import enum
 import functools
+import math
 import types
 import typing
 from collections.abc import Mapping
@@ -38,7 +39,9 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
             raise unknown_key(owner, str(key), names)
         if dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
             value = _over(defaults(cls).get(key, {}), value)  # what is not said is as this class has it
-        arguments[key] = _convert(hints[key], value, dotted(owner, key))
+        arguments[key] = made = _convert(hints[key], value, dotted(owner, key))
+        if isinstance(made, float) and not math.isfinite(made) and not _same(made, defaults(cls).get(key)):
+            raise ConfigError(f"{dotted(owner, key)}={_show(value)}: expected a finite number")
     try:
         return cls(**arguments)
     except ConfigError as error:
@@ -47,6 +50,10 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
         raise
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{owner or cls.__name__}: {error}") from error
+
+
+def _same(number: float, other: Any) -> bool:
+    return bool(number == other or (math.isnan(number) and isinstance(other, float) and math.isnan(other)))
 
 
 def _over(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:

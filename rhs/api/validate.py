@@ -221,8 +221,8 @@ def check_path(path: Path, problem: PlanningProblem, *, who: str) -> Path:
                 _refuse(who, f"the path's {where} point", _short(end), f"exactly {_short(wanted)}{fits}")
         grid = problem.blocked, problem.resolution_m, problem.origin_m
         if (at := first_blocked(points, *grid)) is not None:
-            turned = np.vstack([points[:1], points[1:-1, ::-1], points[-1:]])
-            fits = "; between its ends x and y are exchanged" if first_blocked(turned, *grid) is None else ""
+            turned = first_blocked(np.vstack([points[:1], points[1:-1, ::-1], points[-1:]]), *grid) is None
+            fits = "; between its ends x and y are exchanged" if turned else ""
             _refuse(who, "the path", f"blocked near {_short(at)} m", f"a path over free cells of the map{fits}")
     return replace(path, points_m=points, raw_m=raw)
 
@@ -257,7 +257,7 @@ def check_covariance(covariance: Any, *, who: str, field: str = "covariance") ->
     array = _array(covariance, who, field, (6, 6))
     variance = array.diagonal()
     if not 0.0 < variance.min() <= variance.max() <= MOST_VARIANCE:
-        _refuse(who, field, f"variances {_short(variance)}", f"all above 0 and at most {MOST_VARIANCE:g}")
+        _refuse(who, field, f"variances {_short(variance)}", f"all above 0 (exact: 1e-12) and at most {MOST_VARIANCE:g}")
     scale = 1.0 / np.sqrt(variance)
     correlation = array * scale * scale[:, None]
     if np.abs(correlation - correlation.T).max() > SYMMETRIC:
@@ -315,8 +315,7 @@ def _array(value: Any, who: str, field: str, shape: tuple[int | None, ...], *, f
            dtype: type | None = np.float64) -> np.ndarray:
     """A read-only copy of real numbers of this shape (None: any length)."""
     array = value if isinstance(value, np.ndarray) else _listed(value)
-    if array.shape == (0,) and shape[0] is None:  # nothing, however it was written
-        array = np.empty([count or 0 for count in shape])
+    array = np.empty([count or 0 for count in shape]) if array.shape == (0,) and shape[0] is None else array  # nothing
     if array.dtype.kind not in "fiu" or (array.shape != shape and not _fits(array.shape, shape)):
         found = f"of shape {array.shape} and type {array.dtype}" if isinstance(value, np.ndarray) else _short(value)
         _refuse(who, field, found, _wanted(shape, finite))
