@@ -101,6 +101,8 @@ def check_scan(scan: Scan, *, who: str) -> Scan:
     scan = _record(scan, Scan, who)
     bearings = _known(_array(scan.bearings_rad, who, "scan.bearings_rad", (None,)))
     ranges = _array(scan.ranges_m, who, "scan.ranges_m", (None,), finite=False)
+    if len(bearings) and np.abs(bearings[[0, -1]]).max() > 4.0 * math.pi:
+        _refuse(who, "scan.bearings_rad", _short(bearings), "radians")
     if len(bearings) != len(ranges) or len(ranges) > MOST_BEAMS:
         _refuse(who, "scan", f"{len(bearings)} bearings and {len(ranges)} ranges", f"as many, at most {MOST_BEAMS}")
     if (ranges <= 0.0).any() or ((ranges > FAR_M) & (ranges < np.inf)).any():
@@ -138,7 +140,7 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
                 f"those of the capture: {capture.index}, {capture.stamp_s}")
     camera = observation.camera
     _images(observation.image, observation.depth, (camera.height, camera.width), who)
-    freeze(camera.body_from_camera)
+    freeze((camera.body_from_camera, observation.extras))
     _command(observation.command, who)
     wheel = None if observation.wheel is None else _array(observation.wheel, who, "wheel", (3,), finite=False)
     scan = None if observation.scan is None else check_scan(observation.scan, who=who)
@@ -271,11 +273,9 @@ def check_covariance(covariance: Any, *, who: str, field: str = "covariance") ->
 
 # --- fields --------------------------------------------------------------------------------------------------------------
 
-
 def check_blocked(answer: Any, *, who: str) -> Blocked:
     """What a replan part answered. Raises ContractError."""
     return _record(answer, Blocked, who)
-
 
 def _refuse(who: str, field: str, found: str, expected: str) -> NoReturn:
     raise ContractError(" ".join(f"{who}: {field} is {found}; expected {expected}".split()))
@@ -381,9 +381,7 @@ def _contact(contact: Any, who: str) -> None:
 
 
 def _command(command: Twist | None, who: str) -> None:
-    if command is None:
-        return
-    values = (command.forward_mps, command.turn_radps, command.duration_s) if isinstance(command, Twist) else (None,)
+    values = () if command is None else (command.forward_mps, command.turn_radps, command.duration_s) if isinstance(command, Twist) else (None,)
     if not all(_number(v) and math.isfinite(v) for v in values):
         _refuse(who, "command", _short(values), "a Twist of finite numbers, or None")
 

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any
 
 from rhs.api import settings as plain_settings
-from rhs.api.contracts import DEGRADE, KINDS
+from rhs.api.contracts import DEGRADE, KINDS, SLAM
 from rhs.base.errors import ConfigError
 from rhs.base.provenance import commit, versions
 from rhs.config import registry
@@ -58,8 +58,8 @@ class Card:
 def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None) -> Card:
     """The card of `kind=name` with these settings. tell: hears what is under way. Raises ConfigError for a kind that has
     none."""
-    if kind not in (*KINDS, DEGRADE):
-        raise ConfigError(f"card: a {kind} has no card; there is one for {', '.join([*KINDS, DEGRADE])}")
+    if kind not in (*KINDS, DEGRADE, SLAM):
+        raise ConfigError(f"card: a {kind} has no card; there is one for {', '.join([*KINDS, DEGRADE, SLAM])}")
     tell("contract")
     content: dict[str, Any] = {
         "part": f"{kind}={name}", "from": " and ".join(origin.distribution for origin in registry.origins(kind, name)),

@@ -142,8 +142,8 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
     last = [kind for kind in ORDER if kind in chosen][-1]
     provides = offered(last, chosen) | chosen[last].settings.provides
     absent = dict.fromkeys(KINDS, cast(Any, None))
-    who = {kind: called(kind, chosen[SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind])
-           for kind in KINDS if kind in chosen or (SLAM in chosen and kind in REPLACED_BY_SLAM)}
+    makers = {kind: SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind for kind in KINDS}
+    who = {kind: called(maker, chosen[maker]) for kind, maker in makers.items() if maker in chosen}
     return Parts(**(absent | built), features=features, provides=provides, who=who)
 
 

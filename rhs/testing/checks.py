@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rhs.api.contracts import DEGRADE as DEGRADED
-from rhs.api.contracts import KINDS
+from rhs.api.contracts import SLAM
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.settings import nearest
 from rhs.config.documented import field_docs, summary
@@ -26,6 +26,7 @@ from .odometry import ODOMETRY
 from .planners import PLANNER
 from .replans import REPLAN
 from .sensors import SENSOR
+from .slams import SLAMS
 from .sources import SOURCE
 
 Check = Callable[[Any, Path], None]
@@ -47,9 +48,9 @@ def check_plugin(kind: str, settings: Any) -> None:
 def checks(kind: str) -> dict[str, Check]:
     """Name -> check(settings, folder) for a kind of part. Each raises AssertionError, whatever the part itself raised."""
     own = {"source": SOURCE, "sensor": SENSOR, "odometry": ODOMETRY, "loop_closer": LOOP_CLOSER, "localiser": LOCALISER,
-           "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN, DEGRADED: DEGRADE}
+           "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN, DEGRADED: DEGRADE, SLAM: SLAMS}
     if kind not in own:
-        raise ConfigError(f"kind={kind}: expected one of {', '.join([*KINDS, DEGRADED])}")
+        raise ConfigError(f"there are no checks of a {kind}; there are of {', '.join(own)}")
     return {check.__name__: _asserting(check) for check in (*SETTINGS, *own[kind])}
 
 
