@@ -29,6 +29,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
+from .engine import Engine
 from .errors import ContractError
 from .floorplan import World
 from .geometry import Camera
@@ -312,10 +313,11 @@ class Localiser(Protocol):
 
 PROTOCOLS: dict[str, type] = {"source": Source, "sensor": Sensor, "odometry": Odometry, "loop_closer": LoopCloser,
                               "mapper": Mapper, "planner": Planner, "localiser": Localiser, "replan": Replan, SLAM: Slam,
-                              DEGRADE: Degradation}
+                              DEGRADE: Degradation, "engine": Engine}
 OPTIONAL = {"source": ("views_expected", "provides", "renderer", "stamps_repaired", "lost", "leads_ahead", "begin_patrol", "drive",
                        "teleport", "truth", "clearance_m", "close"),
             "sensor": ("senses_ahead",), "mapper": ("draws_furniture",), DEGRADE: ("told",),
+            "engine": ("chunk_s", "processes", "alive", "workers", "close"),
             "odometry": ("keeps_moving", "short_steps", "scale_from", "revise")}
 
 

@@ -88,7 +88,7 @@ class TaskContext(Protocol):
 class Job(Protocol):
     """A task ready to run."""
 
-    def run(self) -> Mapping[str, Value]:
+    def run(self) -> Mapping[str, Value] | None:
         """Do the work; the columns of the row that the task itself knows. Metrics add theirs from the run folder."""
 
 

@@ -1,7 +1,8 @@
 """Plugins from a file, tried without packaging: `--plugin my.py planner=mine`.
 
 The file may call `rhs.register(kind, name, cls)` itself. If it does not, a word `kind=name` that nobody answers to is
-matched with the plugin dataclass of the file: the one whose name it is, or the only one there is.
+matched with the plugin dataclass of the file: the one whose name it is, or the only one there is. Its tuples of metrics
+are used.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from types import ModuleType
 from typing import Any
 
 from rhs.api.contracts import PLUGIN_KINDS
+from rhs.api.metric import Metric
 from rhs.base.errors import PluginError
 
 from . import registry
@@ -86,6 +88,9 @@ def load_files(files: Sequence[str], words: Sequence[str]) -> None:
         module = _load(Path(file).expanduser())
         if len(registry.by_hand()) == before:
             _silent.append(module)
+            for name, value in vars(module).copy().items():
+                if isinstance(value, tuple) and value and all(isinstance(one, Metric) for one in value):
+                    registry.register("metric", f"{module.__name__}_{name}".lower(), value)  # type: ignore[arg-type]
     match(words)
 
 

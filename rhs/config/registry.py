@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from rhs.api.contracts import API_VERSION, DEGRADE, PLUGIN_KINDS
@@ -60,16 +61,26 @@ def register(kind: str, name: str, cls: type) -> None:
         raise PluginError(f"{kind}: there is no such kind of plugin{nearest(kind, list(PLUGIN_KINDS))}")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise PluginError(f"{kind}={name}: a plugin's name is letters, digits and _")
+    module, called = _where_it_stands(cls)
+    file = getattr(module, "__file__", None) or module.__name__
     try:
-        file = inspect.getfile(cls)
         digest = hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]
-    except (OSError, TypeError):  # typed into a notebook
-        file, digest = cls.__module__, "no file"
-    origin = Origin(kind, name, f"{cls.__module__}:{cls.__qualname__}", f"{Path(file).name} ({digest})", file)
+    except OSError:  # typed into a notebook
+        digest = "no file"
+    origin = Origin(kind, name, f"{module.__name__}:{called}", f"{Path(file).name} ({digest})", file)
     _check_plugin(cls, origin)
     _by_hand[kind, name] = cls, origin
     load.cache_clear()
     failure.cache_clear()
+
+
+def _where_it_stands(plugin: Any) -> tuple[ModuleType, str]:
+    """The module of a class, and its name there; of a tuple of metrics the module of the first one's function."""
+    if isinstance(plugin, type):
+        return sys.modules[plugin.__module__], plugin.__qualname__
+    first = plugin[0] if isinstance(plugin, tuple) and plugin else plugin
+    module = sys.modules.get(getattr(getattr(first, "function", first), "__module__", None) or "", sys.modules["__main__"])
+    return module, next((name for name, value in vars(module).items() if value is plugin), "?")
 
 
 def loose(task: str, names: Mapping[str, str]) -> str:
@@ -239,8 +250,10 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         value = getattr(cls, word, None)
         if not isinstance(value, (frozenset, set)) or not all(isinstance(v, str) for v in value):
             raise PluginError(f"{who} declares no {word}; write `{word}: ClassVar[frozenset[str]] = frozenset()`")
-    if origin.kind == "task" and not set(getattr(cls, "kinds", ("?",))) <= set(PLUGIN_KINDS):
+    if origin.kind == "task" and not hasattr(cls, "kinds"):
         raise PluginError(f"{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = (...)` with those it needs")
+    if origin.kind == "task" and (wrong := sorted(set(cls.kinds) - set(PLUGIN_KINDS))):
+        raise PluginError(f"{who}: there is no kind {wrong[0]}{nearest(wrong[0], list(PLUGIN_KINDS))}")
     for item in dataclasses.fields(cls):
         if item.name in RESERVED:
             raise PluginError(f"{who} has a setting called {item.name}, which rhs uses itself; rename it")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS, read_tum
 from rhs.base.errors import ConfigError, check_choice, check_range
-from rhs.config.dictionary import metrics
+from rhs.config.dictionary import RUN, metrics
 from rhs.runfolder.run import Run
 
 from .relations import LOG_WAY, read_relations, relation_values
@@ -46,7 +46,11 @@ def evaluate_relations(estimate: Path, relations: Path) -> Values:
 def evaluate(folder: Path, task: str = "patrol") -> Values:
     """All columns that follow from the files of one run folder of a task."""
     run, values, failures = Run(folder), Values(), []
+    taken = {column.name for column in RUN}
     for metric in metrics(task):
+        if metric.name in taken or metric.name in values:
+            failures.append(f"{metric.name} of {metric.source}: there is a column of that name already; rename it")
+            continue
         try:
             values[metric.name] = metric.function(run)
         except Exception as error:

@@ -14,7 +14,7 @@ from rhs.api.geometry import se2
 from rhs.api.records import Step
 from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
@@ -156,13 +156,17 @@ class RunContext:
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
         """Build the task's job and run it; the columns that the task knows."""
         job = self.config.task.settings.build(self)
+        if not callable(getattr(job, "run", None)):
+            raise ConfigError(f"{self.who('task')}: {type(job).__name__}, which build() returned, has no run()")
         self.begun = True
         write_config(self.config, self.folder)
         if isinstance(job, StepJob):
             yield from job.steps()
             return {}
-        columns: Mapping[str, Any] = job.run()
-        return columns
+        columns: Mapping[str, Any] | None = job.run()
+        if not isinstance(columns, Mapping | None):
+            raise ContractError(f"{self.who('task')}: run() returned {type(columns).__name__}; expected columns by name, or None")
+        return columns or {}
 
     # --- for the task -----------------------------------------------------------------------------------------------
 
@@ -170,7 +174,7 @@ class RunContext:
         return self.config.parts[kind].settings
 
     def who(self, kind: str) -> str:
-        return called(kind, self.config.parts[kind])
+        return called(kind, self.config.task if kind == "task" else self.config.parts[kind])
 
     def floor_plan(self) -> World | None:
         """The building, for the robot that the source's settings want."""

@@ -64,8 +64,8 @@ def _asserting(check: Check) -> Check:
             raise
         except Exception as error:
             kind = "" if isinstance(error, ContractError) else f"{type(error).__name__}: "
-            hidden = sorted({"depth", "scan", "wheel"} - type(settings).needs) if "'NoneType' object" in str(error) else []
-            hint = f"; {', '.join(hidden)} of an observation are None where `needs` does not name them" if hidden else ""
+            hint = ("; depth, scan and wheel are None unless `needs` names them, wheel and command also in a view without content"
+                    if "NoneType" in str(error) else "")
             raise AssertionError(" ".join(f"{kind}{error}{_where(error)}{hint}".split())) from error
 
     return asserting
