@@ -314,8 +314,8 @@ class Localiser(Protocol):
 PROTOCOLS: dict[str, type] = {"source": Source, "sensor": Sensor, "odometry": Odometry, "loop_closer": LoopCloser,
                               "mapper": Mapper, "planner": Planner, "localiser": Localiser, "replan": Replan, SLAM: Slam,
                               DEGRADE: Degradation, "engine": Engine}
-OPTIONAL = {"source": ("views_expected", "provides", "renderer", "stamps_repaired", "lost", "leads_ahead", "begin_patrol", "drive",
-                       "teleport", "truth", "clearance_m", "close"),
+OPTIONAL = {"source": ("views_expected", "provides", "renderer", "stamps_repaired", "lost", "leads_ahead", "begin_patrol",
+                       "drive", "teleport", "truth", "clearance_m", "close"),
             "sensor": ("senses_ahead",), "mapper": ("draws_furniture",), DEGRADE: ("told",),
             "engine": ("chunk_s", "processes", "alive", "workers", "close"),
             "odometry": ("keeps_moving", "short_steps", "scale_from", "revise")}

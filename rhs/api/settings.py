@@ -99,11 +99,16 @@ def defaults(cls: type) -> dict[str, Any]:
     return out
 
 
+def is_record(value: Any) -> bool:
+    """Whether this is an object of a dataclass."""
+    return dataclasses.is_dataclass(value) and not isinstance(value, type)
+
+
 def plain(value: Any) -> Any:
     """Dataclasses as dicts, tuples as lists, enumerations as their value (or name), paths as text: what can be written to
     YAML or JSON."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if is_record(value):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -121,8 +126,8 @@ def unusable(cls: type, owner: str = "") -> str:
             if said := unusable(hint, dotted(owner, item.name)):
                 return said
         elif item.init and not _typable(hint):
-            return (f"setting {dotted(owner, item.name)} of type {type_name(hint)} cannot be typed; use numbers, bool, str, Path, "
-                    "Enum, Literal, list, tuple, dict, a dataclass")
+            return (f"setting {dotted(owner, item.name)} of type {type_name(hint)} cannot be typed; use numbers, bool, str, "
+                    "Path, Enum, Literal, list, tuple, dict, a dataclass")
         if item.init and item.default is item.default_factory is dataclasses.MISSING:
             return f"setting {dotted(owner, item.name)} has no default value; give it one"
     return ""
@@ -133,9 +138,9 @@ def _typable(hint: Any) -> bool:
     origin = typing.get_origin(hint)
     if origin in (typing.Union, types.UnionType, list, tuple, dict):
         return all(map(_typable, inner))
+    plain_types = (float, int, str, types.NoneType, enum.Enum, PurePath, list, tuple, dict)
     return (hint is Any or origin is typing.Literal or dataclasses.is_dataclass(hint)
-            or (isinstance(hint, type) and issubclass(hint, (float, int, str, types.NoneType, enum.Enum, PurePath, list, tuple,
-                                                             dict))))
+            or (isinstance(hint, type) and issubclass(hint, plain_types)))
 
 
 def type_name(hint: Any) -> str:

@@ -203,9 +203,9 @@ def check_revision(revision: Revision, count: int, *, who: str, reach_m: float =
 
 
 def check_path(path: Path, problem: PlanningProblem, *, who: str) -> Path:
-    """A Path that answers this problem: points from its start to its goal (exactly: what a float32 rounds is put right) that
-    touch nothing blocked, or no points and why. A start inside blocked cells (an obstacle grown too late) may be left by a short way
-    (rhs.api.segments)."""
+    """A Path that answers this problem: points from its start to its goal (what a float32 rounds is put right) that touch
+    nothing blocked, or no points and why. A start inside blocked cells (an obstacle grown too late) may be left by a short
+    way (rhs.api.segments)."""
     path = _record(path, Path, who)
     _member(path.reason, PlanReason, who, "reason")
     _details(path.details, who)
@@ -381,7 +381,9 @@ def _contact(contact: Any, who: str) -> None:
 
 
 def _command(command: Twist | None, who: str) -> None:
-    values = () if command is None else (command.forward_mps, command.turn_radps, command.duration_s) if isinstance(command, Twist) else (None,)
+    if command is None:
+        return
+    values = (command.forward_mps, command.turn_radps, command.duration_s) if isinstance(command, Twist) else (None,)
     if not all(_number(v) and math.isfinite(v) for v in values):
         _refuse(who, "command", _short(values), "a Twist of finite numbers, or None")
 

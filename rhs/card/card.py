@@ -128,7 +128,8 @@ def verdict(content: dict[str, Any]) -> list[str]:
             else f"keeps its contract ({count} checks)"]
     ended = content.get("ended", {}).get(content["part"])
     if "faults" in content:
-        faults = [f"{one['says']} ({one['times']} of {content['answers']} answers)" for one in content["faults"]]
+        faults = [f"{one['says']} ({one['times']} of {content['answers']} answers: {one['questions'][0]})"
+                  for one in content["faults"]]
         said += faults or [f"no fault in {content['answers']} answers"]
     if ended:
         said.append(f"did not come to its end on the standard set: {ended}")

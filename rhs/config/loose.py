@@ -102,7 +102,7 @@ def match(words: Sequence[str]) -> None:
         cls = found.get(_class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
         if cls is None:
             files = ", ".join(str(module.__file__) for module in _silent)
-            raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no @dataclass that has build(self, context)'}; "
+            raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no @dataclass with a build(context)'}; "
                               f"write rhs.register({kind!r}, {name!r}, CLASS) in it")
         registry.register(kind, name, cls)
 

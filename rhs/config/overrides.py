@@ -23,7 +23,7 @@ from rhs.api.contracts import CHOICES, DEGRADE, KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
-from .registry import JOINED, names_in
+from .registry import JOINED, elsewhere, names_in
 
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
@@ -275,5 +275,6 @@ def check_options(words: Sequence[Word], options: Callable[[str], list[str]]) ->
         known = options(word.key)
         unknown = [one for one in names_in(word.key, str(word.value)) if one not in known]
         if unknown:
-            raise ConfigError(f"{word.text}: there is no such {word.key}{nearest(unknown[0], known)}"
+            raise ConfigError(f"{word.text}: there is no such {word.key}"
+                              f"{elsewhere(unknown[0]) or nearest(unknown[0], known)}"
                               f" (there is {', '.join(known) or 'none'})")

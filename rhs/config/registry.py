@@ -29,7 +29,7 @@ from typing import Any
 
 from rhs.api.contracts import API_VERSION, DEGRADE, PLUGIN_KINDS
 from rhs.api.metric import Metric
-from rhs.api.settings import RESERVED, defaults, nearest, unknown_key, unusable
+from rhs.api.settings import RESERVED, nearest, unknown_key, unusable
 from rhs.base.errors import ConfigError, PluginError
 
 JOINED = "+"  # between degradations: `degrade=blur+low_light` is one part whose settings stand side by side
@@ -133,6 +133,12 @@ def forget() -> None:
     failure.cache_clear()
 
 
+def elsewhere(name: str) -> str:
+    """`; it is ...`, where a plugin of this name is of another kind, or of a group that is none; or nothing."""
+    groups = [(group, points[name][0]) for group, points in _on_path(tuple(sys.path)).items() if name in points]
+    return f"; {_distribution(groups[0][1])} has it in the entry point group {groups[0][0]}" if groups else ""
+
+
 @cache
 def load(kind: str, name: str) -> type:
     """The settings dataclass of a plugin. Raises PluginError: unknown, registered twice, or not importable."""
@@ -143,11 +149,12 @@ def load(kind: str, name: str) -> type:
     where = origins(kind, name)
     if not where:
         known = names(kind)
-        raise PluginError(f"{kind}={name}: there is no such {kind}{nearest(name, known)}"
+        raise PluginError(f"{kind}={name}: there is no such {kind}{elsewhere(name) or nearest(name, known)}"
                           + (f" (available: {', '.join(known)})" if len(known) > 1 else ""))
     if len(where) > 1:
         raise PluginError(f"{kind}={name} is registered twice: {' and '.join(map(str, where))}; uninstall one of them")
     cls = _import(_entry_points(kind)[name][0], where[0])
+    cls = (cls,) if isinstance(cls, Metric) else cls
     _check_plugin(cls, where[0])
     return cls
 
@@ -217,19 +224,26 @@ def _import(point: EntryPoint, origin: Origin) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin may even call sys.exit() while it is imported
-        raise PluginError(f"{origin.kind}={origin.name} ({origin}) cannot be imported: {why_not_imported(error)}") from error
+        raise PluginError(f"{origin.kind}={origin.name} ({origin}) cannot be imported: "
+                          f"{why_not_imported(error, own=origin.value)}") from error
 
 
-def why_not_imported(error: BaseException) -> str:
-    """What went wrong while a module was imported, in which line of which file, and what to install, in one line."""
+def why_not_imported(error: BaseException, own: str = "") -> str:
+    """What went wrong while a module was imported, in which line of which file, and what to install, in one line. own: what
+    an entry point names, `module:class`."""
     if isinstance(error, _TooLong):
         return str(error)
     said = f"{type(error).__name__}: {(str(error).strip().splitlines() or [''])[0][:120]}"
+    if isinstance(error, ModuleNotFoundError) and error.name and f"{own.partition(':')[0]}.".startswith(f"{error.name}."):
+        return f"{said}; right the entry point, module:class"
+    if isinstance(error, AttributeError) and isinstance(error.obj, ModuleType):
+        return said + nearest(str(error.name), dir(error.obj))
     if isinstance(error, ModuleNotFoundError) and error.name:
         return f"{said}; type: pip install {error.name.partition('.')[0].replace('_', '-')}"
-    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    own = [one for one in frames if not one[0].startswith((sys.prefix, sys.base_prefix, "<")) and "/rhs/config/" not in one[0]]
-    return said if isinstance(error, SyntaxError) or not own else f"{said} ({Path(own[-1][0]).name}:{own[-1][1]})"
+    frames = [(Path(frame.f_code.co_filename), line) for frame, line in traceback.walk_tb(error.__traceback__)
+              if "importlib" not in frame.f_code.co_filename and not frame.f_globals["__name__"].startswith("rhs.")]
+    inside = [one for one in frames if one[0].parent.is_relative_to(frames[0][0].parent)]
+    return said if isinstance(error, SyntaxError) or not inside else f"{said} ({inside[-1][0].name}:{inside[-1][1]})"
 
 
 def _check_plugin(cls: Any, origin: Origin) -> None:

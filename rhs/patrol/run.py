@@ -165,7 +165,7 @@ class RunContext:
             return {}
         columns: Mapping[str, Any] | None = job.run()
         if not isinstance(columns, Mapping | None):
-            raise ContractError(f"{self.who('task')}: run() returned {type(columns).__name__}; expected columns by name, or None")
+            raise ContractError(f"{self.who('task')}: run() returned {type(columns).__name__}; expected columns, or None")
         return columns or {}
 
     # --- for the task -----------------------------------------------------------------------------------------------

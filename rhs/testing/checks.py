@@ -63,20 +63,21 @@ def _asserting(check: Check) -> Check:
         except AssertionError:
             raise
         except Exception as error:
-            kind = "" if isinstance(error, ContractError) else f"{type(error).__name__}: "
-            hint = ("; depth, scan and wheel are None unless `needs` names them, wheel and command also in a view without content"
-                    if "NoneType" in str(error) else "")
-            raise AssertionError(" ".join(f"{kind}{error}{_where(error)}{hint}".split())) from error
+            hint = ("; depth, scan and wheel are None unless `needs` names them, wheel and command also in a view without "
+                    "content" if "NoneType" in str(error) else "")
+            raise AssertionError(in_words(error) + hint) from error
 
     return asserting
 
 
-def _where(error: Exception) -> str:
-    """The line of the part itself at which it raised; nothing where rhs refused what it returned."""
+def in_words(error: Exception) -> str:
+    """What a part raised, and its own line in which it did; or, as it stands, why rhs refused what it returned."""
+    if isinstance(error, ContractError):
+        return " ".join(str(error).split())
     frames = [(frame.f_globals.get("__name__", ""), frame.f_code.co_filename, line)
               for frame, line in traceback.walk_tb(error.__traceback__)]
     own = [f"{Path(file).name}:{line}" for module, file, line in frames if not module.startswith("rhs.")]
-    return f" ({own[-1]})" if own and not isinstance(error, ContractError) else ""
+    return " ".join(f"{type(error).__name__}: {error}{f' ({own[-1]})' if own else ''}".split())
 
 
 def says_what_it_is(settings: Any, folder: Path) -> None:

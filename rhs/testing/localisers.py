@@ -115,8 +115,9 @@ def an_error_of_heading_grows_to_the_side(settings: Any, folder: Path) -> None:
     end = _beliefs(settings, folder, in_the_dark([np.eye(4), *[se2(0.2, 0.0, 0.0)] * 10]), start)[-1]
     ahead, side = np.sqrt(np.diag(end.covariance)[:2])
     fits = "; it is in the map frame, expected the body's" if ahead > 0.1 else ""
-    assert side > 0.1, (f"2 m after it was told a heading with a covariance of 0.1 rad, the belief is {side:.3f} m wide to the side, "
-                        f"expected about 0.2 m; add covariances with rhs.api.geometry.compose_covariance{fits}")
+    assert side > 0.1, (f"2 m after it was told a heading known to 0.1 rad, the belief is {side:.3f} m wide to the side, "
+                        "expected about 0.2 m; begin with the covariance of start(belief) and add covariances with "
+                        f"rhs.api.geometry.compose_covariance{fits}")
 
 
 def is_where_it_says_while_it_tracks(settings: Any, folder: Path) -> None:
