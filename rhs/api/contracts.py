@@ -1,7 +1,8 @@
 """What each kind of part must do. Plugin authors read this.
 
 A plugin is one dataclass named by one entry point in a group `rhs.<kind>`. The dataclass holds the settings (all with
-defaults, units in the names), checks their ranges in `__post_init__`, declares
+defaults, units in the names: numbers, bool, str, Path, Enum, Literal, list, tuple, dict, nested dataclasses, `| None`; what
+is not finite is refused), checks their ranges in `__post_init__`, declares
 
     needs: ClassVar[frozenset[str]]      what it takes from the parts before it
     provides: ClassVar[frozenset[str]]   what it offers to the parts after it
@@ -227,7 +228,8 @@ class Mapper(Protocol):
 class Planner(Protocol):
     """Finds a path over a grid that is already grown by the robot's radius.
 
-    Start and goal are returned exactly as first and last point, metres in the map frame; in between the path may touch
+    Start and goal are returned as first and last point (exactly, or as a float32 rounds them), metres in the map frame, as
+    an array or a list; in between the path may touch
     blocked cells but not enter them, nor pass between two that meet corner to corner (rhs.api.segments). A start inside
     blocked cells, an obstacle seen too late, is either `start_blocked` or left by a short way; the goal must be free.
     A failure is a Path with a reason and without points, never an exception; an approximate path is a failure. Budgets are

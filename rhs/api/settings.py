@@ -39,21 +39,19 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
             raise unknown_key(owner, str(key), names)
         if dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
             value = _over(defaults(cls).get(key, {}), value)  # what is not said is as this class has it
-        arguments[key] = made = _convert(hints[key], value, dotted(owner, key))
-        if isinstance(made, float) and not math.isfinite(made) and not _same(made, defaults(cls).get(key)):
-            raise ConfigError(f"{dotted(owner, key)}={_show(value)}: expected a finite number")
+        arguments[key] = _convert(hints[key], value, dotted(owner, key))
     try:
-        return cls(**arguments)
+        made = cls(**arguments)
     except ConfigError as error:
         if owner and str(error).partition("=")[0] in names:  # a nested group knows its own names only
             raise ConfigError(f"{owner}.{error}") from error
         raise
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{owner or cls.__name__}: {error}") from error
-
-
-def _same(number: float, other: Any) -> bool:
-    return bool(number == other or (math.isnan(number) and isinstance(other, float) and math.isnan(other)))
+    for key, value in arguments.items():
+        if isinstance(value, float) and not math.isfinite(value) and repr(value) != repr(defaults(cls).get(key)):
+            raise ConfigError(f"{dotted(owner, key)}={_show(value)}: expected a finite number")
+    return made
 
 
 def _over(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:

@@ -85,7 +85,7 @@ class RangesInCentimetres(Honest):
 
 class DepthAsRange(Honest):
     """The scan is the row of depth, not the length of the rays, with bearings in degrees."""
-    says = "of the beams end at a wall"
+    says = "expected radians"
 
     def scan(self, depth):
         scan = super().scan(depth)
