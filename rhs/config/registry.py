@@ -18,7 +18,7 @@ import sys
 import threading
 import traceback
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -133,6 +133,16 @@ def forget() -> None:
     failure.cache_clear()
 
 
+registered_from: list[Callable[[str, str], None]] = []  # what registers kind=name, if a file of --plugin holds it
+
+
+def in_files(kind: str, name: str) -> bool:
+    """Whether a file given by --plugin holds this plugin; from now on it is registered."""
+    for find in registered_from:
+        find(kind, name)
+    return (kind, name) in _by_hand
+
+
 def elsewhere(name: str) -> str:
     """`; it is ...`, where a plugin of this name is of another kind, or of a group that is none; or nothing."""
     groups = [(group, points[name][0]) for group, points in _on_path(tuple(sys.path)).items() if name in points]
@@ -147,9 +157,12 @@ def load(kind: str, name: str) -> type:
     if len(several := names_in(kind, name)) > 1:
         return joined(kind, {one: load(kind, one) for one in several})
     where = origins(kind, name)
+    if not where and in_files(kind, name):
+        return _by_hand[kind, name][0]
     if not where:
         known = names(kind)
         raise PluginError(f"{kind}={name}: there is no such {kind}{elsewhere(name) or nearest(name, known)}"
+                          f"{'' if registered_from else '; if it is in a file, add --plugin FILE.py'}"
                           + (f" (available: {', '.join(known)})" if len(known) > 1 else ""))
     if len(where) > 1:
         raise PluginError(f"{kind}={name} is registered twice: {' and '.join(map(str, where))}; uninstall one of them")

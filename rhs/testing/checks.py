@@ -50,7 +50,7 @@ def checks(kind: str) -> dict[str, Check]:
     own = {"source": SOURCE, "sensor": SENSOR, "odometry": ODOMETRY, "loop_closer": LOOP_CLOSER, "localiser": LOCALISER,
            "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN, DEGRADED: DEGRADE, SLAM: SLAMS}
     if kind not in own:
-        raise ConfigError(f"there are no checks of a {kind}; there are of {', '.join(own)}")
+        raise ConfigError(f"no checks for kind {kind}; there are for {', '.join(own)}")
     return {check.__name__: _asserting(check) for check in (*SETTINGS, *own[kind])}
 
 

@@ -27,6 +27,7 @@ from rhs.api.validate import check_path
 from rhs.base.processes import raises
 from rhs.card import card
 from rhs.config import registry
+from rhs.config.loose import load_files
 from rhs.metrics.evaluate import evaluate
 from rhs.sweeps.face import _words
 from rhs.testing import check_plugin
@@ -257,3 +258,17 @@ def test_a_metric_takes_no_column_that_there_is(tmp_path):
 def test_a_plugin_in_another_group_is_pointed_at():
     with pytest.raises(ConfigError, match="has it in the entry point group rhs.planner"):
         registry.load("odometry", "prm")
+
+
+def test_a_plugin_of_a_file_is_found_by_whatever_names_it(tmp_path):
+    """A run folder that is blamed or verified names it, and no word on the command line does."""
+    (tmp_path / "mine.py").write_text(f"from {__name__} import Straight\n\n\nclass OfAFile(Straight):\n    pass\n".replace(
+        "class", "from dataclasses import dataclass\n\n\n@dataclass\nclass"))
+    try:
+        load_files([str(tmp_path / "mine.py")], [])
+        assert registry.load("planner", "of_a_file").__name__ == "OfAFile"
+    finally:
+        registry._by_hand.pop(("planner", "of_a_file"), None)
+        load_files([], [])
+    with pytest.raises(ConfigError, match="add --plugin FILE.py"):
+        registry.load("planner", "of_a_file")
