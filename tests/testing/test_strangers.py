@@ -270,5 +270,6 @@ def test_a_plugin_of_a_file_is_found_by_whatever_names_it(tmp_path):
     finally:
         registry._by_hand.pop(("planner", "of_a_file"), None)
         load_files([], [])
+        registry.forget()
     with pytest.raises(ConfigError, match="add --plugin FILE.py"):
         registry.load("planner", "of_a_file")
