@@ -48,7 +48,8 @@ SHALLOW = {
     "reports.world_pictures": "draws; its importer only prints",
     "sweeps.held_out": "promises, apart from the suites they are made for",
     "sweeps.server": "what the forking process imports, and no other",
-    "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each", "testing.slams": "one kind of plugin each",
+    "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",
+    "testing.slams": "one kind of plugin each",
     "worlds.round_trip": "the travelling salesman, apart",
     "worlds.random.hall": "one family of buildings each",
 }

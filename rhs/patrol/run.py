@@ -26,7 +26,7 @@ from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
 from .ahead import Ahead, looks_ahead
-from .culprit import exit_noticed, in_one_line, write_traceback
+from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
 from .eyes import Eyes
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
@@ -232,7 +232,8 @@ class RunContext:
         if error is None:
             return {"status": "ok", "reason": ""}
         if isinstance(error, KeyboardInterrupt | GeneratorExit):
-            return {"status": "interrupted", "reason": f"interrupted{self.at}"}
+            who, line = raised_in(error, self.config, self._parts)
+            return {"status": "interrupted", "reason": f"interrupted{self.at}" + (f" in {who}, {line}" if who else "")}
         return {"status": "failed", "reason": self.said_of(error, self.at)}
 
     def said_of(self, error: BaseException, at: str = "") -> str:
