@@ -166,10 +166,10 @@ def load(kind: str, name: str) -> type:
                           + (f" (available: {', '.join(known)})" if len(known) > 1 else ""))
     if len(where) > 1:
         raise PluginError(f"{kind}={name} is registered twice: {' and '.join(map(str, where))}; uninstall one of them")
-    cls = _import(_entry_points(kind)[name][0], where[0])
-    cls = (cls,) if isinstance(cls, Metric) else cls
-    _check_plugin(cls, where[0])
-    return cls
+    found: Any = _import(_entry_points(kind)[name][0], where[0])
+    found = (found,) if isinstance(found, Metric) else found
+    _check_plugin(found, where[0])
+    return found  # type: ignore[no-any-return]
 
 
 @cache
@@ -266,8 +266,9 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         return
     if not (isinstance(cls, type) and dataclasses.is_dataclass(cls)):
         raise PluginError(f"{who} is not a dataclass; name the settings dataclass in the entry point")
+    plugin: Any = cls
     try:
-        inspect.signature(cls.build).bind("self", "context")
+        inspect.signature(plugin.build).bind("self", "context")
     except (AttributeError, TypeError):
         raise PluginError(f"{who} has no build(self, context)") from None
     api = getattr(cls, "api", API_VERSION)
@@ -279,7 +280,7 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
             raise PluginError(f"{who} declares no {word}; write `{word}: ClassVar[frozenset[str]] = frozenset()`")
     if origin.kind == "task" and not hasattr(cls, "kinds"):
         raise PluginError(f"{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = (...)` with those it needs")
-    if origin.kind == "task" and (wrong := sorted(set(cls.kinds) - set(PLUGIN_KINDS))):
+    if origin.kind == "task" and (wrong := sorted(set(plugin.kinds) - set(PLUGIN_KINDS))):
         raise PluginError(f"{who}: there is no kind {wrong[0]}{nearest(wrong[0], list(PLUGIN_KINDS))}")
     for item in dataclasses.fields(cls):
         if item.name in RESERVED:

@@ -103,7 +103,7 @@ def _mistaken(motions: Sequence[Motion]) -> dict[str, np.ndarray]:
         "left and right were exchanged": [flip @ step @ flip for step in steps],
         "it were in centimetres": [se3(step[:3, :3], step[:3, 3] / 100.0) for step in steps],
         "it were in millimetres": [se3(step[:3, :3], step[:3, 3] / 1000.0) for step in steps],
-        "its angle, in degrees, were in radians": [se2(*step[:2, 3], np.radians(planar(step)[2])) for step in steps],
+        "its angle, in degrees, were in radians": [se2(x, y, np.radians(yaw)) for x, y, yaw in map(planar, steps)],
         "it were the body's, not the camera's: body_from_camera @ motion @ camera_from_body": [
             camera @ step @ inverse(camera) for step in steps],
         "it were not summed up since the start": steps[-1:]}
