@@ -14,7 +14,7 @@ import math
 import types
 import typing
 from collections.abc import Mapping
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 from rhs.base.errors import ConfigError
@@ -74,6 +74,14 @@ def nearest(word: str, known: list[str], owner: str = "") -> str:
     """`; did you mean x?`, or nothing when no known word is like it."""
     close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
     return f"; did you mean {dotted(owner, close[0])}?" if close else ""
+
+
+def near_file(path: Path) -> str:
+    """`; did you mean x?`, x the file or folder beside it whose name is most like that of one that does not exist."""
+    try:
+        return nearest(path.name, [entry.name for entry in path.parent.iterdir()]) if path.name else ""
+    except OSError:
+        return ""
 
 
 def dotted(owner: str, key: str) -> str:

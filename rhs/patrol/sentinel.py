@@ -35,7 +35,7 @@ from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
-from .surroundings import NOTHING, SURE
+from .surroundings import SURE
 
 WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
@@ -107,13 +107,13 @@ class Sentinel:
 
     def note(self, belief: Belief, scan: Scan) -> None:
         sure = belief.status is BeliefStatus.TRACKING
-        self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else NOTHING
+        self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else None
         if sure:
             self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=self.guard.around.now_s)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
-            self.kidnapper.maybe(source, self.book)
+            self.kidnapper.maybe(source, self.book, command)
         return None if command is None else self._driven(source, command)
 
     def _driven(self, source: Source, command: Twist) -> Capture:
@@ -390,11 +390,7 @@ class Sentinel:
                          events)
             if self.book.done:
                 return Decision(None, None, tuple(events), mission.mission)
-        sight = self.obstacle if self.obstacle is not None else scan
-        command, why = self.guard.allow(self.search.next(belief, sight))
+        command, why = self.search.guarded(belief, self.obstacle if self.obstacle is not None else scan, self.guard)
         if why is not None:
             events.append(why)
-        if command is None:
-            self.search.turn_away()
-            command = self.search.next(belief, sight)
         return Decision(command, None, tuple(events), mission.mission)
