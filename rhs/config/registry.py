@@ -62,25 +62,26 @@ def register(kind: str, name: str, cls: type) -> None:
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise PluginError(f"{kind}={name}: a plugin's name is letters, digits and _")
     module, called = _where_it_stands(cls)
-    file = getattr(module, "__file__", None) or module.__name__
+    file = getattr(sys.modules.get(module), "__file__", None) or module
     try:
         digest = hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]
     except OSError:  # typed into a notebook
         digest = "no file"
-    origin = Origin(kind, name, f"{module.__name__}:{called}", f"{Path(file).name} ({digest})", file)
+    origin = Origin(kind, name, f"{module}:{called}", f"{Path(file).name} ({digest})", file)
     _check_plugin(cls, origin)
     _by_hand[kind, name] = cls, origin
     load.cache_clear()
     failure.cache_clear()
 
 
-def _where_it_stands(plugin: Any) -> tuple[ModuleType, str]:
-    """The module of a class, and its name there; of a tuple of metrics the module of the first one's function."""
+def _where_it_stands(plugin: Any) -> tuple[str, str]:
+    """The module of a class by name, and its name there; of a tuple of metrics the module of the first one's function."""
     if isinstance(plugin, type):
-        return sys.modules[plugin.__module__], plugin.__qualname__
+        return plugin.__module__, plugin.__qualname__
     first = plugin[0] if isinstance(plugin, tuple) and plugin else plugin
-    module = sys.modules.get(getattr(getattr(first, "function", first), "__module__", None) or "", sys.modules["__main__"])
-    return module, next((name for name, value in vars(module).items() if value is plugin), "?")
+    module = getattr(getattr(first, "function", first), "__module__", None) or "__main__"
+    there = vars(sys.modules[module]) if module in sys.modules else {}
+    return module, next((name for name, value in there.items() if value is plugin), "?")
 
 
 def loose(task: str, names: Mapping[str, str]) -> str:
