@@ -6,6 +6,8 @@ halls: large rooms with pillars, gates between them; outdoor: streets between bl
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 CELL_M = 0.05
@@ -83,7 +85,8 @@ def offices(way_m: float, rng: np.random.Generator) -> tuple[np.ndarray, Way]:
     plan.paint(west + half, south + half, west + wide - half, south + high - half, free=False)
     doors: list[tuple[float, tuple[float, float], tuple[float, float]]] = []  # place on the ring, before and in the room
     for number, (x, y, dx, dy, length) in enumerate(((west, south, 1, 0, wide), (west + wide, south, 0, 1, high),
-                                                     (west + wide, south + high, -1, 0, wide), (west, south + high, 0, -1, high))):
+                                                     (west + wide, south + high, -1, 0, wide),
+                                                     (west, south + high, 0, -1, high))):
         at, begun = half + wall, (0.0, wide, wide + high, 2.0 * wide + high)[number]
         while at + 2.5 < length - half:
             room_m = min(rng.uniform(2.8, 5.0), length - half - at)
@@ -91,7 +94,7 @@ def offices(way_m: float, rng: np.random.Generator) -> tuple[np.ndarray, Way]:
                 deep = rng.uniform(3.5, 6.0) if side > 0 else min(rng.uniform(3.0, 5.0), 0.5 * high - half - 0.4)
                 if side < 0 and number % 2:
                     continue  # rooms inside along the long sides only: they would meet at the corners
-                here = lambda a, b, s=side: (x + dx * a + s * dy * b, y + dy * a - s * dx * b)  # noqa: E731
+                here = partial(_beside, (x, y, dx, dy), side)
                 rectangle(plan, here(at, half + wall), here(at + room_m - wall, half + wall + deep))
                 door = at + rng.uniform(0.7, room_m - wall - 0.7)
                 rectangle(plan, here(door - 0.45, half - 0.1), here(door + 0.45, half + wall + 0.1))
@@ -112,6 +115,12 @@ def offices(way_m: float, rng: np.random.Generator) -> tuple[np.ndarray, Way]:
             way += [stops[0], stops[1], stops[0]] if len(stops) == 2 else stops
         done_m += lap_m + 5.0 * len(visited)
     return plan.segments(), way
+
+
+def _beside(edge: tuple[float, ...], side: float, along: float, away: float) -> tuple[float, float]:
+    """The place so far along an edge (x, y, direction) of the ring and so far to its side."""
+    x, y, dx, dy = edge
+    return x + dx * along + side * dy * away, y + dy * along - side * dx * away
 
 
 def rectangle(plan: Plan, a: tuple[float, float], b: tuple[float, float]) -> None:
@@ -151,7 +160,8 @@ def outdoor(way_m: float, rng: np.random.Generator) -> tuple[np.ndarray, Way]:
             while at < ends[-1] - 8.0:
                 front, deep = rng.uniform(6.0, 25.0), side * (back + rng.uniform(0.0, 3.0))
                 if rng.random() > lawn and all(abs(at + f * front - e) > 9.0 for f in (0.0, 0.5, 1.0) for e in ends):
-                    box = np.array([(at, deep), (at + 0.4 * front, deep), (at + 0.4 * front, deep + side), (at + front, deep + side),
+                    box = np.array([(at, deep), (at + 0.4 * front, deep), (at + 0.4 * front, deep + side),
+                                    (at + front, deep + side),
                                     (at + front, deep + 9.0 * side), (at, deep + 9.0 * side)]) + (0.0, line)
                     box = box[:, ::-1] if swap else box
                     plan._loose.append(np.stack([box, np.roll(box, -1, axis=0)], axis=1))

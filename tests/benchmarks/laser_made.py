@@ -2,13 +2,14 @@
 
     python tests/benchmarks/laser_made.py --seeds 10000-10015 --out results/tables/laser_made.csv
 
-Which kind of building a seed makes is seed % 4 (`laser_buildings.py`). Scanner: 180 to 541 beams over 180 or 270 degrees, noise of 1
-to 3 cm, centimetres, sometimes 0.2 m ahead of the wheels, some beams 0; outdoors half of them end nowhere (81.91), some
+Which kind of building a seed makes is seed % 4 (`laser_buildings.py`). Scanner: 180 to 541 beams
+over 180 or 270 degrees, noise of 1 to 3 cm, centimetres, sometimes 0.2 m ahead of the wheels, some beams 0; outdoors half of them end nowhere (81.91), some
 halls are seen by one that ends at 8.19 m; 5 to 37 scans a second, or one every 0.3 m. People walk about. Wheels: metres 3 to
 8 % off, a drift of 1 to 4 degrees per metre for one seed in two, noise, a slip now and then. Judged by the true poses:
 
 relations_m: mean error of the position of a scan seen from another one, as published relations are made: three in four pairs
-1 to 3 m of way apart (near_m), one in four within 1 m on another passage (revisits_m); ate_m: root mean square, aligned. A run is right up to 0.06 m
+1 to 3 m of way apart (near_m), one in four within 1 m on another passage (revisits_m); ate_m: root mean
+square, aligned. A run is right up to 0.06 m
 (relations_m), `silent` when it is not and the map does not say so (inconsistency up to 0.1, or none). wrong_loops: accepted
 though over 0.5 m or 5 degrees off.
 """
@@ -55,7 +56,8 @@ def main() -> int:
             path = folder / f"{KINDS[seed % 4]}_{seed}.log"
             facts, truth = made(path, seed, options.way_m)
             rows.append({"kind": KINDS[seed % 4], "seed": seed, **facts, **judged(path, truth, facts, options.settings)})
-            sys.stdout.write(" ".join(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in rows[-1].items()) + "\n")
+            words = (f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in rows[-1].items())
+            sys.stdout.write(" ".join(words) + "\n")
             sys.stdout.flush()
             write(options.out, rows)
             if not options.logs:
@@ -95,9 +97,12 @@ def made(path: Path, seed: int, ways_m: tuple[float, float]) -> tuple[dict, np.n
             words = [f"{r:.2f}" for r in ranges]
             there = composed(wheels[k], np.array([mount_m, 0.0, 0.0]))
             file.write(f"TRUEPOS {_pose(at[k])} {_pose(wheels[k])} {stamps[k]:.6f} made {stamps[k]:.6f}\n")
-            file.write(f"FLASER {beams} {' '.join(words)} {_pose(there)} {_pose(wheels[k])} {stamps[k]:.6f} made {stamps[k]:.6f}\n")
-    facts = {"beams": beams, "fov_deg": fov_deg, "most_m": most_m, "noise_m": noise_m, "rate_hz": rate_hz, "thinned_m": thin_m,
-             "mount_m": mount_m, "people": people, "way_m": float(np.hypot(*np.diff(at[:, :2], axis=0).T).sum()), "scans": len(at),
+            file.write(f"FLASER {beams} {' '.join(words)} {_pose(there)} {_pose(wheels[k])} "
+                       f"{stamps[k]:.6f} made {stamps[k]:.6f}\n")
+    facts = {"beams": beams, "fov_deg": fov_deg, "most_m": most_m, "noise_m": noise_m, "rate_hz": rate_hz,
+             "thinned_m": thin_m,
+             "mount_m": mount_m, "people": people, "way_m": float(np.hypot(*np.diff(at[:, :2], axis=0).T).sum()),
+             "scans": len(at),
              "wheels_m": relations(wheels, at)[0]}
     return facts, laser
 
@@ -215,10 +220,12 @@ def judged(path: Path, truth: np.ndarray, facts: dict, words: list[str]) -> dict
     before, after = flat(poses), flat(closure.poses)
     whole, near, again, ate = relations(after, truth)
     loops = [edge for edge in closure.edges if edge.accepted]
-    off = [between(between(truth[edge.earlier], truth[edge.later]), flat(edge.earlier_from_later[None])[0]) for edge in loops]
+    off = [between(between(truth[edge.earlier], truth[edge.later]), flat(edge.earlier_from_later[None])[0])
+           for edge in loops]
     value = map_inconsistency([one.scan for one in seen], after)
     right = whole <= RIGHT_M
-    return {"front_relations_m": relations(before, truth)[0], "front_ate_m": relations(before, truth)[3], "relations_m": whole,
+    return {"front_relations_m": relations(before, truth)[0], "front_ate_m": relations(before, truth)[3],
+            "relations_m": whole,
             "near_m": near, "revisits_m": again, "ate_m": ate, "inconsistency": value, "loops": len(loops),
             "wrong_loops": sum(bool(np.hypot(*gap[:2]) > 0.5 or abs(gap[2]) > 0.09) for gap in off),
             "searches": 1 + int(closure.details.get("wider_searches", 0)),
