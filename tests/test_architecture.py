@@ -46,10 +46,10 @@ SHALLOW = {
     "reports.frames": "the truth laid into the belief's frame: geometry, not a report",
     "reports.thresholds": "reads a table and fits; its importer only prints",
     "reports.world_pictures": "draws; its importer only prints",
-    "sweeps.face": "the public function, light; the sweep behind it is not",
     "sweeps.held_out": "promises, apart from the suites they are made for",
     "sweeps.server": "what the forking process imports, and no other",
     "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",
+    "testing.slams": "one kind of plugin each",
     "worlds.round_trip": "the travelling salesman, apart",
     "worlds.random.hall": "one family of buildings each",
 }

@@ -16,6 +16,7 @@ from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError, RecordingError
 from rhs.api.files import replacing
 from rhs.api.records import Capture, Twist, WorldFacts
+from rhs.api.settings import near_file
 
 from .carmen.log import is_carmen, open_carmen
 from .folders.clouds import is_clouds, open_clouds
@@ -137,7 +138,7 @@ def open_recording(settings) -> Recording:
         raise ConfigError("source.path is empty; type source.path=FOLDER_OR_FILE of the recording")
     path = Path(settings.path).expanduser()
     if not path.exists():
-        raise ConfigError(f"source.path={settings.path}: no such file or folder")
+        raise ConfigError(f"source.path={settings.path}: no such file or folder{near_file(path)}")
     if not (path.is_file() or path.is_dir()):
         raise ConfigError(f"source.path={settings.path} is a FIFO or a device; expected a file or a folder")
     try:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, rotation_of_quaternion, se3
+from rhs.api.settings import near_file
 
 
 def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
@@ -146,7 +147,8 @@ def typed_file(name: str) -> Path:
     """The file of true poses that was typed. Raises ConfigError where there is none."""
     path = Path(name).expanduser()
     if not path.is_file():
-        raise ConfigError(f"source.truth={name}: no such file; expected stamp tx ty tz qx qy qz qw a line")
+        raise ConfigError(f"source.truth={name}: no such file{near_file(path)}; expected stamp tx ty tz qx qy qz qw a "
+                          "line")
     return path
 
 

@@ -1,7 +1,8 @@
 """What each kind of part must do. Plugin authors read this.
 
 A plugin is one dataclass named by one entry point in a group `rhs.<kind>`. The dataclass holds the settings (all with
-defaults, units in the names), checks their ranges in `__post_init__`, declares
+defaults, units in the names: numbers, bool, str, Path, Enum, Literal, list, tuple, dict, nested dataclasses, `| None`; what
+is not finite is refused), checks their ranges in `__post_init__`, declares
 
     needs: ClassVar[frozenset[str]]      what it takes from the parts before it
     provides: ClassVar[frozenset[str]]   what it offers to the parts after it
@@ -18,14 +19,18 @@ Parts get randomness only from `context.rng`, and never see a true pose. Arrays 
 
 from __future__ import annotations
 
+import inspect
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path as FilePath
+from types import MethodType
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
+from .engine import Engine
 from .errors import ContractError
 from .floorplan import World
 from .geometry import Camera
@@ -100,11 +105,12 @@ class Source(Protocol):
 
     Stamps increase from each capture to the next, also from the survey to the patrol. `travel` is
     `previous_from_body` of the wheels: dx ahead, dy left, dyaw counter-clockwise, in the body frame of the previous view.
-    A class that derives from Source has the defaults below; one that does not is given them (`complete`)."""
+    Of a recording camera, facts and `lead` will do. A class that derives from Source has the defaults below; one that does
+    not is given them (`complete`)."""
 
     camera: Camera
     facts: WorldFacts  # of the simulated world, or what a recording tells (no places, bounds round its start)
-    views_expected: int | None  # length of the survey for the progress bar, None when unknown
+    views_expected: int | None = None  # length of the survey for the progress bar, None when unknown
     provides: frozenset[str] | None = None  # what it turned out to hold, if that is less than its settings promise
     renderer: str = ""  # for the row: what draws its images, of a simulator
     stamps_repaired: int = 0  # for the row: stamps of a recording that stepped back and were put right; no view is lost
@@ -127,9 +133,11 @@ class Source(Protocol):
 
     def truth(self) -> np.ndarray | None:
         """True world_from_body (4x4) of the last capture, or None when nobody knows. Never handed to an estimator."""
+        return None
 
     def clearance_m(self) -> tuple[float, bool]:
         """Least true distance to anything since the last call, and whether the robot touched something. NaN: unknown."""
+        return math.nan, False
 
     def close(self) -> None: ...
 
@@ -220,7 +228,8 @@ class Mapper(Protocol):
 class Planner(Protocol):
     """Finds a path over a grid that is already grown by the robot's radius.
 
-    Start and goal are returned exactly as first and last point, metres in the map frame; in between the path may touch
+    Start and goal are returned as first and last point (exactly, or as a float32 rounds them), metres in the map frame, as
+    an array or a list; in between the path may touch
     blocked cells but not enter them, nor pass between two that meet corner to corner (rhs.api.segments). A start inside
     blocked cells, an obstacle seen too late, is either `start_blocked` or left by a short way; the goal must be free.
     A failure is a Path with a reason and without points, never an exception; an approximate path is a failure. Budgets are
@@ -304,23 +313,53 @@ class Localiser(Protocol):
     def update(self, observation: Observation, motion: Motion) -> Belief: ...
 
 
-OPTIONAL: dict[str, tuple[type, tuple[str, ...]]] = {"source": (Source, ("provides", "renderer", "stamps_repaired", "lost",
-                                                                       "leads_ahead")),
-                                                     "sensor": (Sensor, ("senses_ahead",)),
-                                                     "mapper": (Mapper, ("draws_furniture",)),
-                                                     "odometry": (Odometry, ("keeps_moving", "short_steps", "scale_from"))}
+PROTOCOLS: dict[str, type] = {"source": Source, "sensor": Sensor, "odometry": Odometry, "loop_closer": LoopCloser,
+                              "mapper": Mapper, "planner": Planner, "localiser": Localiser, "replan": Replan, SLAM: Slam,
+                              DEGRADE: Degradation, "engine": Engine}
+OPTIONAL = {"source": ("views_expected", "provides", "renderer", "stamps_repaired", "lost", "leads_ahead", "begin_patrol",
+                       "drive", "teleport", "truth", "clearance_m", "close"),
+            "sensor": ("senses_ahead",), "mapper": ("draws_furniture",), DEGRADE: ("told",),
+            "engine": ("chunk_s", "processes", "alive", "workers", "close"),
+            "odometry": ("keeps_moving", "short_steps", "scale_from", "revise")}
 
 
 def complete(kind: str, part: Any) -> Any:
-    """The part itself, given the defaults of its Protocol for the optional attributes that it lacks.
+    """The part itself, given the defaults of its Protocol for what is optional there and missing.
 
-    Raises ContractError where it takes none."""
-    protocol, optional = OPTIONAL.get(kind, (object, ()))
-    for name in optional:
-        if not hasattr(part, name):
+    Raises ContractError in words for its author: it lacks a method, has one with other arguments, or takes no defaults."""
+    protocol, optional = PROTOCOLS.get(kind, object), OPTIONAL.get(kind, ())
+    for name in (name for name in (*protocol.__dict__.get("__annotations__", ()), *vars(protocol)) if name[0] != "_"):
+        default, own = getattr(protocol, name, None), getattr(part, name, None)
+        if name in optional and not hasattr(part, name):
             try:
-                setattr(part, name, getattr(protocol, name))
+                setattr(part, name, MethodType(default, part) if callable(default) else default)
             except (AttributeError, TypeError):
                 raise ContractError(f"{kind} {type(part).__name__} has no {name} and takes none; derive it from "
                                     f"rhs.api.contracts.{protocol.__name__}") from None
+        elif name not in optional and (not hasattr(part, name) or getattr(type(part), name, part) is default):
+            raise ContractError(f"{type(part).__name__}, which build() returned, has no {_call(name, default)}")
+        elif callable(default) and not _takes(own, default):
+            raise ContractError(f"{type(part).__name__}.{name} cannot be called as {_call(name, default)}")
     return part
+
+
+def _arguments(method: Any) -> list[str]:
+    return list(inspect.signature(method).parameters)[1:]
+
+
+def _call(name: str, method: Any) -> str:
+    """A method as it is called; an attribute by its name alone."""
+    return f"{name}({', '.join(_arguments(method))})" if callable(method) else name
+
+
+def _takes(own: Any, method: Any) -> bool:
+    """Whether `own` can be called with the arguments of this method of a Protocol; where nobody can tell, it may."""
+    if not callable(own):
+        return False
+    try:
+        inspect.signature(own).bind(*_arguments(method))
+    except TypeError:
+        return False
+    except ValueError:
+        return True
+    return True

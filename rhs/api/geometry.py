@@ -46,6 +46,13 @@ def planar(pose: np.ndarray) -> np.ndarray:
     return np.array([pose[0, 3], pose[1, 3], np.arctan2(pose[1, 0], pose[0, 0])])
 
 
+def arc(length_m: float, turn_rad: float) -> np.ndarray:
+    """(3,) dx, dy, dyaw of a unicycle that goes so far while it turns by so much: Thrun et al., Probabilistic Robotics,
+    section 5.3."""
+    chord = length_m * float(np.sinc(turn_rad / (2 * np.pi)))
+    return np.array([chord * np.cos(turn_rad / 2), chord * np.sin(turn_rad / 2), turn_rad])
+
+
 def se3(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
     """4x4 pose from a 3x3 rotation and a (3,) translation."""
     pose = np.zeros((4, 4))

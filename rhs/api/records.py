@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import check_ranges
-from .geometry import Camera
+from .geometry import Camera, arc
 from .statuses import BeliefStatus as BeliefStatus
 from .statuses import Event as Event
 from .statuses import MissionStatus as MissionStatus
@@ -44,6 +44,11 @@ class Twist:
     forward_mps: float
     turn_radps: float
     duration_s: float
+
+    @property
+    def travel(self) -> np.ndarray:
+        """(3,) dx, dy, dyaw, metres and radians, of a robot that obeys."""
+        return arc(self.forward_mps * self.duration_s, self.turn_radps * self.duration_s)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,28 @@ from __future__ import annotations
 import numpy as np
 
 TOUCH = 1e-7  # cells
+ROUNDED = 1e-6  # of a coordinate, or metres: what a float32 rounds
 LONGEST = 2_000_000  # cells a path may run through; more is no path
+
+
+def with_exact_ends(points_m: np.ndarray, start_m: np.ndarray, goal_m: np.ndarray) -> np.ndarray:
+    """(N, 2) points that begin and end exactly at (2,) start and goal, if they did so but for what a float32 rounds."""
+    ends = np.array([start_m, goal_m])
+    if len(points_m) < 2 or not np.allclose(points_m[[0, -1]], ends, rtol=ROUNDED, atol=ROUNDED):
+        return points_m
+    return np.vstack([ends[:1], points_m[1:-1], ends[1:]])
+
+
+def mistaken_ends(points_m: np.ndarray, start_m: np.ndarray, goal_m: np.ndarray, resolution_m: float,
+                  origin_m: tuple[float, float]) -> str:
+    """The common mistake without which the ends of a path lie within two cells of start and goal, in words; or nothing."""
+    ends, said, corner = np.array([start_m, goal_m]), points_m[[0, -1]], np.asarray(origin_m)
+    cells = "are cells; metres are origin_m + resolution_m * (cell + 0.5)"
+    fits = {"put start_m before and goal_m behind the middles of the cells": said, "the path is reversed": said[::-1],
+            "x and y are exchanged": said[:, ::-1], f"these (column, row) {cells}": (said + 0.5) * resolution_m + corner,
+            f"these (row, column) {cells}, x of the column": (said[:, ::-1] + 0.5) * resolution_m + corner,
+            "origin_m is missing": said + corner, "x and y are exchanged, and origin_m is missing": said[:, ::-1] + corner}
+    return next((f"; {words}" for words, other in fits.items() if np.abs(other - ends).max() <= 2.0 * resolution_m), "")
 
 
 def first_blocked(points_m: np.ndarray, blocked: np.ndarray, resolution_m: float,

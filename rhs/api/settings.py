@@ -10,9 +10,11 @@ import dataclasses
 import difflib
 import enum
 import functools
+import math
 import types
 import typing
 from collections.abc import Mapping
+from pathlib import Path, PurePath
 from typing import Any
 
 from rhs.base.errors import ConfigError
@@ -39,13 +41,17 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
             value = _over(defaults(cls).get(key, {}), value)  # what is not said is as this class has it
         arguments[key] = _convert(hints[key], value, dotted(owner, key))
     try:
-        return cls(**arguments)
+        made = cls(**arguments)
     except ConfigError as error:
         if owner and str(error).partition("=")[0] in names:  # a nested group knows its own names only
             raise ConfigError(f"{owner}.{error}") from error
         raise
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{owner or cls.__name__}: {error}") from error
+    for key, value in arguments.items():
+        if isinstance(value, float) and not math.isfinite(value) and repr(value) != repr(defaults(cls).get(key)):
+            raise ConfigError(f"{dotted(owner, key)}={_show(value)}: expected a finite number")
+    return made
 
 
 def _over(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -70,6 +76,14 @@ def nearest(word: str, known: list[str], owner: str = "") -> str:
     return f"; did you mean {dotted(owner, close[0])}?" if close else ""
 
 
+def near_file(path: Path) -> str:
+    """`; did you mean x?`, x the file or folder beside it whose name is most like that of one that does not exist."""
+    try:
+        return nearest(path.name, [entry.name for entry in path.parent.iterdir()]) if path.name else ""
+    except OSError:
+        return ""
+
+
 def dotted(owner: str, key: str) -> str:
     """`owner.key`, or the key alone at the top."""
     return f"{owner}.{key}" if owner else str(key)
@@ -91,15 +105,48 @@ def defaults(cls: type) -> dict[str, Any]:
     return out
 
 
+def is_record(value: Any) -> bool:
+    """Whether this is an object of a dataclass."""
+    return dataclasses.is_dataclass(value) and not isinstance(value, type)
+
+
 def plain(value: Any) -> Any:
-    """Dataclasses as dicts, tuples as lists, enumerations as their value: what can be written to YAML or JSON."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    """Dataclasses as dicts, tuples as lists, enumerations as their value (or name), paths as text: what can be written to
+    YAML or JSON."""
+    if is_record(value):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
-    return value.value if isinstance(value, enum.Enum) else value
+    if isinstance(value, enum.Enum):
+        return value.value if isinstance(value.value, (str, int, float)) else value.name
+    return str(value) if isinstance(value, PurePath) else value
+
+
+def unusable(cls: type, owner: str = "") -> str:
+    """Which setting of a dataclass nobody can type, in words; nothing when all can be."""
+    for item in dataclasses.fields(cls):
+        hint = _hints(cls)[item.name]
+        if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+            if said := unusable(hint, dotted(owner, item.name)):
+                return said
+        elif item.init and not _typable(hint):
+            return (f"setting {dotted(owner, item.name)} of type {type_name(hint)} cannot be typed; use numbers, bool, str, "
+                    "Path, Enum, Literal, list, tuple, dict, a dataclass")
+        if item.init and item.default is item.default_factory is dataclasses.MISSING:
+            return f"setting {dotted(owner, item.name)} has no default value; give it one"
+    return ""
+
+
+def _typable(hint: Any) -> bool:
+    inner = [one for one in typing.get_args(hint) if one is not Ellipsis]
+    origin = typing.get_origin(hint)
+    if origin in (typing.Union, types.UnionType, list, tuple, dict):
+        return all(map(_typable, inner))
+    plain_types = (float, int, str, types.NoneType, enum.Enum, PurePath, list, tuple, dict)
+    return (hint is Any or origin is typing.Literal or dataclasses.is_dataclass(hint)
+            or (isinstance(hint, type) and issubclass(hint, plain_types)))
 
 
 def type_name(hint: Any) -> str:
@@ -110,6 +157,8 @@ def type_name(hint: Any) -> str:
         return " | ".join(type_name(h) for h in typing.get_args(hint))
     if typing.get_origin(hint) is typing.Literal:
         return " | ".join(map(str, typing.get_args(hint)))
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        return " | ".join(str(plain(member)) for member in hint)
     if typing.get_origin(hint) is not None:
         return str(hint).replace("typing.", "")
     return getattr(hint, "__name__", str(hint))
@@ -126,8 +175,8 @@ def _convert(hint: Any, value: Any, key: str) -> Any:
         if value in inner:
             return value
         raise _wrong(key, value, hint)
-    if origin in (list, tuple):
-        return _convert_sequence(origin, inner, value, key, hint)
+    if (origin or hint) in (list, tuple):
+        return _convert_sequence(origin or hint, inner, value, key, hint)
     if origin is dict or hint is dict:
         if isinstance(value, Mapping):
             return {k: _convert(inner[1] if inner else Any, v, dotted(key, k)) for k, v in value.items()}
@@ -151,8 +200,10 @@ def _convert_scalar(hint: Any, value: Any, key: str) -> Any:
         return value
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
         for member in hint:
-            if value in (member, member.value):
+            if value in (member, member.value, member.name):
                 return member
+    if isinstance(hint, type) and issubclass(hint, PurePath) and isinstance(value, (str, PurePath)):
+        return hint(value)
     if hint is type(None) and value is None:
         return None
     if hint is str and number:

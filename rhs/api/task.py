@@ -62,6 +62,9 @@ class TaskContext(Protocol):
     def settings(self, kind: str) -> Any:
         """The settings dataclass chosen for a kind of part, as it will be built."""
 
+    def who(self, kind: str) -> str:
+        """What the part of a kind is called in an error: kind=name (distribution)."""
+
     def floor_plan(self) -> World | None:
         """The true world that was typed, or None where the source is a recording."""
 
@@ -85,7 +88,7 @@ class TaskContext(Protocol):
 class Job(Protocol):
     """A task ready to run."""
 
-    def run(self) -> Mapping[str, Value]:
+    def run(self) -> Mapping[str, Value] | None:
         """Do the work; the columns of the row that the task itself knows. Metrics add theirs from the run folder."""
 
 

@@ -40,7 +40,7 @@ from .records import (
     Wall,
     WorldFacts,
 )
-from .segments import first_blocked
+from .segments import first_blocked, mistaken_ends, with_exact_ends
 
 FAR_M = 1000.0  # no pose of a building is further from its origin, where nobody says how large it is
 DIAGONALS = 10.0  # ... and nowhere further than so many diagonals of the world's bounds
@@ -101,6 +101,8 @@ def check_scan(scan: Scan, *, who: str) -> Scan:
     scan = _record(scan, Scan, who)
     bearings = _known(_array(scan.bearings_rad, who, "scan.bearings_rad", (None,)))
     ranges = _array(scan.ranges_m, who, "scan.ranges_m", (None,), finite=False)
+    if len(bearings) and np.abs(bearings[[0, -1]]).max() > 4.0 * math.pi:
+        _refuse(who, "scan.bearings_rad", _short(bearings), "radians")
     if len(bearings) != len(ranges) or len(ranges) > MOST_BEAMS:
         _refuse(who, "scan", f"{len(bearings)} bearings and {len(ranges)} ranges", f"as many, at most {MOST_BEAMS}")
     if (ranges <= 0.0).any() or ((ranges > FAR_M) & (ranges < np.inf)).any():
@@ -138,7 +140,7 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
                 f"those of the capture: {capture.index}, {capture.stamp_s}")
     camera = observation.camera
     _images(observation.image, observation.depth, (camera.height, camera.width), who)
-    freeze(camera.body_from_camera)
+    freeze((camera.body_from_camera, observation.extras))
     _command(observation.command, who)
     wheel = None if observation.wheel is None else _array(observation.wheel, who, "wheel", (3,), finite=False)
     scan = None if observation.scan is None else check_scan(observation.scan, who=who)
@@ -201,9 +203,9 @@ def check_revision(revision: Revision, count: int, *, who: str, reach_m: float =
 
 
 def check_path(path: Path, problem: PlanningProblem, *, who: str) -> Path:
-    """A Path that answers this problem: points from exactly its start to exactly its goal that touch nothing blocked, or no
-    points and why. A start inside blocked cells (an obstacle grown too late) may be left by a short way
-    (rhs.api.segments)."""
+    """A Path that answers this problem: points from its start to its goal (what a float32 rounds is put right) that touch
+    nothing blocked, or no points and why. A start inside blocked cells (an obstacle grown too late) may be left by a short
+    way (rhs.api.segments)."""
     path = _record(path, Path, who)
     _member(path.reason, PlanReason, who, "reason")
     _details(path.details, who)
@@ -214,11 +216,16 @@ def check_path(path: Path, problem: PlanningProblem, *, who: str) -> Path:
     if path.found != (len(points) > 0):
         _refuse(who, "points_m", f"{len(points)} points", f"{'some' if path.found else 'none'}: the reason is {path.reason}")
     if path.found:
+        points = freeze(with_exact_ends(points, problem.start_m, problem.goal_m))
         for where, end, wanted in (("first", points[0], problem.start_m), ("last", points[-1], problem.goal_m)):
             if not np.array_equal(end, wanted):
-                _refuse(who, f"the path's {where} point", _short(end), f"exactly {_short(wanted)}")
-        if (at := first_blocked(points, problem.blocked, problem.resolution_m, problem.origin_m)) is not None:
-            _refuse(who, "the path", f"blocked near {_short(at)} m", "a path over free cells of the map")
+                fits = mistaken_ends(points, problem.start_m, problem.goal_m, problem.resolution_m, problem.origin_m)
+                _refuse(who, f"the path's {where} point", _short(end), f"exactly {_short(wanted)}{fits}")
+        grid = problem.blocked, problem.resolution_m, problem.origin_m
+        if (at := first_blocked(points, *grid)) is not None:
+            turned = first_blocked(np.vstack([points[:1], points[1:-1, ::-1], points[-1:]]), *grid) is None
+            fits = "; between its ends x and y are exchanged" if turned else ""
+            _refuse(who, "the path", f"blocked near {_short(at)} m", f"a path over free cells of the map{fits}")
     return replace(path, points_m=points, raw_m=raw)
 
 
@@ -252,7 +259,7 @@ def check_covariance(covariance: Any, *, who: str, field: str = "covariance") ->
     array = _array(covariance, who, field, (6, 6))
     variance = array.diagonal()
     if not 0.0 < variance.min() <= variance.max() <= MOST_VARIANCE:
-        _refuse(who, field, f"variances {_short(variance)}", f"all above 0 and at most {MOST_VARIANCE:g}")
+        _refuse(who, field, f"variances {_short(variance)}", f"all above 0 (exact: 1e-12) and at most {MOST_VARIANCE:g}")
     scale = 1.0 / np.sqrt(variance)
     correlation = array * scale * scale[:, None]
     if np.abs(correlation - correlation.T).max() > SYMMETRIC:
@@ -266,11 +273,9 @@ def check_covariance(covariance: Any, *, who: str, field: str = "covariance") ->
 
 # --- fields --------------------------------------------------------------------------------------------------------------
 
-
 def check_blocked(answer: Any, *, who: str) -> Blocked:
     """What a replan part answered. Raises ContractError."""
     return _record(answer, Blocked, who)
-
 
 def _refuse(who: str, field: str, found: str, expected: str) -> NoReturn:
     raise ContractError(" ".join(f"{who}: {field} is {found}; expected {expected}".split()))
@@ -310,6 +315,7 @@ def _array(value: Any, who: str, field: str, shape: tuple[int | None, ...], *, f
            dtype: type | None = np.float64) -> np.ndarray:
     """A read-only copy of real numbers of this shape (None: any length)."""
     array = value if isinstance(value, np.ndarray) else _listed(value)
+    array = np.empty([count or 0 for count in shape]) if array.shape == (0,) and shape[0] is None else array  # nothing
     if array.dtype.kind not in "fiu" or (array.shape != shape and not _fits(array.shape, shape)):
         found = f"of shape {array.shape} and type {array.dtype}" if isinstance(value, np.ndarray) else _short(value)
         _refuse(who, field, found, _wanted(shape, finite))
@@ -336,9 +342,9 @@ def _known(bearings: np.ndarray) -> np.ndarray:
 def _listed(value: Any) -> np.ndarray:
     """Numbers written as a list or tuple; of type object when they are none."""
     try:
-        return np.asarray(value) if isinstance(value, list | tuple) else np.empty(0, object)
+        return np.asarray(value) if isinstance(value, list | tuple) else np.empty((), object)
     except ValueError:  # rows of different lengths
-        return np.empty(0, object)
+        return np.empty((), object)
 
 
 def _wanted(shape: tuple[int | None, ...], finite: bool) -> str:

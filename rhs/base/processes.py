@@ -10,7 +10,7 @@ import contextlib
 import ctypes
 import os
 import signal
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
@@ -34,6 +34,23 @@ def die_with_parent() -> None:
 def _prctl(option: int, value: int) -> None:
     with contextlib.suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def raises(error: type[BaseException], *, once: bool = False) -> Callable[[int, object], None]:
+    """A handler of signals that raises in this process, the first time or every time. In a process that this one forks, a
+    worker of a part's pool too, the signal ends it as any other."""
+    def handle(number: int, frame: object) -> None:
+        if once:
+            signal.signal(number, signal.SIG_IGN)
+        raise error()
+
+    def as_usual() -> None:
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is handle:
+                signal.signal(number, signal.SIG_DFL)
+
+    os.register_at_fork(after_in_child=as_usual)
+    return handle
 
 
 def children(pid: int) -> list[int]:

@@ -74,20 +74,13 @@ class TrueDrive:
     def drive(self, command: Twist) -> Capture:
         truth = self._source.truth()
         assert truth is not None
-        travel = arc(command)
+        travel = command.travel
         try:
             self._source.teleport(se2(*planar(truth)) @ se2(*travel))
         except RhsError:  # no room there: contact is the source's business
             return self._source.drive(command)
         seen = self._source.drive(Twist(0.0, 0.0, command.duration_s))
         return replace(seen, command=command, travel=freeze(travel))
-
-
-def arc(command: Twist) -> np.ndarray:
-    """(3,) dx, dy, dyaw of a command carried out exactly: Thrun et al., Probabilistic Robotics, section 5.3."""
-    turn, length = command.turn_radps * command.duration_s, command.forward_mps * command.duration_s
-    chord = length * float(np.sinc(turn / (2 * np.pi)))
-    return np.array([chord * np.cos(turn / 2), chord * np.sin(turn / 2), turn])
 
 
 class TrueOdometry:

@@ -28,10 +28,11 @@ class Heard:
     cpu_s: float = float("nan")
 
 
-def apart(work: Callable[[], Iterator[Any]], *, patience_s: float) -> Heard:
-    """Every item of `work()`, which is run in a forked process; one that takes longer than patience_s ends it."""
+def apart(work: Callable[[], Iterator[Any]], *, patience_s: float, tell: Callable[[Any], None] = lambda item: None) -> Heard:
+    """Every item of `work()`, which is run in a forked process; one that takes longer than patience_s ends it. tell: hears
+    each item as it comes."""
     heard, (ours, theirs) = Heard(), OF.Pipe(duplex=False)
-    process = OF.Process(target=_say, args=(work, theirs), daemon=True)
+    process = OF.Process(target=_say, args=(work, theirs), daemon=False)  # it may fork
     sys.stdout.flush()
     sys.stderr.flush()
     process.start()
@@ -44,6 +45,7 @@ def apart(work: Callable[[], Iterator[Any]], *, patience_s: float) -> Heard:
             what, value = ours.recv()
             if what == "item":
                 heard.items.append(value)
+                tell(value)
                 continue
             if what == "end":
                 heard.memory_mb, heard.cpu_s = value

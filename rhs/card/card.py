@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any
 
 from rhs.api import settings as plain_settings
-from rhs.api.contracts import DEGRADE, KINDS
+from rhs.api.contracts import DEGRADE, KINDS, SLAM
 from rhs.base.errors import ConfigError
 from rhs.base.provenance import commit, versions
 from rhs.config import registry
@@ -58,8 +58,8 @@ class Card:
 def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None) -> Card:
     """The card of `kind=name` with these settings. tell: hears what is under way. Raises ConfigError for a kind that has
     none."""
-    if kind not in (*KINDS, DEGRADE):
-        raise ConfigError(f"card: a {kind} has no card; there is one for {', '.join([*KINDS, DEGRADE])}")
+    if kind not in (*KINDS, DEGRADE, SLAM):
+        raise ConfigError(f"card: a {kind} has no card; there is one for {', '.join([*KINDS, DEGRADE, SLAM])}")
     tell("contract")
     content: dict[str, Any] = {
         "part": f"{kind}={name}", "from": " and ".join(origin.distribution for origin in registry.origins(kind, name)),
@@ -75,12 +75,12 @@ def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None)
     return card
 
 
-def contract(kind: str, settings: Any) -> list[dict[str, Any]]:
-    """Every check of rhs.testing, whether it holds and why not."""
-    todo = checks(kind)
+def contract(kind: str, settings: Any, tell: Callable[[dict[str, Any]], None] = lambda one: None) -> list[dict[str, Any]]:
+    """Every check of rhs.testing, whether it holds and why not, in a process of its own. tell: hears each as it ends."""
+    names = list(checks(kind))
 
     def work() -> Iterator[tuple[str, str]]:
-        for name, check in todo.items():
+        for name, check in checks(kind).items():
             with tempfile.TemporaryDirectory() as folder:
                 try:
                     check(settings, Path(folder))
@@ -88,10 +88,15 @@ def contract(kind: str, settings: Any) -> list[dict[str, Any]]:
                 except AssertionError as error:
                     yield name, " ".join(str(error).split()) or "it does not hold"
 
-    heard = apart(work, patience_s=CHECK_PATIENCE_S)
-    said = dict(heard.items)
-    return [{"check": name.replace("_", " "), "holds": said.get(name) == "",
-             "why": said.get(name, heard.ended or "not reached")} for name in todo]
+    heard = apart(work, patience_s=CHECK_PATIENCE_S, tell=lambda said: tell(_checked(*said)))
+    left = [_checked(name, "not reached" if k else heard.ended) for k, name in enumerate(names[len(heard.items):])]
+    for one in left:
+        tell(one)
+    return [_checked(*said) for said in heard.items] + left
+
+
+def _checked(name: str, why: str) -> dict[str, Any]:
+    return {"check": name.replace("_", " "), "holds": not why, "why": why}
 
 
 def references(kind: str, but: str) -> dict[str, Any]:
@@ -123,7 +128,8 @@ def verdict(content: dict[str, Any]) -> list[str]:
             else f"keeps its contract ({count} checks)"]
     ended = content.get("ended", {}).get(content["part"])
     if "faults" in content:
-        faults = [f"{one['says']} ({one['times']} of {content['answers']} answers)" for one in content["faults"]]
+        faults = [f"{one['says']} ({one['times']} of {content['answers']} answers: {one['questions'][0]})"
+                  for one in content["faults"]]
         said += faults or [f"no fault in {content['answers']} answers"]
     if ended:
         said.append(f"did not come to its end on the standard set: {ended}")

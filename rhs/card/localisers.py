@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import complete
 from rhs.api.frozen import freeze
 from rhs.api.geometry import exp_se3, inverse, log_se3
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
@@ -104,7 +105,7 @@ def patrol(room: Room, seed: int) -> list[Seen]:
 
 def patrolled(settings: Any, room: Room, learnt: tuple[Any, Any], views: Sequence[Seen], folder: Path) -> Patrolled:
     """One patrol: told where it begins, led by motions as wrong as their covariance says, never told of being carried."""
-    part = settings.build(context(folder, 0, room))
+    part = complete("localiser", settings.build(context(folder, 0, room)))
     part.learn(*learnt)
     part.start(freeze(Belief(np.array(views[0].world_from_body), FINE.copy())))
     rng, said, cpu_ms = np.random.default_rng(7), [], []

@@ -20,8 +20,10 @@ import numpy as np
 from rhs.api.contracts import Context
 from rhs.api.geometry import camera_from_fov
 from rhs.api.records import FeatureSettings, Path, PlanningProblem, PlanReason, WorldFacts
+from rhs.api.segments import with_exact_ends
 from rhs.metrics.path_judge import path_valid, polyline_length
 from rhs.metrics.planning import above_optimum_pct
+from rhs.testing.checks import in_words
 from rhs.testing.shared_state import untouched
 
 from .apart import Heard
@@ -53,7 +55,7 @@ SAMPLES_PER_CELL = 20
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """What came of one question. faults: of FAULTS. length_m: NaN without a valid path."""
+    """What came of one question. faults: of FAULTS. length_m: NaN without a valid path. raised: the exception in words."""
 
     name: str
     faults: tuple[str, ...]
@@ -63,6 +65,7 @@ class Answer:
     above_pct: float
     cpu_ms: float
     points_m: np.ndarray
+    raised: str = ""
 
     @property
     def solvable(self) -> bool:
@@ -87,7 +90,7 @@ def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, p
         ) -> tuple[Answer, Path | None]:
     """One question to a new planner, or to `part`."""
     problem, given = question.problem, copied(question.problem)
-    faults, said, began = [], None, process_time()
+    faults, said, raised, began = [], None, "", process_time()
     try:
         with untouched():
             part = settings.build(context_of(problem, folder, seed)) if part is None else part
@@ -96,6 +99,7 @@ def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, p
     except AssertionError as error:
         faults.append("global_randomness" if "global generator" in str(error) else "raises")
     except Exception as error:
+        raised = in_words(error)
         faults.append("raises" if "read-only" not in str(error) else "writes_to_the_problem")
     cpu_ms = 1e3 * (process_time() - began)
     if not same_problem(given, problem):
@@ -107,7 +111,7 @@ def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, p
     above = above_optimum_pct(points, question.optimal_m, problem.resolution_m) if len(points) else NAN
     shown = np.empty((0, 2)) if path is None else points_of(path)
     return Answer(question.name, tuple(faults), "" if path is None else str(path.reason), question.optimal_m,
-                  polyline_length(points) if len(points) else NAN, above, cpu_ms, shown), path
+                  polyline_length(points) if len(points) else NAN, above, cpu_ms, shown, raised), path
 
 
 def points_of(path: Path) -> np.ndarray:
@@ -121,7 +125,8 @@ def points_of(path: Path) -> np.ndarray:
 
 def faults_of(path: Path, question: Question) -> list[str]:
     """What is wrong with an answer; nothing where it is right. A budget that was spent is no fault."""
-    problem, points = question.problem, points_of(path)
+    problem = question.problem
+    points = with_exact_ends(points_of(path), problem.start_m, problem.goal_m)
     if not path.found:
         if len(points):
             return ["no_path"]
@@ -310,7 +315,8 @@ def figures(heard: Heard) -> dict[str, float]:
 
 def details(heard: Heard) -> dict[str, Any]:
     """Its faults: what, how often, and the questions that show it."""
-    shown = {name: [one.name for one in heard.items if name in one.faults] for name in FAULTS}
+    shown = {name: [one.name + (f": {one.raised}" if one.raised else "") for one in heard.items if name in one.faults]
+             for name in FAULTS}
     if heard.ended:
         shown["no_answer"] = [f"what follows {heard.items[-1].name}" if heard.items else "the first question"]
     return {"answers": len(heard.items), "faults": [{"fault": name, "says": FAULTS[name], "times": len(where),

@@ -35,7 +35,7 @@ from rhs.base.commands import Arguments
 from rhs.base.errors import ConfigError
 from rhs.config import registry
 
-from .card import asked, say
+from .card import part_of, say
 
 HOME = Path("results") / "bench"
 SETS = ("planning-v1", "corridor-v1", "home-v1", "recordings-v1")
@@ -92,7 +92,7 @@ def _planners(chosen: argparse.Namespace, ours: Sequence[str]) -> tuple[dict[str
     planners = {} if chosen.only else {name: registry.load("planner", name)() for name in ours
                                        if registry.failure("planner", name) is None}
     if chosen.mine:
-        kind, name, settings, _ = asked([chosen.mine, *words])
+        kind, name, settings = part_of([chosen.mine, *words], "bench")
         if kind != "planner":
             raise ConfigError(f"bench {SETS[0]} --mine {chosen.mine}: expected planner=NAME")
         title = " ".join([name, *words])

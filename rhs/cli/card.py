@@ -30,7 +30,8 @@ def main(words: Sequence[str]) -> int:
     from rhs.card.card import card_of, table
     from rhs.card.page import page_of
 
-    kind, name, chosen, output = asked(words)
+    output = next((Path(word.partition("=")[2]) for word in words if word.startswith("output=")), None)
+    kind, name, chosen = part_of([word for word in words if not word.startswith("output=")], "card")
     card = card_of(kind, name, chosen, tell=say)
     folder = output or HOME / f"{kind}_{name}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -50,20 +51,19 @@ def main(words: Sequence[str]) -> int:
     return 0 if card.passes else 1
 
 
-def asked(words: Sequence[str]) -> tuple[str, str, object, Path | None]:
-    """Kind, name and settings of the part, and the folder if one was typed. Raises ConfigError."""
-    found = plain_words(parse(list(words)))
-    output = next((Path(str(word.value)) for word in found if word.key == "output"), None)
-    rest = [word for word in found if word.key != "output"]
+def part_of(words: Sequence[str], command: str) -> tuple[str, str, object]:
+    """Kind, name and settings of the part that somebody types after a command. Raises ConfigError."""
+    rest = plain_words(parse(list(words)))
     if not rest or rest[0].key not in PLUGIN_KINDS:
         wrong = f"{rest[0].text} is no part" if rest else "say which part"
-        raise ConfigError(f"card: {wrong}; for example: python -m rhs card planner=prm; kinds: {', '.join(PLUGIN_KINDS)}")
+        raise ConfigError(f"{command}: {wrong}; for example: python -m rhs {command} planner=prm; "
+                          f"kinds: {', '.join(PLUGIN_KINDS)}")
     kind, name = rest[0].key, str(rest[0].value)
     cls = registry.load(kind, name)
     registry.check_requirements(kind, name, cls)
     stray = [word.text for word in rest[1:] if not word.key.startswith(f"{kind}.")]
     if stray:
-        raise ConfigError(f"card {stray[0]}: expected settings of {kind}={name}, {kind}.KEY=VALUE, or output=FOLDER")
+        raise ConfigError(f"{command} {stray[0]}: expected settings of {kind}={name}, {kind}.KEY=VALUE")
     values: dict[str, object] = {}
     for word in rest[1:]:
         node = values
@@ -71,7 +71,7 @@ def asked(words: Sequence[str]) -> tuple[str, str, object, Path | None]:
         for key in above:
             node = node.setdefault(key, {})  # type: ignore[assignment]
         node[last] = word.value
-    return kind, name, settings.make(cls, values, kind), output
+    return kind, name, settings.make(cls, values, kind)
 
 
 def say(what: str) -> None:

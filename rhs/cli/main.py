@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 
-from rhs.base.processes import THREADS
+from rhs.base.processes import THREADS, raises
 
 for _name in THREADS:  # before numpy is imported: sums must not depend on how many threads share them
     os.environ[_name] = "1"
@@ -42,7 +42,8 @@ def main(words: list[str] | None = None) -> int:
     debug = "--debug" in words
     warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
     ends = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
-    before = {number: signal.signal(number, _terminate) for number in ends}
+    terminate = raises(Terminated)
+    before = {number: signal.signal(number, terminate) for number in ends}
     try:
         files, rest = plugin_files(list(words))
         if files:
@@ -232,7 +233,3 @@ def _check_hydra() -> None:
         raise ConfigError("hydra-core is not installed; type: pip install 'hydra-core>=1.3.8'") from None
     if tuple(int(part) for part in found.split(".")[:2]) < (1, 3):
         raise ConfigError(f"hydra-core {found} is too old; type: pip install 'hydra-core>=1.3.8'")
-
-
-def _terminate(signum: int, frame: object) -> None:
-    raise Terminated()

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rhs.api.contracts import PROTOCOLS
 from rhs.base.errors import ConfigError
 
 
@@ -125,6 +126,10 @@ SKELETONS = {
 
 def main(words: Sequence[str]) -> int:
     """The command."""
+    if words and words[0] in PROTOCOLS and words[0] not in SKELETONS:
+        protocol = PROTOCOLS[words[0]]
+        raise ConfigError(f"new: there is none of a {words[0]}; do what {protocol.__module__}.{protocol.__name__} asks, "
+                          f"then python -m rhs check --plugin FILE.py {words[0]}=NAME")
     if len(words) not in (2, 3) or words[0] not in SKELETONS:
         raise ConfigError(f"new: say a kind ({', '.join(SKELETONS)}) and a name, for example: "
                           f"python -m rhs new planner my_planner")

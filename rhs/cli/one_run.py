@@ -40,7 +40,7 @@ def one_run(config: RunConfig, debug: bool) -> int:
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
         return 3
     if status == "ok" and row.get("success") == 0:
-        print(f"rhs: not achieved: {row.get('failure', '')}", file=sys.stderr)
+        print(f"rhs: not achieved: {row.get('plan_failure') or row.get('failure', '')}", file=sys.stderr)
         return 3
     if status == "ok":
         return 0

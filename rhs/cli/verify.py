@@ -26,7 +26,6 @@ from rhs.base.commands import Arguments, answered, plain
 from rhs.base.errors import ConfigError, PluginError, check_range
 from rhs.base.strict_yaml import load_yaml
 from rhs.config.compose import RunConfig, compose_config, config_hash, from_plain
-from rhs.config.loose import match
 from rhs.runfolder.row import machine_dependent, read_row, write_row
 from rhs.sweeps.jobs import Job, Limits, processes, run_jobs
 from rhs.sweeps.runs import rows_of, values_of
@@ -105,7 +104,6 @@ def _verify(chosen: argparse.Namespace) -> int:
         raise ConfigError("no finished run in these folders")
     drawn = _drawn(sorted(rows), chosen)
     loose = " ".join(sorted({str(rows[folder].get("plugins") or "") for folder in drawn})).strip()
-    match(loose.split())
     try:
         configs = {str(folder): from_plain(values) for folder, values in values_of(drawn).items()}
     except PluginError as error:

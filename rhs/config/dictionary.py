@@ -160,7 +160,7 @@ GROUPS = ("cause", "blame", "patrol", "moving", "localise", "calibration", "surv
 
 def metrics(task: str = "") -> list[Metric]:
     """The metrics of a task's rows (empty: of any), ours first and then everybody's. Those of a plugin that cannot be
-    imported are left out; `python -m rhs help kinds` says so."""
+    imported are left out; `metric_failures` says so."""
     groups = sorted(registry.names("metric"), key=lambda name: (GROUPS.index(name) if name in GROUPS else len(GROUPS), name))
     found = [metric for name in groups if registry.failure("metric", name) is None
              for metric in registry.load("metric", name)]  # type: ignore[attr-defined]

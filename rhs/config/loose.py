@@ -1,7 +1,8 @@
 """Plugins from a file, tried without packaging: `--plugin my.py planner=mine`.
 
 The file may call `rhs.register(kind, name, cls)` itself. If it does not, a word `kind=name` that nobody answers to is
-matched with the plugin dataclass of the file: the one whose name it is, or the only one there is.
+matched with the plugin dataclass of the file: the one whose name it is, or the only one there is. Its tuples of metrics
+are used.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from types import ModuleType
 from typing import Any
 
 from rhs.api.contracts import PLUGIN_KINDS
+from rhs.api.metric import Metric
 from rhs.base.errors import PluginError
 
 from . import registry
@@ -86,20 +88,28 @@ def load_files(files: Sequence[str], words: Sequence[str]) -> None:
         module = _load(Path(file).expanduser())
         if len(registry.by_hand()) == before:
             _silent.append(module)
+            for name, value in vars(module).copy().items():
+                if isinstance(value, tuple) and value and all(isinstance(one, Metric) for one in value):
+                    registry.register("metric", f"{module.__name__}_{name}".lower(), value)  # type: ignore[arg-type]
+    registry.registered_from[:] = [_match] if _silent else []
     match(words)
 
 
 def match(words: Sequence[str]) -> None:
-    """Register plugins of the files that registered none themselves, under those `kind=name` that nobody answers to: the
-    class whose name it is, or the only one there is."""
-    found = {name: cls for module in _silent for name, cls in vars(module).items() if _is_plugin(cls, module)}
+    """Register plugins of the files that registered none themselves, under those `kind=name` that nobody answers to."""
     for kind, name in _unanswered(words) if _silent else ():
-        cls = found.get(_class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
-        if cls is None:
-            files = ", ".join(str(module.__file__) for module in _silent)
-            raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no plugin dataclass'}; "
-                              f"write rhs.register({kind!r}, {name!r}, CLASS) in it")
-        registry.register(kind, name, cls)
+        _match(kind, name)
+
+
+def _match(kind: str, name: str) -> None:
+    """Under this name, the class of the files whose name it is, or the only one there is."""
+    found = {name: cls for module in _silent for name, cls in vars(module).items() if _is_plugin(cls, module)}
+    cls = found.get(_class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
+    if cls is None:
+        files = ", ".join(str(module.__file__) for module in _silent)
+        raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no @dataclass with a build(context)'}; "
+                          f"write rhs.register({kind!r}, {name!r}, CLASS) in it")
+    registry.register(kind, name, cls)
 
 
 def _unanswered(words: Sequence[str]) -> list[tuple[str, str]]:
@@ -126,7 +136,7 @@ def _load(path: Path) -> ModuleType:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise PluginError(f"--plugin {path} cannot be run: {type(error).__name__}: {error}") from error
+        raise PluginError(f"--plugin {path} cannot be run: {registry.why_not_imported(error)}") from error
     return module
 
 

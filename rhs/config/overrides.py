@@ -23,7 +23,7 @@ from rhs.api.contracts import CHOICES, DEGRADE, KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
-from .registry import JOINED, names_in
+from .registry import JOINED, elsewhere, in_files, names_in
 
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
@@ -273,7 +273,8 @@ def check_options(words: Sequence[Word], options: Callable[[str], list[str]]) ->
         if not word.is_group or (word.value is None and word.key not in (*KINDS, "task")):
             continue
         known = options(word.key)
-        unknown = [one for one in names_in(word.key, str(word.value)) if one not in known]
+        unknown = [one for one in names_in(word.key, str(word.value)) if one not in known and not in_files(word.key, one)]
         if unknown:
-            raise ConfigError(f"{word.text}: there is no such {word.key}{nearest(unknown[0], known)}"
+            raise ConfigError(f"{word.text}: there is no such {word.key}"
+                              f"{elsewhere(unknown[0]) or nearest(unknown[0], known)}"
                               f" (there is {', '.join(known) or 'none'})")

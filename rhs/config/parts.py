@@ -16,8 +16,9 @@ from rhs.api.contracts import DEGRADE, KINDS, REPLACED_BY_SLAM, SLAM, Context, S
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.records import FeatureSettings
+from rhs.api.settings import nearest
 from rhs.api.task import Parts
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, ContractError
 
 from . import registry
 from .registry import members_of, names_in
@@ -89,6 +90,8 @@ def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
 
 def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
     """Who needs what, who does not have it, and what to type instead."""
+    if meant := nearest(word, sorted(SENSED | {"walls"})) if word not in SENSED else "":
+        return f"{called(kind, chosen[kind])} needs {word}, which no part provides{meant}"
     lacking = (word in PAST | THROUGH or word not in SENSED) and word not in chosen["source"].settings.provides
     culprit = "source" if kind in ("sensor", DEGRADE) or lacking else "sensor"
     own = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
@@ -139,8 +142,8 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
     last = [kind for kind in ORDER if kind in chosen][-1]
     provides = offered(last, chosen) | chosen[last].settings.provides
     absent = dict.fromkeys(KINDS, cast(Any, None))
-    who = {kind: _called(kind, chosen[SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind])
-           for kind in KINDS if kind in chosen or (SLAM in chosen and kind in REPLACED_BY_SLAM)}
+    makers = {kind: SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind for kind in KINDS}
+    who = {kind: called(maker, chosen[maker]) for kind, maker in makers.items() if maker in chosen}
     return Parts(**(absent | built), features=features, provides=provides, who=who)
 
 
@@ -152,20 +155,22 @@ def degraded(source: Source, chosen: Chosen, *, seed: int, folder: Path, feature
     for name, settings in zip(names_in(DEGRADE, chosen.name), members_of(chosen.settings), strict=True):
         one = Chosen(name, settings)
         context = Context(generator(seed, f"{DEGRADE}.{name}"), source.camera, source.facts, folder, features)
-        chain.append((_called(DEGRADE, one), build_part(DEGRADE, one, context)))
+        chain.append((called(DEGRADE, one), build_part(DEGRADE, one, context)))
     return cast(Source, Degraded(source, chain))
 
 
-def _called(kind: str, chosen: Chosen) -> str:
+def called(kind: str, chosen: Chosen) -> str:
     """A part as a person chose it, and which distribution it is of, where it is one of a distribution."""
     origins = registry.origins(kind, chosen.name)
     return f"{kind}={chosen.name}" + (f" ({origins[0].distribution})" if origins else "")
 
 
 def build_part(kind: str, chosen: Chosen, context: Context | SourceContext) -> Any:
-    """One part. Raises ConfigError naming what to install, where a package is missing."""
+    """One part. Raises ConfigError where a package is missing, naming what to install, and where the part lacks a method."""
     try:
         return complete(kind, chosen.settings.build(context))
+    except ContractError as error:
+        raise ConfigError(f"{called(kind, chosen)}: {error}") from error
     except ModuleNotFoundError as error:
         package = (error.name or "?").partition(".")[0].replace("_", "-")
         raise ConfigError(f"{kind}={chosen.name} needs the package {package}, which is not installed; "

@@ -16,18 +16,20 @@ import re
 import signal
 import sys
 import threading
+import traceback
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from rhs.api.contracts import API_VERSION, DEGRADE, PLUGIN_KINDS
 from rhs.api.metric import Metric
-from rhs.api.settings import RESERVED, defaults, nearest, unknown_key
+from rhs.api.settings import RESERVED, nearest, unknown_key, unusable
 from rhs.base.errors import ConfigError, PluginError
 
 JOINED = "+"  # between degradations: `degrade=blur+low_light` is one part whose settings stand side by side
@@ -59,16 +61,27 @@ def register(kind: str, name: str, cls: type) -> None:
         raise PluginError(f"{kind}: there is no such kind of plugin{nearest(kind, list(PLUGIN_KINDS))}")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise PluginError(f"{kind}={name}: a plugin's name is letters, digits and _")
+    module, called = _where_it_stands(cls)
+    file = getattr(sys.modules.get(module), "__file__", None) or module
     try:
-        file = inspect.getfile(cls)
         digest = hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]
-    except (OSError, TypeError):  # typed into a notebook
-        file, digest = cls.__module__, "no file"
-    origin = Origin(kind, name, f"{cls.__module__}:{cls.__qualname__}", f"{Path(file).name} ({digest})", file)
+    except OSError:  # typed into a notebook
+        digest = "no file"
+    origin = Origin(kind, name, f"{module}:{called}", f"{Path(file).name} ({digest})", file)
     _check_plugin(cls, origin)
     _by_hand[kind, name] = cls, origin
     load.cache_clear()
     failure.cache_clear()
+
+
+def _where_it_stands(plugin: Any) -> tuple[str, str]:
+    """The module of a class by name, and its name there; of a tuple of metrics the module of the first one's function."""
+    if isinstance(plugin, type):
+        return plugin.__module__, plugin.__qualname__
+    first = plugin[0] if isinstance(plugin, tuple) and plugin else plugin
+    module = getattr(getattr(first, "function", first), "__module__", None) or "__main__"
+    there = vars(sys.modules[module]) if module in sys.modules else {}
+    return module, next((name for name, value in there.items() if value is plugin), "?")
 
 
 def loose(task: str, names: Mapping[str, str]) -> str:
@@ -121,6 +134,22 @@ def forget() -> None:
     failure.cache_clear()
 
 
+registered_from: list[Callable[[str, str], None]] = []  # what registers kind=name, if a file of --plugin holds it
+
+
+def in_files(kind: str, name: str) -> bool:
+    """Whether a file given by --plugin holds this plugin; from now on it is registered."""
+    for find in registered_from:
+        find(kind, name)
+    return (kind, name) in _by_hand
+
+
+def elsewhere(name: str) -> str:
+    """`; it is ...`, where a plugin of this name is of another kind, or of a group that is none; or nothing."""
+    groups = [(group, points[name][0]) for group, points in _on_path(tuple(sys.path)).items() if name in points]
+    return f"; {_distribution(groups[0][1])} has it in the entry point group {groups[0][0]}" if groups else ""
+
+
 @cache
 def load(kind: str, name: str) -> type:
     """The settings dataclass of a plugin. Raises PluginError: unknown, registered twice, or not importable."""
@@ -129,15 +158,19 @@ def load(kind: str, name: str) -> type:
     if len(several := names_in(kind, name)) > 1:
         return joined(kind, {one: load(kind, one) for one in several})
     where = origins(kind, name)
+    if not where and in_files(kind, name):
+        return _by_hand[kind, name][0]
     if not where:
         known = names(kind)
-        raise PluginError(f"{kind}={name}: there is no such {kind}{nearest(name, known)}"
+        raise PluginError(f"{kind}={name}: there is no such {kind}{elsewhere(name) or nearest(name, known)}"
+                          f"{'' if registered_from else '; if it is in a file, add --plugin FILE.py'}"
                           + (f" (available: {', '.join(known)})" if len(known) > 1 else ""))
     if len(where) > 1:
         raise PluginError(f"{kind}={name} is registered twice: {' and '.join(map(str, where))}; uninstall one of them")
-    cls = _import(_entry_points(kind)[name][0], where[0])
-    _check_plugin(cls, where[0])
-    return cls
+    found: Any = _import(_entry_points(kind)[name][0], where[0])
+    found = (found,) if isinstance(found, Metric) else found
+    _check_plugin(found, where[0])
+    return found  # type: ignore[no-any-return]
 
 
 @cache
@@ -205,9 +238,26 @@ def _import(point: EntryPoint, origin: Origin) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin may even call sys.exit() while it is imported
-        what = "" if isinstance(error, _TooLong) else f"{type(error).__name__}: "
         raise PluginError(f"{origin.kind}={origin.name} ({origin}) cannot be imported: "
-                          f"{what}{_first_line(error)}") from error
+                          f"{why_not_imported(error, own=origin.value)}") from error
+
+
+def why_not_imported(error: BaseException, own: str = "") -> str:
+    """What went wrong while a module was imported, in which line of which file, and what to install, in one line. own: what
+    an entry point names, `module:class`."""
+    if isinstance(error, _TooLong):
+        return str(error)
+    said = f"{type(error).__name__}: {(str(error).strip().splitlines() or [''])[0][:120]}"
+    if isinstance(error, ModuleNotFoundError) and error.name and f"{own.partition(':')[0]}.".startswith(f"{error.name}."):
+        return f"{said}; right the entry point, module:class"
+    if isinstance(error, AttributeError) and isinstance(error.obj, ModuleType):
+        return said + nearest(str(error.name), dir(error.obj))
+    if isinstance(error, ModuleNotFoundError) and error.name:
+        return f"{said}; type: pip install {error.name.partition('.')[0].replace('_', '-')}"
+    frames = [(Path(frame.f_code.co_filename), line) for frame, line in traceback.walk_tb(error.__traceback__)
+              if "importlib" not in frame.f_code.co_filename and not frame.f_globals["__name__"].startswith("rhs.")]
+    inside = [one for one in frames if one[0].parent.is_relative_to(frames[0][0].parent)]
+    return said if isinstance(error, SyntaxError) or not inside else f"{said} ({inside[-1][0].name}:{inside[-1][1]})"
 
 
 def _check_plugin(cls: Any, origin: Origin) -> None:
@@ -217,8 +267,11 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         return
     if not (isinstance(cls, type) and dataclasses.is_dataclass(cls)):
         raise PluginError(f"{who} is not a dataclass; name the settings dataclass in the entry point")
-    if not callable(getattr(cls, "build", None)):
-        raise PluginError(f"{who} has no build(context)")
+    plugin: Any = cls
+    try:
+        inspect.signature(plugin.build).bind("self", "context")
+    except (AttributeError, TypeError):
+        raise PluginError(f"{who} has no build(self, context)") from None
     api = getattr(cls, "api", API_VERSION)
     if api > API_VERSION:
         raise PluginError(f"{who} was written for plugin API {api}; this rhs has {API_VERSION}: upgrade rhs")
@@ -226,12 +279,19 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         value = getattr(cls, word, None)
         if not isinstance(value, (frozenset, set)) or not all(isinstance(v, str) for v in value):
             raise PluginError(f"{who} declares no {word}; write `{word}: ClassVar[frozenset[str]] = frozenset()`")
-    if origin.kind == "task" and not set(getattr(cls, "kinds", ("?",))) <= set(PLUGIN_KINDS):
+    if origin.kind == "task" and not hasattr(cls, "kinds"):
         raise PluginError(f"{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = (...)` with those it needs")
+    if origin.kind == "task" and (wrong := sorted(set(plugin.kinds) - set(PLUGIN_KINDS))):
+        raise PluginError(f"{who}: there is no kind {wrong[0]}{nearest(wrong[0], list(PLUGIN_KINDS))}")
     for item in dataclasses.fields(cls):
         if item.name in RESERVED:
             raise PluginError(f"{who} has a setting called {item.name}, which rhs uses itself; rename it")
-    defaults(cls)
+    try:
+        said = unusable(cls)
+    except NameError as error:  # an annotation that stands under `if TYPE_CHECKING`
+        raise PluginError(f"{who} has a setting whose type cannot be looked up: {error}; import it at the top") from error
+    if said:
+        raise PluginError(f"{who}: {said}")
 
 
 def _check_metrics(found: Any, who: str) -> None:
@@ -247,10 +307,6 @@ def _distribution(point: EntryPoint) -> str:
 def _name_of(distribution: Distribution) -> str:
     """Name and version; read once for all entry points of a distribution, which share one object."""
     return f"{distribution.name} {distribution.version}"
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).strip().splitlines() or [""])[0][:120]
 
 
 def names_in(kind: str, name: str) -> list[str]:

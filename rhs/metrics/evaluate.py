@@ -9,7 +9,8 @@ from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS, read_tum
 from rhs.base.errors import ConfigError, check_choice, check_range
-from rhs.config.dictionary import metrics
+from rhs.config import registry
+from rhs.config.dictionary import RUN, metrics
 from rhs.runfolder.run import Run
 
 from .relations import LOG_WAY, read_relations, relation_values
@@ -45,8 +46,13 @@ def evaluate_relations(estimate: Path, relations: Path) -> Values:
 
 def evaluate(folder: Path, task: str = "patrol") -> Values:
     """All columns that follow from the files of one run folder of a task."""
-    run, values, failures = Run(folder), Values(), []
+    run, values = Run(folder), Values()
+    failures = [why for why in (registry.failure("metric", name) for name in registry.names("metric")) if why]
+    taken = {column.name for column in RUN}
     for metric in metrics(task):
+        if metric.name in taken or metric.name in values:
+            failures.append(f"{metric.name} of {metric.source}: there is a column of that name already; rename it")
+            continue
         try:
             values[metric.name] = metric.function(run)
         except Exception as error:

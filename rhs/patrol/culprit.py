@@ -12,8 +12,8 @@ from pathlib import Path
 from rhs.api.files import replacing
 from rhs.base.commands import plain
 from rhs.base.errors import RhsError
-from rhs.config import registry
 from rhs.config.compose import RunConfig
+from rhs.config.parts import called
 
 log = logging.getLogger("rhs")
 
@@ -23,23 +23,24 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
     and line of its own package. parts: kind -> the part as it was built."""
     said = _said(error)
     text = plain(f"{type(error).__name__}{at}: {said}")
+    who, line = raised_in(error, config, parts)
+    return text if not who or (isinstance(error, RhsError) and said) else f"{who} failed in {line}: {text}"
+
+
+def raised_in(error: BaseException, config: RunConfig, parts: Mapping[str, object]) -> tuple[str, str]:
+    """The part in which an error was raised, as a person chose it, and the file and line of its own package; or nothing."""
     chosen = {"task": config.task, **config.parts}
     who = {id(part): kind for kind, part in parts.items()} | {id(one.settings): kind for kind, one in chosen.items()}
     kind, package, where = "", "", ("", 0)
     for frame, line in traceback.walk_tb(error.__traceback__):
         owner = frame.f_locals.get("self")
         module = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if not kind and id(owner) in who and module != "rhs":
+        if id(owner) in who and module != "rhs":  # a task's frames stand outside those of the part it asks
             kind, package = who[id(owner)], module
         if kind and module == package:
             where = (frame.f_code.co_filename, line)
-    if not kind or (isinstance(error, RhsError) and said):
-        return text
-    name = chosen[kind].name
-    origins = registry.origins(kind, name)
     path = Path(where[0])
-    return (f"{kind}={name} ({origins[0].distribution if origins else 'unregistered'}) failed in "
-            f"{path.parent.name}/{path.name}:{where[1]}: {text}")
+    return (called(kind, chosen[kind]), f"{path.parent.name}/{path.name}:{where[1]}") if kind else ("", "")
 
 
 def write_traceback(folder: Path, error: BaseException) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -56,16 +55,18 @@ def words_of(values: Mapping[str, Any]) -> list[Word]:
     """A mapping as words; a settings object of a part is registered by its class's name, if nobody knows it yet."""
     out: list[Word] = []
     for key, value in values.items():
-        if key in PLUGIN_KINDS and dataclasses.is_dataclass(value) and not isinstance(value, type):
-            name = _known_as(key, type(value))
+        if key in PLUGIN_KINDS and settings.is_record(value):
+            name = known_as(key, type(value))
             out.append(Word(key, name, f"{key}={name}"))
             out += [Word(f"{key}.{k}", v, f"{key}.{k}={v}") for k, v in settings.plain(value).items()]
         else:
+            if isinstance(value, type):
+                raise ConfigError(f"{key}: {value.__name__} is a class; give an object of it, {value.__name__}()")
             out.append(Word(key, settings.plain(value), f"{key}={value}"))
     return [word for word in out if word.key in GROUPS] + [word for word in out if word.key not in GROUPS]
 
 
-def _known_as(kind: str, cls: type) -> str:
+def known_as(kind: str, cls: type) -> str:
     """The name by which this class is registered; it is registered now if it is not."""
     for name in registry.names(kind):
         if any(origin.value == f"{cls.__module__}:{cls.__qualname__}" for origin in registry.origins(kind, name)):

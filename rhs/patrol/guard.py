@@ -72,6 +72,7 @@ class Guard:
         self.given: Twist | None = None
         self._still = self._refused = self._held = 0
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
+        self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 
     @property
     def sees(self) -> bool:
@@ -155,6 +156,8 @@ class Guard:
             return look, Event.LOOK
         if wished_m == 0.0:
             return command, None  # a round robot turns on the spot
+        held = self._held >= MOST_HELD or self.around.one_eye or self.pace.arc_radius_m
+        self._hidden_m = NOTHING if held else self.around.hidden()
         seen_m = self._free_m(command, 1.5)
         if seen_m >= wished_m:
             return self._slowed(command, seen_m), None
@@ -170,7 +173,7 @@ class Guard:
 
     def _free_m(self, command: Twist, up_to_m: float) -> float:
         least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
-        return self.around.free_way_m(command, self.side_m, up_to_m, least=least)
+        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=self._hidden_m, least=least)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

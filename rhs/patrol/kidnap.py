@@ -8,7 +8,7 @@ import numpy as np
 
 from rhs.api.contracts import Source
 from rhs.api.geometry import se2
-from rhs.api.records import Event, View
+from rhs.api.records import Event, Twist, View
 from rhs.base.errors import RhsError
 
 from .mission import Logbook
@@ -22,7 +22,8 @@ class Kidnapper:
     """Once per mission, at a seeded moment, puts the robot near a seeded view of the survey.
 
     The new pose is drawn round the surveyed views (up to 0.3 m to the side, 40 degrees turned) until the source has room for
-    the robot there, in half of the cases turned round. Where it never has, the robot stays.
+    the robot there and where its next command leads, in half of the cases turned round: nobody sets a robot down against a
+    wall. Where there never is room, the robot stays.
     """
 
     def __init__(self, rng: np.random.Generator, views: Sequence[View]) -> None:
@@ -31,21 +32,26 @@ class Kidnapper:
         self.moment = self._draw_moment()
         self.fresh = False
 
-    def maybe(self, source: Source, book: Logbook) -> None:
-        """Kidnap now if it is time."""
+    def maybe(self, source: Source, book: Logbook, command: Twist) -> None:
+        """Kidnap now if it is time, before the command."""
         mission = book.missions[-1]
         if mission.mission > self.done_for and mission.steps >= self.moment:
             self.done_for, self.moment = mission.mission, self._draw_moment()
-            self.fresh = self._carried_off(source)
+            self.fresh = self._carried_off(source, command)
 
-    def _carried_off(self, source: Source) -> bool:
+    def _carried_off(self, source: Source, command: Twist) -> bool:
         """Whether a place with room was found; a surveyed pose may be wrong, and something may stand there since."""
+        stood = source.truth()
         for _ in range(DRAWS):
+            pose = self._draw_pose()
             try:
-                source.teleport(self._draw_pose())
+                source.teleport(pose @ se2(*command.travel))
+                source.teleport(pose)
             except RhsError:
                 continue
             return True
+        if stood is not None:
+            source.teleport(stood)
         return False
 
     def news(self) -> list[Event]:

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.api.records import Belief, Scan, Twist
+from rhs.api.records import Belief, Event, Scan, Twist
 
 from .control import Pace, turn
+from .guard import Guard
 
 HOPE = 0.5  # chance of being right above which the robot goes on the way it looks
 GO_ON_M = 2.0  # way between two looks round
@@ -38,6 +39,14 @@ class Search:
         """There is no way ahead, whatever the scan says: the next commands turn the robot by a quarter, on the same side."""
         self._away = max(self._away, round(0.5 * np.pi / self._pace.turn_step_rad))
         self._side = self._side or 1.0
+
+    def guarded(self, belief: Belief, scan: Scan | None, guard: Guard) -> tuple[Twist, Event | None]:
+        """The next command as far as the guard allows it, else a turn away; and why it is another one."""
+        command, why = guard.allow(self.next(belief, scan))
+        if command is None:
+            self.turn_away()
+            command = self.next(belief, scan)
+        return command, why
 
     def next(self, belief: Belief, scan: Scan | None) -> Twist:
         """The next command."""

@@ -14,11 +14,11 @@ from rhs.api.geometry import se2
 from rhs.api.records import Step
 from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
-from rhs.config.parts import Chosen, build, build_part
+from rhs.config.parts import Chosen, build, build_part, called
 from rhs.metrics.evaluate import evaluate
 from rhs.metrics.success import with_success
 from rhs.recording.rerun_view import check_live
@@ -26,7 +26,7 @@ from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
 from .ahead import Ahead, looks_ahead
-from .culprit import exit_noticed, in_one_line, write_traceback
+from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
 from .eyes import Eyes
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
@@ -156,18 +156,25 @@ class RunContext:
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
         """Build the task's job and run it; the columns that the task knows."""
         job = self.config.task.settings.build(self)
+        if not callable(getattr(job, "run", None)):
+            raise ConfigError(f"{self.who('task')}: {type(job).__name__}, which build() returned, has no run()")
         self.begun = True
         write_config(self.config, self.folder)
         if isinstance(job, StepJob):
             yield from job.steps()
             return {}
-        columns: Mapping[str, Any] = job.run()
-        return columns
+        columns: Mapping[str, Any] | None = job.run()
+        if not isinstance(columns, Mapping | None):
+            raise ContractError(f"{self.who('task')}: run() returned {type(columns).__name__}; expected columns, or None")
+        return columns or {}
 
     # --- for the task -----------------------------------------------------------------------------------------------
 
     def settings(self, kind: str) -> Any:
         return self.config.parts[kind].settings
+
+    def who(self, kind: str) -> str:
+        return called(kind, self.config.task if kind == "task" else self.config.parts[kind])
 
     def floor_plan(self) -> World | None:
         """The building, for the robot that the source's settings want."""
@@ -225,7 +232,8 @@ class RunContext:
         if error is None:
             return {"status": "ok", "reason": ""}
         if isinstance(error, KeyboardInterrupt | GeneratorExit):
-            return {"status": "interrupted", "reason": f"interrupted{self.at}"}
+            who, line = raised_in(error, self.config, self._parts)
+            return {"status": "interrupted", "reason": f"interrupted{self.at}" + (f" in {who}, {line}" if who else "")}
         return {"status": "failed", "reason": self.said_of(error, self.at)}
 
     def said_of(self, error: BaseException, at: str = "") -> str:

@@ -35,7 +35,7 @@ from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
-from .surroundings import NOTHING, SURE
+from .surroundings import SURE
 
 WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
@@ -107,13 +107,13 @@ class Sentinel:
 
     def note(self, belief: Belief, scan: Scan) -> None:
         sure = belief.status is BeliefStatus.TRACKING
-        self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else NOTHING
+        self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else None
         if sure:
             self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=self.guard.around.now_s)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
-            self.kidnapper.maybe(source, self.book)
+            self.kidnapper.maybe(source, self.book, command)
         return None if command is None else self._driven(source, command)
 
     def _driven(self, source: Source, command: Twist) -> Capture:
@@ -171,7 +171,7 @@ class Sentinel:
         if self.look_again:
             return turn(self.look_again.pop() * self.pace.turn_step_rad, self.pace)
         if (why := self._stuck(pose)) is not None:
-            self._finish(MissionStatus.GAVE_UP, f"no progress: {why}", events)
+            self._leave(f"no progress: {why}", pose, events)
             return None
         if self.views_spent > self.settings.views_max:
             self._finish(MissionStatus.GAVE_UP, f"budget spent: mission.views_max={self.settings.views_max} views", events)
@@ -276,10 +276,7 @@ class Sentinel:
             self.look_again = list(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
-        if later := len(seen) > 0 and not self.book.skipped() and self.book.others(pose[:2]) > 0:  # things go
-            self.book.put_off(pose[:2])
-        status = MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP
-        self._finish(status, f"no path: {self.last_reason}{touched}", events)
+        self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
         return None
 
     def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
@@ -368,6 +365,13 @@ class Sentinel:
             self._take_map(self.slam.grid())
         self._begin_place()
 
+    def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
+        """Give the place up; later: it is tried once more, after the others if any: what is in the way may go."""
+        goes_on = self.book.others(pose[:2]) > 0 or (self.guard.moves and not self.contacts)
+        if later := later and goes_on and not self.book.skipped():
+            self.book.put_off(pose[:2])
+        self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)
+
     def _near(self, pose: np.ndarray) -> bool:
         return bool(np.linalg.norm(pose[:2] - self.book.missions[-1].goal_m) <= self.settings.arrive_m)
 
@@ -390,11 +394,7 @@ class Sentinel:
                          events)
             if self.book.done:
                 return Decision(None, None, tuple(events), mission.mission)
-        sight = self.obstacle if self.obstacle is not None else scan
-        command, why = self.guard.allow(self.search.next(belief, sight))
+        command, why = self.search.guarded(belief, self.obstacle if self.obstacle is not None else scan, self.guard)
         if why is not None:
             events.append(why)
-        if command is None:
-            self.search.turn_away()
-            command = self.search.next(belief, sight)
         return Decision(command, None, tuple(events), mission.mission)

@@ -19,6 +19,8 @@ SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for 
 CAME_NEAR_M = 0.3  # the rest of who came is so near
 NOTHING = np.zeros((0, 2))
 PATCH_M = 0.1  # grain of the ground that has to be seen
+HIDES_M = 0.5  # furniture that stands in the way is as deep as that; what of it was not seen is this near to what was
+HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
@@ -48,7 +50,7 @@ class Surroundings:
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
-        self.map_m = NOTHING  # (K, 2) what the map knows near the robot, in its body frame
+        self.map_m: np.ndarray | None = None  # (K, 2) what the map knows near the robot, in its body frame; None: it is lost
         self.sees_floor = False  # the last view showed more than one height
         self.keeps_beside = True  # what is beside the robot is remembered longer
         self.one_eye = False  # it was read off pictures that were compared: blind while the robot turns on the spot
@@ -201,7 +203,7 @@ class Surroundings:
         below = (self.below.votes[near] >= least) & fresh & (self.below_s[near] >= self.now_s - within_s)
         if self.moved_s > -np.inf:  # so may a trail of votes that a pet left too near to be seen cleared
             stale = below & (self.below_s[near] < self.now_s - self.low_s)
-            below[stale] = self._on_map(middles[stale])
+            below[stale] = self._on_map(self.in_body(middles[stale]))
         at_eye |= beside & remembered & (self.at_eye.votes[near] >= least)  # nobody saw it go
         below |= beside & (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - self.remember_s)
         found = np.nonzero(at_eye | below)
@@ -211,13 +213,8 @@ class Surroundings:
         return body[np.hypot(*body.T) < NEAR_M]
 
     def _on_map(self, points_m: np.ndarray) -> np.ndarray:
-        """(K,) bool: of points (K, 2) of this frame, those where the map knows something: that does not go."""
-        near = np.zeros(len(points_m), bool)
-        if len(self.map_m) and len(points_m):
-            from scipy.spatial import cKDTree
-
-            near = np.isfinite(cKDTree(self.map_m).query(self.in_body(points_m), distance_upper_bound=MAPPED_M)[0])
-        return near
+        """(K,) bool: of points (K, 2) of the body frame, those where the map knows something: that does not go."""
+        return _near(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
 
     def bump(self, ahead: float) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back; the (K, 2) points of it in the body frame."""
@@ -250,6 +247,27 @@ class Surroundings:
         ahead = self._patches[(gaps < self.radius_m) & (np.hypot(*self._patches.T) > self.radius_m + margin_m)]
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
+    def hidden(self) -> np.ndarray:
+        """(K, 2) middles of cells near the robot, in its body frame, that no view of the last remember_s has covered beside
+        a thing that the map does not know: one face of it was seen, and the rest may stand there. Nothing while it is lost:
+        all walls are unknown then."""
+        if self.map_m is None:
+            return NOTHING
+        row, column = self._cells(self.pose[None, :2, 3])[0]
+        reach = np.arange(-round(HIDDEN_M / CELL_M), round(HIDDEN_M / CELL_M) + 1)
+        rows, columns = (grid.ravel() for grid in np.meshgrid(row + reach, column + reach, indexing="ij"))
+        unseen = self.seen_s[rows, columns] < self.now_s - self.remember_s
+        points = (np.stack([columns, rows], axis=1)[unseen] + 0.5) * CELL_M + self.at_eye.origin_m
+        return self.in_body(points[self._behind_things(points)])
+
+    def _behind_things(self, points_m: np.ndarray) -> np.ndarray:
+        """(K,) bool: of points (K, 2) of this frame that nobody saw, those that may be the rest of what the map does not
+        know."""
+        if not len(points_m):
+            return np.zeros(0, bool)
+        things = self.things()
+        return _near(self.in_body(points_m), things[~self._on_map(things)], HIDES_M)
+
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
         """Those of the points (K, 2) of this frame that no view since since_s has covered, or, where something moves, of
         which none has shown the floor: the scan at the camera's height looks over a low box at what is hidden behind it."""
@@ -260,13 +278,24 @@ class Surroundings:
         return points_m[unseen]
 
     def count_as_seen(self, points_m: np.ndarray) -> None:
-        """These points (K, 2) of this frame were looked at and cannot be seen better."""
-        self._saw(self._cells(points_m))
+        """These points (K, 2) of this frame were looked at and cannot be seen better; but what may be the rest of something
+        was not."""
+        self._saw(self._cells(points_m[~self._behind_things(points_m)]))
 
     def in_body(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) points of this frame, in the robot's body frame."""
         body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
         return body
+
+
+def _near(points_m: np.ndarray, others_m: np.ndarray, within_m: float) -> np.ndarray:
+    """(K,) bool: the point (K, 2) has one of the others (L, 2) so near."""
+    from scipy.spatial import cKDTree
+
+    if not len(points_m) or not len(others_m):
+        return np.zeros(len(points_m), bool)
+    near: np.ndarray = np.isfinite(cKDTree(others_m).query(points_m, distance_upper_bound=within_m)[0])
+    return near
 
 
 def in_company(points_m: np.ndarray) -> np.ndarray:

@@ -75,6 +75,8 @@ class Driver:
         """All jobs, given as their words. Raises EngineError; after it, or Ctrl-C, nothing of the engine is left."""
         try:
             executor = self.engine.open()
+            if not callable(getattr(executor, "submit", None)):
+                raise EngineError(f"open() returned {type(executor).__name__}; expected a concurrent.futures.Executor")
             while self._fill(executor, coming) or self._out:
                 self._wait()
                 self.outcome.stopped = self.outcome.stopped or alike(self.outcome, self.same_failures)

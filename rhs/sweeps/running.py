@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
+from rhs.api.contracts import complete
 from rhs.api.engine import Engine, EngineContext
 from rhs.api.files import replacing
-from rhs.base.errors import ConfigError, EngineError, RhsError
+from rhs.base.errors import ConfigError, ContractError, EngineError, RhsError
 from rhs.config.compose import Composer
 from rhs.config.loose import carried
 from rhs.runfolder.shards import words_key
@@ -139,8 +140,10 @@ class Run:
     def _engine(self) -> Engine:
         context = EngineContext(self.limits.jobs, self.folder)
         try:
-            engine: Engine = self.plan.choice.settings.build(context)
+            engine: Engine = complete("engine", self.plan.choice.settings.build(context))
             return engine
+        except ContractError as error:
+            raise ConfigError(f"engine={self.plan.choice.engine}: {error}") from error
         except RhsError:
             raise
         except Exception as error:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from rhs.api.jit import on_compile
 from rhs.base.commands import plain
 from rhs.base.errors import ConfigError, RhsError
-from rhs.base.processes import adopt_orphans, descendants, die_with_parent, kill
+from rhs.base.processes import adopt_orphans, descendants, die_with_parent, kill, raises
 from rhs.config.compose import from_plain
 from rhs.config.loose import take_over
 from rhs.metrics.success import with_success
@@ -86,7 +86,7 @@ def settle_in(lifeline: Connection) -> None:
     adopt_orphans()
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, raises(KeyboardInterrupt, once=True))
     threading.Thread(target=_die_with_sweep, args=(lifeline,), daemon=True).start()
 
 
@@ -99,11 +99,6 @@ def redirect(path: str, after: str | None = None) -> None:
     sys.stdout.flush()
     for descriptor in (1, 2):
         os.dup2(log, descriptor)
-
-
-def _interrupt(number: int, frame: object) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 def _die_with_sweep(lifeline: Connection) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import complete
 from rhs.api.geometry import Camera, inverse
 from rhs.api.records import Capture
 from rhs.api.validate import check_capture
@@ -18,7 +19,7 @@ from .shared_state import untouched
 
 def _spoiled(settings: Any, folder: Path, seed: int = 0) -> list[Capture | None]:
     """The views of the small room as they arrive, each with the true motion before it."""
-    part = settings.build(context(folder, seed))
+    part = complete("degrade", settings.build(context(folder, seed)))
     out, previous = [], captures()[0][0]
     for pose, capture in captures():
         with untouched(capture):
@@ -49,7 +50,7 @@ def same_seed_same_views(settings: Any, folder: Path) -> None:
 
 
 def tells_a_camera_of_the_same_size(settings: Any, folder: Path) -> None:
-    told = settings.build(context(folder)).told(CAMERA)
+    told = complete("degrade", settings.build(context(folder))).told(CAMERA)
     assert isinstance(told, Camera) and (told.width, told.height) == (CAMERA.width, CAMERA.height), (
         f"told() must return a Camera of {CAMERA.width}x{CAMERA.height}; derive from rhs.api.contracts.Degradation")
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import complete
 from rhs.api.frozen import freeze
 from rhs.api.geometry import compose_covariance, inverse, log_se3, se2
 from rhs.api.records import Closure, FeatureSettings, Motion, Tracking, View
@@ -54,7 +55,7 @@ def survey(*, drifting: bool = True, stored: bool = True) -> tuple[View, ...]:
 
 
 def _close(settings: Any, folder: Path, views: tuple[View, ...]) -> Closure:
-    part = settings.build(context(folder))
+    part = complete("loop_closer", settings.build(context(folder)))
     with untouched(views):
         return check_closure(part.close(views), views, who="close()")
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import complete
 from rhs.api.frozen import freeze
 from rhs.api.geometry import planar, se2
 from rhs.api.grid import OccupancyGrid
@@ -42,7 +43,7 @@ def ends(pose: np.ndarray, scan: Scan, share: float = 1.0) -> np.ndarray:
 
 
 def _drawn(settings: Any, folder: Path, times: int = 6, poses: tuple[tuple[float, float, float], ...] = POSES) -> Any:
-    mapper = settings.build(context(folder, room=FURNISHED))
+    mapper = complete("mapper", settings.build(context(folder, room=FURNISHED)))
     scans = [(freeze(se2(*pose)), scan_at(se2(*pose))) for pose in poses]
     with untouched(scans):
         for _ in range(times):
@@ -69,9 +70,12 @@ def _likeliest_near(grid: OccupancyGrid, points_m: np.ndarray) -> np.ndarray:
 
 def covers_the_world(settings: Any, folder: Path) -> None:
     x0, y0, x1, y1 = FURNISHED.facts.bounds_m
-    corners = np.array([[x0, y0], [x0, y1], [x1, y0], [x1, y1]])
-    grid = _grid(settings.build(context(folder, room=FURNISHED)))
-    assert grid.inside(corners).all(), f"grid at {grid.origin_m} of shape {grid.shape} does not hold the world's corners"
+    hair = 1e-6  # the border itself may be the grid's
+    corners = np.array([[x, y] for x in (x0 + hair, x1 - hair) for y in (y0 + hair, y1 - hair)])
+    grid = _grid(complete("mapper", settings.build(context(folder, room=FURNISHED))))
+    assert grid.inside(corners).all(), (
+        f"grid at {grid.origin_m} of shape {grid.shape} does not hold the world's corners; expected all of "
+        "context.world.bounds_m, origin_m its corner of least x and y, rows along y")
 
 
 def walls_stand_where_beams_end(settings: Any, folder: Path) -> None:
@@ -124,7 +128,7 @@ def what_was_never_seen_is_unknown_or_undecided(settings: Any, folder: Path) -> 
 
 
 def reset_forgets_everything(settings: Any, folder: Path) -> None:
-    mapper, fresh = _drawn(settings, folder, 1), settings.build(context(folder, room=FURNISHED))
+    mapper, fresh = _drawn(settings, folder, 1), complete("mapper", settings.build(context(folder, room=FURNISHED)))
     mapper.reset()
     assert np.array_equal(_grid(mapper).probability, _grid(fresh).probability, equal_nan=True), "reset() left something"
 
@@ -139,7 +143,7 @@ def same_scans_same_map_whoever_else_is_built(settings: Any, folder: Path) -> No
 
 
 def keeps_no_hold_of_what_it_was_given(settings: Any, folder: Path) -> None:
-    mapper, pose = settings.build(context(folder, room=FURNISHED)), se2(*POSES[0])
+    mapper, pose = complete("mapper", settings.build(context(folder, room=FURNISHED))), se2(*POSES[0])
     scan = scan_at(pose)
     mine = Scan(np.array(scan.bearings_rad), np.array(scan.ranges_m), scan.max_range_m, scan.origin_xy_m)
     mapper.update(pose, mine)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rhs.api.contracts import complete
-from rhs.api.geometry import inverse, log_se3, planar, se3
+from rhs.api.geometry import inverse, log_se3, planar, se2, se3
 from rhs.api.records import Motion, Observation, Tracking
 from rhs.api.validate import check_motion, check_revision
 
-from .room import CORRIDOR, FURNISHED, HALL, RATE_HZ, SHORT, TUBE, Room, blind, context, drive, for_part
+from .room import CAMERA, CORRIDOR, FURNISHED, HALL, RATE_HZ, SHORT, TUBE, Room, blind, context, drive, for_part
 from .shared_state import untouched
 
 ROOMS = (HALL, FURNISHED, CORRIDOR, TUBE)
@@ -71,7 +72,7 @@ def _wrong(motions: list[Motion], truth: list[np.ndarray]) -> str:
         said = said @ motion.previous_from_body
     true = inverse(truth[0]) @ truth[-1]
     if _misses(said, true):
-        fits = [f"; it would fit if {name}" for name, other in _mistaken(said).items() if not _misses(other, true)]
+        fits = [f"; it would fit if {name}" for name, other in _mistaken(motions).items() if not _misses(other, true)]
         return f"the way ends at {_words(said)}, truly at {_words(true)}{(fits or [''])[0]}"
     errors = [log_se3(inverse(inverse(truth[k - 1]) @ truth[k]) @ motions[k].previous_from_body)[PLANE] for k in sure]
     spread = [motions[k].covariance[np.ix_(PLANE, PLANE)] for k in sure]
@@ -93,12 +94,20 @@ def _misses(said: np.ndarray, true: np.ndarray) -> bool:
             or float(np.abs(said[:3, :3] - true[:3, :3]).max()) > 0.2)
 
 
-def _mistaken(said: np.ndarray) -> dict[str, np.ndarray]:
-    """The same motion as it would be without a common mistake."""
-    flip = np.diag([1.0, -1.0, 1.0, 1.0])
-    return {"it were inverted": inverse(said), "left and right were exchanged": flip @ said @ flip,
-            "it were in centimetres": se3(said[:3, :3], said[:3, 3] / 100.0),
-            "it were in millimetres": se3(said[:3, :3], said[:3, 3] / 1000.0)}
+def _mistaken(motions: Sequence[Motion]) -> dict[str, np.ndarray]:
+    """The way as it would be without a common mistake in each motion."""
+    flip, camera = np.diag([1.0, -1.0, 1.0, 1.0]), CAMERA.body_from_camera
+    steps = [motion.previous_from_body for motion in motions]
+    mended: dict[str, list[np.ndarray]] = {
+        "it were inverted": [inverse(step) for step in steps],
+        "left and right were exchanged": [flip @ step @ flip for step in steps],
+        "it were in centimetres": [se3(step[:3, :3], step[:3, 3] / 100.0) for step in steps],
+        "it were in millimetres": [se3(step[:3, :3], step[:3, 3] / 1000.0) for step in steps],
+        "its angle, in degrees, were in radians": [se2(x, y, np.radians(yaw)) for x, y, yaw in map(planar, steps)],
+        "it were the body's, not the camera's: body_from_camera @ motion @ camera_from_body": [
+            camera @ step @ inverse(camera) for step in steps],
+        "it were not summed up since the start": steps[-1:]}
+    return {name: reduce(np.matmul, each) for name, each in mended.items()}
 
 
 def _words(pose: np.ndarray) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import complete
 from rhs.api.frozen import freeze
 from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.api.validate import check_path
@@ -63,7 +64,7 @@ def _ask(part: Any, task: PlanningProblem) -> Path:
 
 
 def _plan(settings: Any, folder: FilePath, task: PlanningProblem, seed: int = 0) -> Path:
-    return _ask(settings.build(context(folder, seed)), task)
+    return _ask(complete("planner", settings.build(context(folder, seed))), task)
 
 
 def crosses_an_empty_room(settings: Any, folder: FilePath) -> None:
@@ -120,7 +121,7 @@ def same_seed_same_plan(settings: Any, folder: FilePath) -> None:
 
 def takes_no_problem_for_another(settings: Any, folder: FilePath) -> None:
     """One planner, many problems: open and closed ones in turn, of the same and of another size."""
-    part = settings.build(context(folder))
+    part = complete("planner", settings.build(context(folder)))
     path = part.plan(problem(empty()))
     kept = np.array(path.points_m)
     for blocked in walls().values():

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import Blockage, Blocked
+from rhs.api.contracts import Blockage, Blocked, complete
 
 from .room import context
 
@@ -16,7 +16,7 @@ PATIENCE = 10_000  # views after which even a patient robot does something
 
 def answers_with_a_blocked(settings: Any, folder: Path) -> None:
     """Every answer is a member of Blocked."""
-    part = settings.build(context(folder))
+    part = complete("replan", settings.build(context(folder)))
     for blockage in _blockages(0, 1, 100):
         answer = part.blocked(blockage)
         assert isinstance(answer, Blocked), f"blocked() returned {answer!r}, expected a Blocked: {', '.join(Blocked)}"
@@ -24,7 +24,7 @@ def answers_with_a_blocked(settings: Any, folder: Path) -> None:
 
 def does_not_wait_for_ever(settings: Any, folder: Path) -> None:
     """After PATIENCE views something else is answered."""
-    part = settings.build(context(folder))
+    part = complete("replan", settings.build(context(folder)))
     for blockage in _blockages(PATIENCE):
         answer = part.blocked(blockage)
         assert answer not in (Blocked.WAIT, Blocked.ASK), f"still waiting after {PATIENCE} views: the patrol would never end"

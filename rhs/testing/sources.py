@@ -158,7 +158,7 @@ def drives_when_told_and_where_it_is_put(settings: Any, folder: Path) -> None:
                 f"{told.duration_s} s of driving took {capture.stamp_s - stamp_s:.3f} s by the stamps")
             stamp_s, after = capture.stamp_s, check_pose(source.truth(), who="truth()", field="world_from_body")
             moved = planar(inverse(before) @ after)
-            _agrees(moved, _arc(told), f"after {told} its motion")
+            _agrees(moved, told.travel, f"after {told} its motion")
             if capture.travel is not None:
                 _agrees(capture.travel, moved, "travel of a driven view")
             clearance, touched = source.clearance_m()
@@ -171,14 +171,6 @@ def drives_when_told_and_where_it_is_put(settings: Any, folder: Path) -> None:
             _agrees(planar(source.truth()), planar(put), "after teleport(pose) the pose")
     finally:
         source.close()
-
-
-def _arc(told: Twist) -> np.ndarray:
-    """(3,) metres ahead, to the left, radians of a unicycle that obeys."""
-    way, turn = told.forward_mps * told.duration_s, told.turn_radps * told.duration_s
-    if turn == 0.0:
-        return np.array([way, 0.0, 0.0])
-    return np.array([way * np.sin(turn) / turn, way * (1.0 - np.cos(turn)) / turn, turn])
 
 
 def same_seed_same_views(settings: Any, folder: Path) -> None:

@@ -50,11 +50,11 @@ def is_robot(model: Element) -> bool:
     return any(DRIVES.search(name) for name in names)
 
 
-def person_of(actor: Element, pose: Callable[[Element], np.ndarray]) -> Person | None:
+def person_of(actor: Element, pose: Callable[[Element], np.ndarray], path: Path) -> Person | None:
     """Who walks as an <actor>'s first trajectory says, there and back where it does not end where it began; None: stands.
-    pose: of an element that holds <pose>, (4, 4). Raises ConfigError."""
+    pose: of an element that holds <pose>, (4, 4); path: of the file. Raises ConfigError."""
     trajectory = actor.find("script/trajectory")
-    stops = [] if trajectory is None else [(_seconds(stop), pose(stop)[:2, 3])
+    stops = [] if trajectory is None else [(_seconds(stop, path), pose(stop)[:2, 3])
                                            for stop in trajectory.findall("waypoint")]
     corners: list[np.ndarray] = []
     pauses: list[float] = []
@@ -78,14 +78,14 @@ def person_of(actor: Element, pose: Callable[[Element], np.ndarray]) -> Person |
     return Person(actor.get("name", "actor"), np.array(corners), speed, tuple(pauses))
 
 
-def _seconds(waypoint: Element) -> float:
+def _seconds(waypoint: Element, path: Path) -> float:
     text = (waypoint.findtext("time") or "0").strip()
     try:
         seconds = float(text)
     except ValueError:
         seconds = float("nan")
     if not 0.0 <= seconds <= LONGEST_S:
-        raise ConfigError(f"<time> of an actor's waypoint is {text[:40]!r}; expected 0 to {LONGEST_S:g} seconds")
+        raise ConfigError(f"{path}: <time> of an actor's waypoint is {text[:40]!r}; expected 0 to {LONGEST_S:g} seconds")
     return seconds
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from rhs.api.floorplan import World, truth_grid
 from rhs.api.grid import OccupancyGrid
+from rhs.api.settings import near_file
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
@@ -80,7 +81,7 @@ def _find(text: str) -> FilePath:
     if "/" in text or FilePath(text).suffix.lower() in (".yaml", ".yml", ".map", ".scen", *FOREIGN):
         path = FilePath(text).expanduser()
         if not path.is_file():
-            raise ConfigError(f"world={text}: there is no such file")
+            raise ConfigError(f"world={text}: there is no such file{near_file(path)}")
         return path.resolve()
     for folder in (data_dir("worlds") / "maps", data_dir("worlds")):
         if text and (folder / f"{text}.yaml").is_file():

@@ -99,12 +99,12 @@ def _children(scene: Scene, parent: Element, placed: np.ndarray, path: Path, dep
         elif child.tag == "include":
             _include(scene, child, placed @ poses[id(child)] @ _scale(child, "scale", path), path, depth)
         elif child.tag == "actor":
-            _actor(scene, child, placed)
+            _actor(scene, child, placed, path)
 
 
-def _actor(scene: Scene, actor: Element, placed: np.ndarray) -> None:
+def _actor(scene: Scene, actor: Element, placed: np.ndarray, path: Path) -> None:
     """Somebody who walks in the frame of the world, or stands."""
-    person = person_of(actor, _pose)
+    person = person_of(actor, _pose, path)
     if person is not None:
         scene.people.append(person)
         return

@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rhs.api.geometry import rotation_z, se3, transform
+from rhs.api.geometry import arc, se2, se3, transform
 
 TRACE_STEPS = 60  # of sphere tracing and the secant; grazing rays need the most
 SPHERES = 6  # the first steps go no further than is surely free
@@ -210,7 +210,5 @@ class Span:
 
 def along(pose: np.ndarray, length_m: float, bend: float) -> np.ndarray:
     """4x4 pose after going `length_m` with that curvature."""
-    turn = length_m * bend
-    chord = length_m * float(np.sinc(turn / (2 * np.pi)))
-    further: np.ndarray = pose @ se3(rotation_z(turn), np.array([chord * np.cos(turn / 2), chord * np.sin(turn / 2), 0.0]))
+    further: np.ndarray = pose @ se2(*arc(length_m, length_m * bend))
     return further

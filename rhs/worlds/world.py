@@ -23,6 +23,7 @@ from rhs.api.floorplan import (
     mapping_grid_frame,
     truth_grid,
 )
+from rhs.api.settings import near_file
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
@@ -98,7 +99,7 @@ def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
     if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *FOREIGN) or ("." in text and Path(text).is_file()):
         path = Path(text).expanduser()
         if not path.is_file():
-            raise ConfigError(f"world={text}: there is no such file")
+            raise ConfigError(f"world={text}: there is no such file{near_file(path)}")
         return path.resolve()
     for folder in ([beside] if beside else []) + [data_dir("worlds")]:
         if text and (folder / f"{text}.yaml").is_file():

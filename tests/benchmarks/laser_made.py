@@ -3,7 +3,8 @@
     python tests/benchmarks/laser_made.py --seeds 10000-10015 --out results/tables/laser_made.csv
 
 Which kind of building a seed makes is seed % 4 (`laser_buildings.py`). Scanner: 180 to 541 beams
-over 180 or 270 degrees, noise of 1 to 3 cm, centimetres, sometimes 0.2 m ahead of the wheels, some beams 0; outdoors half of them end nowhere (81.91), some
+over 180 or 270 degrees, noise of 1 to 3 cm, centimetres, sometimes 0.2 m ahead of the wheels, some beams 0;
+outdoors half of them end nowhere (81.91), some
 halls are seen by one that ends at 8.19 m; 5 to 37 scans a second, or one every 0.3 m. People walk about. Wheels: metres 3 to
 8 % off, a drift of 1 to 4 degrees per metre for one seed in two, noise, a slip now and then. Judged by the true poses:
 

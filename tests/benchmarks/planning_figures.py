@@ -64,7 +64,7 @@ def one(world: str, name: str, seed: int) -> dict:
     arena = load_arena(world)
     problem, settings = problem_of(arena), registry.load("planner", name)()
     if seed == 0:
-        warm_up(settings, arena, Path())
+        warm_up(settings.build(context_of(arena, Path(), generator(0, "warm-up"))))
     first, again = ask_twice(lambda rng: settings.build(context_of(arena, Path(), rng)), problem,
                              partial(generator, seed, "planner"))
     values = path_values(shortened(first.path, problem), problem, optimum=optimum_of(world), classes=arena.classes)

@@ -8,7 +8,7 @@ import pytest
 from rhs.api.geometry import planar, se2
 from rhs.api.records import Belief, Capture, Motion, Tracking, Twist
 from rhs.base.errors import RhsError
-from rhs.blame.oracles import SURE, TrueClosing, TrueDrive, TrueLocaliser, TrueOdometry, Watched, arc
+from rhs.blame.oracles import SURE, TrueClosing, TrueDrive, TrueLocaliser, TrueOdometry, Watched
 
 
 class Slipping:
@@ -69,7 +69,7 @@ def test_a_command_is_carried_out_exactly_but_into_a_wall():
 
 
 def test_a_quarter_circle_by_hand():
-    assert arc(Twist(np.pi / 2, np.pi / 2, 1.0)) == pytest.approx([1.0, 1.0, np.pi / 2])
+    assert Twist(np.pi / 2, np.pi / 2, 1.0).travel == pytest.approx([1.0, 1.0, np.pi / 2])
 
 
 def test_odometry_closing_and_localiser_tell_the_truth():

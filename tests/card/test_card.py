@@ -18,7 +18,7 @@ from rhs.card.card import card_of, verdict
 from rhs.card.laps import Seen
 from rhs.card.page import page_of
 from rhs.card.questions import questions
-from rhs.cli.card import asked, main
+from rhs.cli.card import main, part_of
 from rhs.config import registry
 from rhs.testing.room import HALL, SHORT, drive
 
@@ -136,12 +136,12 @@ def test_a_part_without_a_standard_set_has_its_contract():
     (["planner=prm,rrt"], "several values")])
 def test_what_cannot_have_a_card_is_refused_in_one_line(words, says):
     with pytest.raises(ConfigError, match=says):
-        asked(words)
+        part_of(words, "card")
 
 
 def test_nested_settings_reach_the_part():
-    kind, name, settings, output = asked(["localiser=sift_db", "localiser.advanced.places.tie=0.2", "output=there"])
-    assert (kind, name, str(output)) == ("localiser", "sift_db", "there") and settings.advanced.places.tie == 0.2
+    kind, name, settings = part_of(["localiser=sift_db", "localiser.advanced.places.tie=0.2"], "check")
+    assert (kind, name) == ("localiser", "sift_db") and settings.advanced.places.tie == 0.2
 
 
 def test_a_task_has_no_card():

@@ -164,13 +164,22 @@ def test_what_an_odometry_offers_beside_motions_passes_the_gate():
 
 def test_a_part_that_derives_from_nothing_is_given_the_defaults_of_its_contract():
     class Plain:
-        scale_from = "a barcode"
+        camera = facts = scale_from = "a barcode"
+
+        def update(self, observation):
+            return None
+
+        def lead(self):
+            return None
 
     class Closed:
         __slots__ = ()
 
+        update = Plain.update
+
     assert (complete("odometry", Plain()).keeps_moving, complete("odometry", Plain()).scale_from) == (None, "a barcode")
+    assert complete("odometry", Plain()).revise() is None
     source = complete("source", Plain())
-    assert (source.provides, source.renderer, source.lost) == (None, "", "")
+    assert (source.provides, source.renderer, source.lost, source.truth()) == (None, "", "", None)
     with pytest.raises(ContractError, match="derive it from rhs.api.contracts.Odometry"):
         complete("odometry", Closed())

@@ -151,6 +151,22 @@ def test_a_trail_too_near_to_be_seen_cleared_is_forgotten_while_something_moves(
         assert blocked == (0.5 * (index - 1) <= seconds)
 
 
+def test_where_one_face_of_a_thing_was_seen_the_rest_of_it_may_stand_unless_all_that_is_seen_is_unknown():
+    """A face 0.3 m to the left of the way and 0.6 m ahead, past which an arc to the left leads over ground behind it. On the
+    map it is a wall, and what is behind it the map knows; a lost robot has no map."""
+    watched, behind = guard(), Twist(0.4, 1.0, 0.5)
+    face = np.where(BEARINGS > 0.35, 0.6 / np.cos(BEARINGS), 5.0)
+    watched.observe(seen(1, face), STILL)
+    forward = Motion(se2(0.6, 0.0, 0.0), 1e-6 * np.eye(6), Tracking.OK)
+    watched.observe(seen(2, 5.0), forward)
+    face_m = watched.around.things()
+    way_m = {}
+    for name, known in (("unknown", np.zeros((0, 2))), ("on the map", face_m), ("lost", None)):
+        watched.around.map_m = known
+        way_m[name] = watched.around.free_way_m(behind, 0.05, 0.5, walls_m=watched.around.hidden())
+    assert len(face_m) and way_m["unknown"] < 0.2 and way_m["on the map"] == way_m["lost"] > 0.3
+
+
 def test_the_robot_goes_back_no_further_than_the_map_and_what_it_saw_leave_room():
     watched = guard()
     watched.observe(seen(1, wall_at(1.0)), STILL)

@@ -22,19 +22,10 @@ def guess_motion(
     if observation.wheel is not None and np.isfinite(observation.wheel).all():
         name, pose = "wheel", se2(*observation.wheel)
     elif observation.command is not None:
-        command = observation.command
-        name, pose = "command", arc(command.forward_mps * command.duration_s, command.turn_radps * command.duration_s)
+        name, pose = "command", se2(*observation.command.travel)
     else:
         name, pose = "same again", last
     distance, turn = float(np.linalg.norm(pose[:3, 3])), abs(float(planar(pose)[2]))
     share, least_m, least_rad = noise.of(name)
     sigma_m, sigma_rad = least_m + share * distance, least_rad + share * turn
     return name, pose, np.diag([sigma_m**2] * 3 + [sigma_rad**2] * 3)
-
-
-def arc(forward_m: float, turn_rad: float) -> np.ndarray:
-    """4x4 motion of a unicycle that drives `forward_m` along an arc while turning by `turn_rad`."""
-    if abs(turn_rad) < 1e-9:
-        return se2(forward_m, 0.0, turn_rad)
-    radius = forward_m / turn_rad
-    return se2(radius * np.sin(turn_rad), radius * (1.0 - np.cos(turn_rad)), turn_rad)

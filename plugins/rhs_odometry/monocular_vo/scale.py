@@ -51,9 +51,6 @@ def told(observation: Observation) -> tuple[np.ndarray | None, str]:
     """(4x4 motion of the body, wheel or command) since the view before; (None, "") where neither is there."""
     if observation.wheel is not None:
         return se2(*(float(v) for v in observation.wheel)), "wheel"
-    command = observation.command
-    if command is None:
+    if observation.command is None:
         return None, ""
-    turn = command.turn_radps * command.duration_s
-    chord = command.forward_mps * command.duration_s * float(np.sinc(turn / (2 * np.pi)))
-    return se2(chord * np.cos(turn / 2), chord * np.sin(turn / 2), turn), "command"
+    return se2(*observation.command.travel), "command"

@@ -22,6 +22,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar, se2
 from rhs.api.records import Capture, Scan, WorldFacts
+from rhs.api.settings import nearest
 
 from ..replay_mounts import mount_of, mounted
 from ..replay_stamps import Truth, ascending, in_file_order, in_order, typed_truth
@@ -139,6 +140,8 @@ def _truth(log: Log, stamps: np.ndarray, lasers: list[np.ndarray], odometry: lis
         if _constant(lasers, odometry):
             raise ConfigError("source.truth=corrected: the poses in this log are its odometry's; nobody has corrected them")
         return Truth(stamps, np.array(lasers), settings.max_truth_gap_s)
+    if hint := nearest(settings.truth, [CORRECTED]) if not Path(settings.truth).expanduser().exists() else "":
+        raise ConfigError(f"source.truth={settings.truth}: no such file{hint}")
     if settings.truth or not log.true:
         return typed_truth(settings)
     true = [stamped_pose(_words(line), where) for where, line in log.true]

@@ -34,7 +34,7 @@ class Answer:
 
 
 def ask_twice(build: Callable[[np.random.Generator], Planner], problem: PlanningProblem,
-              new_rng: Callable[[], np.random.Generator]) -> tuple[Answer, Answer]:
+              new_rng: Callable[[], np.random.Generator], *, who: str = "planner") -> tuple[Answer, Answer]:
     """The same question with the same random numbers, to a new planner and again to the planner that now knows the map:
     the first call costs learning and planning, the second planning alone.
 
@@ -45,19 +45,19 @@ def ask_twice(build: Callable[[np.random.Generator], Planner], problem: Planning
         planner = build(rng)
         began = rng.bit_generator.state
         with Compiling() as compiling:
-            first = ask(planner, problem)
+            first = ask(planner, problem, who)
             rng.bit_generator.state = began
-            again = ask(planner, problem)
+            again = ask(planner, problem, who)
         if not compiling.happened:
             break
     return first, again
 
 
-def ask(planner: Planner, problem: PlanningProblem) -> Answer:
+def ask(planner: Planner, problem: PlanningProblem, who: str) -> Answer:
     """One question, timed until its points are there as plain numbers."""
     wall, cpu = perf_counter(), process_time()
     told = planner.plan(problem)
-    path = checked(told, planner, most_points=POINTS_PER_CELL * (problem.blocked.size + 100))
+    path = checked(told, who, most_points=POINTS_PER_CELL * (problem.blocked.size + 100))
     cpu_ms, wall_ms = 1e3 * (process_time() - cpu), 1e3 * (perf_counter() - wall)
     return Answer(path, cpu_ms, wall_ms, _lines(told.sketch))
 
@@ -72,29 +72,30 @@ def times(first: Answer, again: Answer) -> dict[str, float]:
     }
 
 
-def checked(told: Any, planner: Any, *, most_points: int) -> Path:
+def checked(told: Any, who: str, *, most_points: int) -> Path:
     """A plain copy of the path, or ContractError: a success needs points, a failure has none, numbers are finite."""
-    name = type(planner).__name__
-    if not isinstance(told, Path) or not isinstance(told.reason, PlanReason):
-        raise ContractError(f"planner {name} returned {type(told).__name__}; expected a Path with a PlanReason")
-    points = np.asarray(told.points_m)
+    if not isinstance(told, Path):
+        raise ContractError(f"{who}: plan() returned {type(told).__name__}; expected a Path (rhs.api.records)")
+    if not isinstance(told.reason, PlanReason):
+        raise ContractError(f"{who}: reason is {str(told.reason)[:60]!r}; expected a PlanReason, PlanReason.OK for a path")
+    points = np.asarray(told.points_m) if len(told.points_m) else np.empty((0, 2))
     if points.ndim != 2 or points.shape[1] != 2 or len(points) > most_points:
-        raise ContractError(f"planner {name}: points_m has shape {points.shape}; expected (N, 2), N at most {most_points}")
+        raise ContractError(f"{who}: points_m has shape {points.shape}; expected (N, 2), N at most {most_points}")
     points = np.array(points, float)
     if not np.isfinite(points).all():
-        raise ContractError(f"planner {name}: points_m holds numbers that are not finite; expected metres")
+        raise ContractError(f"{who}: points_m holds numbers that are not finite; expected metres")
     if (told.reason is PlanReason.OK) != (len(points) > 0):
-        raise ContractError(f"planner {name}: reason {told.reason} with {len(points)} points")
+        raise ContractError(f"{who}: reason {told.reason} with {len(points)} points")
     advice = " ".join(str(told.advice).split())[:_LONGEST_ADVICE]
     return Path(told.reason, points, points, _number(told.learn_ms), _number(told.plan_ms), None,
-                _details(told.details, name), bool(told.keep_shape), advice)
+                _details(told.details, who), bool(told.keep_shape), advice)
 
 
-def _details(told: Any, name: str) -> dict[str, float]:
+def _details(told: Any, who: str) -> dict[str, float]:
     details = {str(key): _number(value) for key, value in dict(told).items()}
     wrong = next((key for key in details if not key.isidentifier() or len(key) > 60), None)
     if wrong is not None or len(details) > _MOST_DETAILS:
-        raise ContractError(f"planner {name}: details has {len(details)} entries, one is named {str(wrong)[:60]!r}; "
+        raise ContractError(f"{who}: details has {len(details)} entries, one is named {str(wrong)[:60]!r}; "
                             f"expected at most {_MOST_DETAILS} plain words")
     return details
 

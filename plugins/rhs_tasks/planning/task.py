@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import Context
+from rhs.api.contracts import Context, Planner
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.randomness import generator
@@ -35,14 +35,15 @@ class PlanningJob:
     def __init__(self, settings: Planning, context: TaskContext) -> None:
         self.settings, self.context = settings, context
         self.arena = chosen_arena(settings, context.world, context.seed)
+        self.warm = context.build_part("planner", context_of(self.arena, context.folder, generator(0, "warm-up")))
 
     def run(self) -> Mapping[str, Value]:
         """Put the question, ask, pull the path tight, write the files: the columns follow from them, but for the times."""
         context, chosen = self.context, self.settings.planning
         question = question_of(self.arena, start_radius_m=chosen.start_radius_m)
-        warm_up(context, self.arena)
+        warm_up(self.warm)
         first, again = ask_twice(lambda rng: context.build_part("planner", context_of(self.arena, context.folder, rng)),
-                                 question.problem(), partial(generator, context.seed, "planner"))
+                                 question.problem(), partial(generator, context.seed, "planner"), who=context.who("planner"))
         path = shortened(first.path, question.problem()) if chosen.shorten else first.path
         write_plan(context.folder, question, path, first.sketch)
         return {f"plan_{key}": float(value) for key, value in path.details.items()} | times(first, again)
@@ -76,9 +77,9 @@ def context_of(arena: Arena, folder: FilePath, rng: np.random.Generator) -> Cont
     return Context(rng, camera_from_fov(640, 480, 60.0, height_m=1.2), facts, folder, FeatureSettings())
 
 
-def warm_up(context: TaskContext, arena: Arena) -> None:
-    """Plan something tiny with another instance, so that no time is spent on loading libraries."""
+def warm_up(planner: Planner) -> None:
+    """Plan something tiny with another planner, so that no time is spent on loading libraries."""
     blocked = np.zeros((8, 8), bool)
     blocked[4, 1:] = True
     tiny = PlanningProblem(blocked, 0.1, (0.0, 0.0), np.array([0.65, 0.15]), np.array([0.65, 0.65]))
-    context.build_part("planner", context_of(arena, context.folder, generator(0, "warm-up"))).plan(tiny)
+    planner.plan(tiny)

@@ -1,0 +1,277 @@
+"""What people who know only the README bring: taken where it is honest, named in one line where it is a first draft."""
+
+from __future__ import annotations
+
+import enum
+import os
+import signal
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path as FilePath
+from types import SimpleNamespace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from planted import odometry, settings
+
+import rhs
+from rhs.api import settings as plain
+from rhs.api.contracts import complete
+from rhs.api.errors import ConfigError, ContractError
+from rhs.api.geometry import inverse, se2
+from rhs.api.grid import OccupancyGrid
+from rhs.api.metric import Metric
+from rhs.api.records import Belief, Path, PlanReason
+from rhs.api.validate import check_path
+from rhs.base.processes import raises
+from rhs.card import card
+from rhs.config import registry
+from rhs.config.loose import load_files
+from rhs.metrics.evaluate import evaluate
+from rhs.sweeps.face import _words
+from rhs.testing import check_plugin
+from rhs.testing.planners import empty, problem
+from rhs.testing.room import CAMERA
+
+
+class Heuristic(enum.Enum):
+    OCTILE = "octile"
+    ZERO = "zero"
+
+
+@dataclass
+class Costs:
+    """What steps cost."""
+
+    turn: float = 0.0
+    """of a turn"""
+
+
+@dataclass
+class Straight:
+    """Goes straight; its settings are of every type that people use."""
+
+    heuristic: Heuristic = Heuristic.OCTILE
+    """lower bound"""
+    costs: Costs = field(default_factory=Costs)
+    log_file: FilePath | None = None
+    """where it writes"""
+    folder: FilePath = FilePath("debug")
+    """where it writes more"""
+    weights: list = field(default_factory=lambda: [1.0])
+    """numbers"""
+    reach_m: float = 5.0
+    """metres"""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        return self
+
+    def plan(self, problem):
+        return Path(PlanReason.OK, [list(problem.start_m), list(problem.goal_m)])
+
+
+def test_settings_of_every_type_are_typed_and_kept():
+    typed = {"heuristic": "ZERO", "costs": {"turn": 2}, "log_file": "a.csv", "folder": "b", "weights": [1, 2]}
+    made = plain.make(Straight, typed, "planner")
+    assert made == Straight(Heuristic.ZERO, Costs(2.0), FilePath("a.csv"), FilePath("b"), [1, 2])
+    assert plain.make(Straight, plain.plain(made), "planner") == made
+    assert plain.plain(made)["heuristic"] == "zero" and plain.type_name(Heuristic) == "octile | zero"
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
+def test_a_setting_that_is_not_finite_is_refused_for_everybody(wrong):
+    with pytest.raises(ConfigError, match="planner.costs.turn=.*expected a finite number"):
+        plain.make(Straight, {"costs": {"turn": wrong}}, "planner")
+
+
+@pytest.mark.parametrize(("hint", "default", "says"), [
+    (np.ndarray, 1.0, "setting odd of type ndarray cannot"), ("Nowhere", 1.0, "cannot be looked up: name 'Nowhere'"),
+    (float, None, "setting odd has no default value")])
+def test_a_setting_that_nobody_can_type_is_named(hint, default, says):
+    body = {"__annotations__": {"odd": hint}, "build": Straight.build, "needs": frozenset(), "provides": frozenset()}
+    odd = dataclass(type("Odd", (), body | ({} if default is None else {"odd": default})))
+    with pytest.raises(ConfigError, match=says):
+        rhs.register("planner", "odd", odd)
+
+
+def test_a_build_without_context_is_refused():
+    with pytest.raises(ConfigError, match=r"has no build\(self, context\)"):
+        rhs.register("planner", "odd", dataclass(type("Odd", (Straight,), {"build": lambda self: self})))
+
+
+@pytest.mark.parametrize(("kind", "part", "says"), [
+    ("planner", SimpleNamespace(compute=print), "has no plan(problem)"), ("planner", None, "has no plan(problem)"),
+    ("planner", SimpleNamespace(plan=lambda grid, start, goal: None), "plan cannot be called as plan(problem)"),
+    ("source", SimpleNamespace(lead=lambda: None, camera=1), "has no facts"),
+    ("localiser", SimpleNamespace(learn=lambda views, grid: 0, update=lambda o, m: 0), "has no start(belief)"),
+    ("engine", SimpleNamespace(open=lambda: None), "has no width"), ("slam", odometry.NoBase(None), "has no belief()")])
+def test_a_missing_method_or_one_with_other_arguments_is_named(kind, part, says):
+    with pytest.raises(ContractError) as caught:
+        complete(kind, part)
+    assert says in str(caught.value)
+
+
+def test_a_source_that_only_leads_is_given_the_rest():
+    source = complete("source", SimpleNamespace(camera=1, facts=2, lead=lambda: None))
+    assert source.truth() is None and np.isnan(source.clearance_m()[0]) and source.close() is None
+
+
+TASK = problem(empty())
+START, GOAL = TASK.start_m, TASK.goal_m
+CELLS = (np.array([START, GOAL]) - TASK.origin_m) / TASK.resolution_m
+
+
+def test_lists_and_float32_are_paths():
+    assert check_path(Path(PlanReason.DISCONNECTED, []), TASK, who="x").points_m.shape == (0, 2)
+    points = np.array([START, 0.5 * (START + GOAL), GOAL], np.float32)
+    kept = check_path(Path(PlanReason.OK, points), TASK, who="x").points_m
+    assert np.array_equal(kept[[0, -1]], [START, GOAL]) and not np.array_equal(points[0], START)
+
+
+@pytest.mark.parametrize(("points", "says"), [
+    ([GOAL, START], "the path is reversed"), ([START[::-1], GOAL[::-1]], "x and y are exchanged"),
+    (np.floor(CELLS), "these (column, row) are cells"), (np.floor(CELLS[:, ::-1]), "these (row, column) are cells"),
+    ([START - TASK.origin_m, GOAL - TASK.origin_m], "origin_m is missing"),
+    ([START + 0.04, GOAL], "put start_m before"), ([START, [4.5, 0.1], GOAL], "between its ends x and y are exchanged")])
+def test_a_path_that_is_refused_says_which_mistake_it_would_fit_without(points, says):
+    with pytest.raises(ContractError) as caught:
+        check_path(Path(PlanReason.OK, np.array(points)), TASK, who="x")
+    assert says in str(caught.value)
+
+
+class Camera(odometry.Honest):
+    says = "it were the body's, not the camera's"
+
+    def motion(self, observation):
+        said = super().motion(observation)
+        camera = CAMERA.body_from_camera
+        return replace(said, previous_from_body=inverse(camera) @ said.previous_from_body @ camera)
+
+
+class Summed(odometry.Honest):
+    says = "it were not summed up"
+    pose = np.eye(4)
+
+    def motion(self, observation):
+        said = super().motion(observation)
+        self.pose = self.pose @ said.previous_from_body
+        return replace(said, previous_from_body=self.pose)
+
+
+class Degrees(odometry.Honest):
+    says = "its angle, in degrees, were in radians"
+
+    def travel(self, wheel):
+        return [*wheel[:2], np.degrees(wheel[2])]
+
+
+@pytest.mark.parametrize("part", [Camera, Summed, Degrees])
+def test_motions_in_another_frame_or_unit_are_told_so(part):
+    with pytest.raises(AssertionError) as caught:
+        check_plugin("odometry", settings(part, "wheel"))
+    assert part.says in str(caught.value)
+
+
+def test_a_word_of_needs_that_is_nearly_one_is_asked_about():
+    with pytest.raises(AssertionError, match="needs names 'whel'; did you mean wheel"):
+        check_plugin("odometry", settings(odometry.Honest, "whel"))
+
+
+class Slam(odometry.Honest):
+    """Counts the wheels, and believes in an empty room."""
+
+    def __init__(self, context):
+        super().__init__(context)
+        self.poses = [se2(*context.world.start)]
+
+    def update(self, observation):
+        motion = super().update(observation)
+        self.poses += [self.poses[-1] @ motion.previous_from_body] if self.views > 1 else []
+        return motion
+
+    def belief(self):
+        return Belief(self.poses[-1], 1e-4 * np.eye(6))
+
+    def trajectory(self):
+        return np.stack(self.poses)
+
+    def grid(self):
+        return OccupancyGrid(np.full((40, 60), 0.05), 0.1, (0.0, 0.0))
+
+
+def test_a_slam_is_checked():
+    check_plugin("slam", settings(Slam, "wheel"))
+    short = type("Short", (Slam,), {"trajectory": lambda self: np.stack(self.poses)[1:]})
+    with pytest.raises(AssertionError, match=r"trajectory\(\)"):
+        check_plugin("slam", settings(short, "wheel"))
+
+
+def test_a_check_that_never_ends_is_ended_and_named(monkeypatch):
+    monkeypatch.setattr(card, "CHECK_PATIENCE_S", 0.5)
+    hangs = type("Hangs", (odometry.Honest,), {"update": lambda self, observation: time.sleep(60)})
+    told = card.contract("odometry", settings(hangs, "wheel"))
+    assert [one["why"] for one in told[3:5]] == ["no answer for 0.5 s", "not reached"]
+
+
+def test_a_signal_ends_the_processes_of_a_part_as_any_other():
+    before = signal.signal(signal.SIGTERM, raises(KeyboardInterrupt))
+    try:
+        if (child := os.fork()) == 0:
+            os._exit(0 if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL else 1)
+        assert os.waitpid(child, 0)[1] == 0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_what_a_planner_raises_in_build_is_not_blamed_on_the_task(tmp_path):
+    @dataclass
+    class Careless(Straight):
+        def build(self, context):
+            raise ValueError("forgot something")
+
+    row = rhs.run({"task": "planning", "world": "map1", "planner": Careless(), "output": str(tmp_path / "run")}, quiet=True)
+    assert row["reason"].startswith("planner=careless (test_strangers.py") and "forgot something" in row["reason"]
+
+
+def test_objects_in_a_sweep_are_words():
+    words = list(_words("planner", Straight(Heuristic.ZERO, Costs(2.0), reach_m=3.0)))
+    assert words == ["planner=straight", "planner.heuristic='zero'", "planner.costs.turn=2.0", "planner.reach_m=3.0"]
+    assert list(_words("planner", [Straight(), "astar"])) == ["planner=straight,astar"]
+    with pytest.raises(ConfigError, match="objects in a list have their defaults"):
+        list(_words("planner", [Straight(reach_m=1.0), "astar"]))
+
+
+def test_a_metric_takes_no_column_that_there_is(tmp_path):
+    forged, mine = (Metric(name, "m", "x", "mine", lambda run: 2.0, tasks=()) for name in ("status", "mine_m"))
+    registry.register("metric", "taken", (forged, mine))
+    try:
+        values = evaluate(tmp_path, "planning")
+    finally:
+        registry._by_hand.pop(("metric", "taken"))
+        registry.forget()
+    assert values["mine_m"] == 2.0 and "status" not in values
+    assert "status of mine: there is a column" in values["metric_failures"]
+
+
+def test_a_plugin_in_another_group_is_pointed_at(monkeypatch):
+    monkeypatch.setattr(registry, "registered_from", [])
+    with pytest.raises(ConfigError, match="has it in the entry point group rhs.planner"):
+        registry.load("odometry", "prm")
+
+
+def test_a_plugin_of_a_file_is_found_by_whatever_names_it(tmp_path):
+    """A run folder that is blamed or verified names it, and no word on the command line does."""
+    (tmp_path / "mine.py").write_text(f"from {__name__} import Straight\n\n\nclass OfAFile(Straight):\n    pass\n".replace(
+        "class", "from dataclasses import dataclass\n\n\n@dataclass\nclass"))
+    try:
+        load_files([str(tmp_path / "mine.py")], [])
+        assert registry.load("planner", "of_a_file").__name__ == "OfAFile"
+    finally:
+        registry._by_hand.pop(("planner", "of_a_file"), None)
+        load_files([], [])
+        registry.forget()
+    with pytest.raises(ConfigError, match="add --plugin FILE.py"):
+        registry.load("planner", "of_a_file")
