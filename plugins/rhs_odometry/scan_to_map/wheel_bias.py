@@ -60,7 +60,11 @@ class WheelBias:
         self._forget()
 
     def _forget(self) -> None:
-        self._read, self._stepped, self._way_m, self._turn, self._seen = np.zeros(3), np.zeros(3), 0.0, 0.0, (True, True)
+        self._read: np.ndarray = np.zeros(3)
+        self._stepped: np.ndarray = np.zeros(3)
+        self._way_m: float = 0.0
+        self._turn: float = 0.0
+        self._seen: tuple[bool, bool] = (True, True)
 
 
 def _fitted(told: np.ndarray, true: np.ndarray, expected: np.ndarray, sigma: np.ndarray, noise: float) -> np.ndarray:
