@@ -29,7 +29,11 @@ class WheelBias:
         self.metres, self.turns, self.drift = 1.0, 1.0, 0.0
         self._ways: deque[tuple[float, float]] = deque(maxlen=ROWS)  # by the wheels, by the scans
         self._turns: deque[tuple[float, float, float]] = deque(maxlen=ROWS)  # turn and way by the wheels, turn by the scans
-        self._forget()
+        self._read: np.ndarray = np.zeros(3)  # of the stretch that is under way
+        self._stepped: np.ndarray = np.zeros(3)
+        self._way_m: float = 0.0
+        self._turn: float = 0.0
+        self._seen: tuple[bool, bool] = (True, True)
 
     def corrected(self, reading: np.ndarray) -> np.ndarray:
         """A reading (3,) as it would be without the bias."""
@@ -60,11 +64,8 @@ class WheelBias:
         self._forget()
 
     def _forget(self) -> None:
-        self._read: np.ndarray = np.zeros(3)
-        self._stepped: np.ndarray = np.zeros(3)
-        self._way_m: float = 0.0
-        self._turn: float = 0.0
-        self._seen: tuple[bool, bool] = (True, True)
+        self._read, self._stepped, self._way_m, self._turn = np.zeros(3), np.zeros(3), 0.0, 0.0
+        self._seen = True, True
 
 
 def _fitted(told: np.ndarray, true: np.ndarray, expected: np.ndarray, sigma: np.ndarray, noise: float) -> np.ndarray:
