@@ -177,8 +177,8 @@ def linear(q: np.ndarray, qn: np.ndarray, walls: Walls, at: np.ndarray, reach: f
 def fitted(q: np.ndarray, qn: np.ndarray, walls: Walls, start: np.ndarray, prior: np.ndarray, settings: np.ndarray,
            ) -> tuple[np.ndarray, np.ndarray, float]:
     """Pose (3,), information (3, 3) of the points alone, share with a partner: q laid onto the map from `start`, which
-    `prior` (3, 3) information pulls towards. settings: first and last reach, sigma, trust, steps, reach of the share."""
-    first, last, sigma, trust, steps, counted = settings
+    `prior` (3, 3) information pulls towards. settings: first and last reach, sigma, trust, steps."""
+    first, last, sigma, trust, steps = settings
     at = start.copy()
     for k in range(int(steps)):
         reach = max(last, first * 0.6**k)
@@ -198,8 +198,6 @@ def fitted(q: np.ndarray, qn: np.ndarray, walls: Walls, start: np.ndarray, prior
         if reach <= last and most < 3e-4:
             break
     information, _, share = linear(q, qn, walls, at, last, sigma)
-    if counted != last:
-        _, _, share = linear(q, qn, walls, at, counted, sigma)
     return at, trust * information, share
 
 

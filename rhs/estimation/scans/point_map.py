@@ -71,7 +71,7 @@ class PointMap:
         if self._buckets is None or not len(cloud.points):
             return Fit(np.array(start, float), np.zeros((3, 3)), 0.0)
         first, last = reach or (settings.reach_m, settings.reach_least_m)
-        numbers = np.array([first, last, settings.sigma_m, settings.trust, steps, max(last, settings.partner_m)], float)
+        numbers = np.array([first, last, settings.sigma_m, settings.trust, steps], float)
         pose, information, share = fitted(cloud.points, cloud.normals, self._buckets, np.array(start, float),
                                           np.ascontiguousarray(prior, float), numbers)
         return Fit(pose, information, share)

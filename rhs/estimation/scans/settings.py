@@ -139,14 +139,12 @@ class PointSettings:
     """neighbouring ends as near as this tell the direction of a wall, metres"""
     span_steps: float = 2.5
     """or as near as so many gaps between beams"""
-    flat: float = 0.03
+    flat: float = 0.12
     """of a wall's points the variance across is less than this share of that along"""
     reach_m: float = 0.5
     """a partner is looked for as far as this at first, metres"""
-    reach_least_m: float = 0.12
+    reach_least_m: float = 0.2
     """and in the end"""
-    partner_m: float = 0.2
-    """a point this near to the map has a partner there"""
     sigma_m: float = 0.04
     """of an end against a wall, metres"""
     trust: float = 0.4
@@ -160,8 +158,7 @@ class PointSettings:
 
     def __post_init__(self) -> None:
         check_ranges("", self, range_max_m=(0.1, 1000.0), span_m=(1e-3, 10.0), span_steps=(1.0, 100.0), flat=(0.0, 1.0),
-                     reach_m=(0.01, 100.0), reach_least_m=(0.01, 100.0), partner_m=(0.01, 100.0),
-                     sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
+                     reach_m=(0.01, 100.0), reach_least_m=(0.01, 100.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
                      lever_m=(1e-3, 1000.0), blind_below=(0.0, 1.0), cell_m=(0.005, 2.0))
 
 
