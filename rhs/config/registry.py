@@ -128,7 +128,8 @@ def origins(kind: str, name: str) -> list[Origin]:
 
 
 def forget() -> None:
-    """Look at the installed distributions afresh at the next call."""
+    """Look at the installed distributions afresh at the next call, and at no file of --plugin any more."""
+    registered_from.clear()
     _on_path.cache_clear()
     load.cache_clear()
     failure.cache_clear()

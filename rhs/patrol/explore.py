@@ -78,7 +78,7 @@ class Explorer(Sentinel):
                          settings=settings)
         self.replan = Onwards()
         self.facing_rad = float(facts.start[2])
-        self.look_again = self._round()
+        self.queued = self._turns(self._round())
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------------
 
@@ -121,7 +121,7 @@ class Explorer(Sentinel):
         pose = planar(belief.map_from_body)
         self.stood |= self._covered(pose[:2])
         self.explored_views += not self.stop
-        if self.book.current is not None and not self.stop and not self.look_again and self._seen_already():
+        if self.book.current is not None and not self.stop and not self.queued and self._seen_already():
             self._finish(MissionStatus.ARRIVED, "seen on the way", [])
         return replace(super().decide(belief, scan), mission=0)
 
@@ -199,21 +199,21 @@ class Explorer(Sentinel):
 
     def _near(self, pose: np.ndarray) -> bool:
         """At the viewpoint, and turned to what is to be seen from it."""
-        if self.look_again or not super()._near(pose):
+        if self.queued or not super()._near(pose):
             return False
         if not self.faced:
             self.faced = True
             place = self.book.missions[-1].place
             if place != HOME and self.stop:
                 self.been.append(pose[:2])
-                self.look_again = self._round()
+                self.queued = self._turns(self._round())
                 return False
             if not self.stop:
                 self.facing_rad = float(self._frontiers().seen_m2(self.grid.cells(pose[None, :2]))[1][0])
             off = float(wrap(self.facing_rad - pose[2])) / self.pace.turn_step_rad
             count = int(np.ceil(abs(off) - 0.25))
-            self.look_again = [off / count] * count if count > 0 else []
-        return not self.look_again
+            self.queued = self._turns([off / count] * count if count > 0 else [])
+        return not self.queued
 
     # --- the sentinel's missions -------------------------------------------------------------------------------------
 

@@ -171,9 +171,21 @@ class Guard:
             self.around.forget()  # pictures from one place show nobody whether it is still there
         return None, Event.STOPPED
 
-    def _free_m(self, command: Twist, up_to_m: float) -> float:
+    def way_out(self, bearing_rad: float) -> list[Twist]:
+        """Turns on the spot and the step after them of a robot whose way is barred: the nearest to that bearing at which
+        there is room ahead. Nothing where there is none."""
+        most, ahead = self.pace.turn_step_rad, Twist(self.pace.speed_mps, 0.0, self.pace.step_m / self.pace.speed_mps)
+        turns = most * np.arange(-int(np.pi / most), int(np.pi / most) + 1)
+        for turned_rad in sorted(turns, key=lambda angle: abs(angle - bearing_rad)):
+            if self._free_m(ahead, self.pace.step_m, float(turned_rad)) >= self.pace.step_m:
+                spot = turn(float(np.sign(turned_rad)) * most, Pace(turn_step_rad=most))
+                return [spot] * round(abs(turned_rad) / most) + [ahead]
+        return []
+
+    def _free_m(self, command: Twist, up_to_m: float, turned_rad: float = 0.0) -> float:
         least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
-        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=self._hidden_m, least=least)
+        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=self._hidden_m, least=least,
+                                      turned_rad=turned_rad)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

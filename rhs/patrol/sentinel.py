@@ -9,19 +9,7 @@ import numpy as np
 from rhs.api.contracts import Blockage, Blocked, Source
 from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import (
-    Belief,
-    BeliefStatus,
-    Capture,
-    Event,
-    MissionStatus,
-    Motion,
-    Observation,
-    Path,
-    Scan,
-    Twist,
-    View,
-)
+from rhs.api.records import Belief, BeliefStatus, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
 from rhs.api.task import Parts
 from rhs.api.validate import check_blocked, check_capture
 from rhs.estimation.survey import known_free
@@ -43,7 +31,7 @@ WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle 
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 MOST_BARRED = 6  # commands refused on end after which a gap hardly wider than the robot is not tried again
 MOST_BACK, MOST_BACK_TO_SEE = 2, 5  # times on the way to one place that the robot goes back: to find a way, or to see
-LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
+LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)  # forth and back
 
 
 class Sentinel:
@@ -80,7 +68,7 @@ class Sentinel:
     def _begin_place(self) -> None:
         self.path: Path | None = None
         self.attempts = 0
-        self.look_again: list[float] = []
+        self.queued: list[Twist] = []  # commands before anything else is planned
         self.looked_again = False
         self.seen_obstacles: list[np.ndarray] = []
         self.progress, self.aside = Progress(), Aside()
@@ -168,8 +156,9 @@ class Sentinel:
 
     def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[Event]) -> Twist | None:
         """The next command of the current mission, or None when it has just ended."""
-        if self.look_again:
-            return turn(self.look_again.pop() * self.pace.turn_step_rad, self.pace)
+        if self.queued:
+            command, straight = self.queued.pop(0), np.array([1.0, 0.0])
+            return command if command.turn_radps else self._safely(command, straight, pose, events)
         if (why := self._stuck(pose)) is not None:
             self._leave(f"no progress: {why}", pose, events)
             return None
@@ -209,10 +198,17 @@ class Sentinel:
             self.barred = 0
             return allowed
         self.path, self.barred = None, self.barred + 1
-        if self.barred % 3 == 0 and (back := self._back(pose)) is not None:
-            return back
+        if self.barred % 3 == 0:
+            if (back := self._back(pose)) is not None:
+                return back
+            self.queued = self.guard.way_out(float(np.arctan2(target_m[1], target_m[0])))
         side = 1.0 if target_m[1] > 0 else -1.0
-        return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
+        on_the_spot = turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
+        return self.queued.pop(0) if self.queued else on_the_spot
+
+    def _turns(self, steps: Sequence[float]) -> list[Twist]:
+        """Turns one after the other, left positive, in shares of the largest."""
+        return [turn(step * self.pace.turn_step_rad, self.pace) for step in steps]
 
     def _with_room(self, command: Twist, scan: Scan | None, events: list[Event]) -> Twist:
         """The command of a robot that believes in walls without measuring them, cut to what is free ahead among them."""
@@ -273,7 +269,7 @@ class Sentinel:
             self.looked_again = True
             self.watch.forget()
             self.guard.around.forget_specks()
-            self.look_again = list(LOOK_AGAIN_TURNS)
+            self.queued = self._turns(LOOK_AGAIN_TURNS)
             return turn(-self.pace.turn_step_rad, self.pace)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
         self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)

@@ -227,13 +227,16 @@ class Surroundings:
         return points
 
     def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING,
-                   least: float = THING) -> float:
+                   least: float = THING, turned_rad: float = 0.0) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
-        nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; least: votes."""
+        nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; least: votes;
+        turned_rad: of a robot that turns on the spot first."""
         things = np.concatenate([self.things(least=least), walls_m])
         at, way = _arc(command, up_to_m)
         if not len(things):
             return up_to_m
+        c, s = np.cos(turned_rad), np.sin(turned_rad)
+        things = things @ np.array([[c, -s], [s, c]])  # as the robot will have them before it
         gaps = np.linalg.norm(at[:, None] - things, axis=2)
         wrong = (gaps < self.radius_m + margin_m) & (gaps < np.linalg.norm(things, axis=1) - 0.01)
         bad = wrong.any(axis=1)

@@ -167,6 +167,19 @@ def test_where_one_face_of_a_thing_was_seen_the_rest_of_it_may_stand_unless_all_
     assert len(face_m) and way_m["unknown"] < 0.2 and way_m["on the map"] == way_m["lost"] > 0.3
 
 
+def test_a_robot_beside_a_door_post_turns_until_it_has_room_and_goes_on():
+    """A post 0.38 m ahead to the right, of a robot of 0.3 m: straight on it would come nearer than 0.05 m."""
+    watched = guard()
+    watched.observe(seen(1, np.where(BEARINGS < -0.4, 0.42, 5.0)), STILL)
+    watched.around.seen_s[:] = 0.5  # the robot has looked everywhere
+    assert watched.allow(AHEAD)[0] is None
+    *turns, step = watched.way_out(0.0)
+    assert turns and all(one.forward_mps == 0.0 and one.turn_radps > 0.0 for one in turns) and step.turn_radps == 0.0
+    turned = sum(one.turn_radps * one.duration_s for one in turns)
+    watched.observe(seen(2, np.nan), Motion(se2(0.0, 0.0, turned), 1e-6 * np.eye(6), Tracking.OK))
+    assert watched.allow(step)[0] is not None
+
+
 def test_the_robot_goes_back_no_further_than_the_map_and_what_it_saw_leave_room():
     watched = guard()
     watched.observe(seen(1, wall_at(1.0)), STILL)

@@ -26,13 +26,20 @@ from rhs.api.records import Belief, Path, PlanReason
 from rhs.api.validate import check_path
 from rhs.base.processes import raises
 from rhs.card import card
-from rhs.config import registry
-from rhs.config.loose import load_files
+from rhs.config import loose, registry
 from rhs.metrics.evaluate import evaluate
 from rhs.sweeps.face import _words
 from rhs.testing import check_plugin
 from rhs.testing.planners import empty, problem
 from rhs.testing.room import CAMERA
+
+
+@pytest.fixture(autouse=True)
+def afresh():
+    yield
+    loose._silent.clear()
+    registry._by_hand.clear()
+    registry.forget()
 
 
 class Heuristic(enum.Enum):
@@ -247,17 +254,12 @@ def test_objects_in_a_sweep_are_words():
 def test_a_metric_takes_no_column_that_there_is(tmp_path):
     forged, mine = (Metric(name, "m", "x", "mine", lambda run: 2.0, tasks=()) for name in ("status", "mine_m"))
     registry.register("metric", "taken", (forged, mine))
-    try:
-        values = evaluate(tmp_path, "planning")
-    finally:
-        registry._by_hand.pop(("metric", "taken"))
-        registry.forget()
+    values = evaluate(tmp_path, "planning")
     assert values["mine_m"] == 2.0 and "status" not in values
     assert "status of mine: there is a column" in values["metric_failures"]
 
 
-def test_a_plugin_in_another_group_is_pointed_at(monkeypatch):
-    monkeypatch.setattr(registry, "registered_from", [])
+def test_a_plugin_in_another_group_is_pointed_at():
     with pytest.raises(ConfigError, match="has it in the entry point group rhs.planner"):
         registry.load("odometry", "prm")
 
@@ -266,12 +268,9 @@ def test_a_plugin_of_a_file_is_found_by_whatever_names_it(tmp_path):
     """A run folder that is blamed or verified names it, and no word on the command line does."""
     (tmp_path / "mine.py").write_text(f"from {__name__} import Straight\n\n\nclass OfAFile(Straight):\n    pass\n".replace(
         "class", "from dataclasses import dataclass\n\n\n@dataclass\nclass"))
-    try:
-        load_files([str(tmp_path / "mine.py")], [])
-        assert registry.load("planner", "of_a_file").__name__ == "OfAFile"
-    finally:
-        registry._by_hand.pop(("planner", "of_a_file"), None)
-        load_files([], [])
-        registry.forget()
+    loose.load_files([str(tmp_path / "mine.py")], [])
+    assert registry.load("planner", "of_a_file").__name__ == "OfAFile"
+    registry._by_hand.clear()
+    registry.forget()
     with pytest.raises(ConfigError, match="add --plugin FILE.py"):
         registry.load("planner", "of_a_file")
