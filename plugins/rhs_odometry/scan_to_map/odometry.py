@@ -55,6 +55,7 @@ class ScanToMapOdometry:
         now = fit.pose
         seen = seen_directions(fit.information, self._settings.advanced.points)
         step = between(last, now)
+        self._predictor.learn(guess, now, seen, good)
         if good:
             self._wheels.compare(guess, now, seen, float(np.hypot(*step[:2])))
         spread = _spread_of(seen, self._wheels.trusted(guess.prior) if guess.measured else guess.prior, good)

@@ -11,6 +11,7 @@ from rhs.api.records import Observation
 from rhs.estimation.scans.planar_poses import between, composed
 
 from .config import Prediction
+from .wheel_bias import WheelBias
 
 MEDIAN_OF = 7
 MOVING_MPS, MOVING_RADPS = 0.3, 0.3
@@ -97,6 +98,8 @@ class Predictor:
         self._anchor, self._since, self._since_s = np.zeros(3), np.zeros(3), 0.0
         self._last, self._speed = np.zeros(3), np.zeros(3)
         self._wheel: np.ndarray | None = None
+        self._reading: np.ndarray | None = None  # of the wheels, before their bias was taken off
+        self._bias = WheelBias()
         self._stamp_s, self._elapsed_s, self._usual_s = 0.0, 0.1, 0.0
         self._guessed = np.zeros(3)
         self._told_to_stand = False
@@ -113,7 +116,8 @@ class Predictor:
         self._clock(observation.stamp_s)
         self._last = last
         wheel = observation.wheel
-        self._wheel = None if wheel is None or not np.isfinite(wheel).all() else np.asarray(wheel, float)
+        self._reading = None if wheel is None or not np.isfinite(wheel).all() else np.asarray(wheel, float)
+        self._wheel = None if self._reading is None else self._bias.corrected(self._reading)
         coasting = composed(last, self._speed * self._elapsed_s)
         self.before = self._guessed
         command = observation.command
@@ -161,6 +165,14 @@ class Predictor:
         if self._wheel is None or self._same:
             return composed(pose, self._speed * self._elapsed_s), self.wide
         return composed(pose, self._wheel), self._trusted(self._wheel)
+
+    def learn(self, guess: Guess, pose: np.ndarray, seen: np.ndarray, good: bool) -> None:
+        """Hold the last reading against where its scan was laid. seen: its information (3, 3), without blind directions."""
+        if not (good and guess.measured and guess.fresh) or self._reading is None:
+            self._bias.skip()
+            return
+        clear = np.diag(np.linalg.inv(seen + 1e-3 * np.eye(3))) * CLEAR < np.diag(guess.prior) ** -1.0
+        self._bias.learn(self._reading, between(self._last, pose), (bool(clear[0]), bool(clear[2])))
 
     def moved_to(self, pose: np.ndarray, *, guess: Guess, good: bool) -> None:
         """The scan is at `pose`; it fits there or not. Where there are wheels the speed is theirs: where a scan is blind

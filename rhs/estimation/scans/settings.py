@@ -139,7 +139,7 @@ class PointSettings:
     """neighbouring ends as near as this tell the direction of a wall, metres"""
     span_steps: float = 2.5
     """or as near as so many gaps between beams"""
-    flat: float = 0.12
+    flat: float = 0.06
     """of a wall's points the variance across is less than this share of that along"""
     reach_m: float = 0.5
     """a partner is looked for as far as this at first, metres"""
