@@ -157,8 +157,8 @@ class Sentinel:
     def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[Event]) -> Twist | None:
         """The next command of the current mission, or None when it has just ended."""
         if self.queued:
-            command, straight = self.queued.pop(0), np.array([1.0, 0.0])
-            return command if command.turn_radps else self._safely(command, straight, pose, events)
+            queued, straight_m = self.queued.pop(0), np.array([1.0, 0.0])
+            return queued if queued.turn_radps else self._safely(queued, straight_m, pose, events)
         if (why := self._stuck(pose)) is not None:
             self._leave(f"no progress: {why}", pose, events)
             return None

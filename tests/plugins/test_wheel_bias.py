@@ -9,7 +9,7 @@ BOTH = (True, True)
 
 
 def driven(bias, seen=BOTH, leap_every=0):
-    """200 steps of 0.1 m and turns to both sides: the wheels count 5 % too few metres and turn by 3 degrees a metre too far."""
+    """200 steps of 0.1 m, turning to both sides: the wheels count 5 % too few metres, and 3 degrees a metre are missing."""
     rng = np.random.default_rng(0)
     for k in range(200):
         turn = rng.uniform(-0.15, 0.15)
