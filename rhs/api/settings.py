@@ -13,7 +13,7 @@ import functools
 import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -74,6 +74,12 @@ def nearest(word: str, known: list[str], owner: str = "") -> str:
     """`; did you mean x?`, or nothing when no known word is like it."""
     close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
     return f"; did you mean {dotted(owner, close[0])}?" if close else ""
+
+
+def slip(word: str, known: Iterable[str]) -> str:
+    """The known word that this one is, typed wrong, or nothing; `right_image` is a word of its own, no slip of `image`."""
+    close = difflib.get_close_matches(word, sorted(known), n=1, cutoff=0.75) if word.isalpha() else []
+    return close[0] if close else ""
 
 
 def near_file(path: Path) -> str:

@@ -16,7 +16,7 @@ from rhs.api.contracts import DEGRADE, KINDS, REPLACED_BY_SLAM, SLAM, Context, S
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.records import FeatureSettings
-from rhs.api.settings import nearest
+from rhs.api.settings import slip
 from rhs.api.task import Parts
 from rhs.base.errors import ConfigError, ContractError
 
@@ -90,8 +90,9 @@ def offered(kind: str, chosen: Mapping[str, Chosen]) -> frozenset[str]:
 
 def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
     """Who needs what, who does not have it, and what to type instead."""
-    if meant := nearest(word, sorted(SENSED | {"walls"})) if word not in SENSED else "":
-        return f"{called(kind, chosen[kind])} needs {word}, which no part provides{meant}"
+    known = SENSED | {"walls"}
+    if word not in known and (meant := slip(word, known)):
+        return f"{called(kind, chosen[kind])} needs {word}, which no part provides; did you mean {meant}?"
     lacking = (word in PAST | THROUGH or word not in SENSED) and word not in chosen["source"].settings.provides
     culprit = "source" if kind in ("sensor", DEGRADE) or lacking else "sensor"
     own = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import tempfile
 import traceback
@@ -15,6 +14,7 @@ from typing import Any
 from rhs.api.contracts import DEGRADE as DEGRADED
 from rhs.api.contracts import SLAM
 from rhs.api.errors import ConfigError, ContractError
+from rhs.api.settings import slip
 from rhs.config.documented import field_docs, summary
 from rhs.config.parts import SENSED
 
@@ -30,7 +30,6 @@ from .slams import SLAMS
 from .sources import SOURCE
 
 Check = Callable[[Any, Path], None]
-SLIP = 0.75  # letters alike from which a word is another one typed wrong; right_image is its own
 WORDS = SENSED | {"walls", "extras"}  # of needs and provides that are no extra modality
 
 
@@ -107,8 +106,8 @@ def declares_what_it_needs_and_provides(settings: Any, folder: Path) -> None:
         value = getattr(type(settings), word, None)
         assert isinstance(value, frozenset), f"{word} must be a ClassVar[frozenset[str]], found {type(value).__name__}"
         for one in sorted(value - WORDS):
-            meant = difflib.get_close_matches(one, WORDS, n=1, cutoff=SLIP) if one.isalpha() else []
-            assert not meant, f"{word} names {one!r}; did you mean {meant[0]}?"
+            meant = slip(one, WORDS)
+            assert not meant, f"{word} names {one!r}; did you mean {meant}?"
 
 
 SETTINGS: tuple[Check, ...] = (says_what_it_is, says_what_every_setting_means, declares_what_it_needs_and_provides)
