@@ -252,10 +252,7 @@ class Surroundings:
 
     def hidden(self) -> np.ndarray:
         """(K, 2) middles of cells near the robot, in its body frame, that no view of the last remember_s has covered beside
-        a thing that the map does not know: one face of it was seen, and the rest may stand there. Nothing while it is lost:
-        all walls are unknown then."""
-        if self.map_m is None:
-            return NOTHING
+        a thing that the map does not know: one face of it was seen, and the rest may stand there."""
         row, column = self._cells(self.pose[None, :2, 3])[0]
         reach = np.arange(-round(HIDDEN_M / CELL_M), round(HIDDEN_M / CELL_M) + 1)
         rows, columns = (grid.ravel() for grid in np.meshgrid(row + reach, column + reach, indexing="ij"))
@@ -265,9 +262,9 @@ class Surroundings:
 
     def _behind_things(self, points_m: np.ndarray) -> np.ndarray:
         """(K,) bool: of points (K, 2) of this frame that nobody saw, those that may be the rest of what the map does not
-        know."""
-        if not len(points_m):
-            return np.zeros(0, bool)
+        know; none while the robot is lost: all walls are unknown then."""
+        if self.map_m is None or not len(points_m):
+            return np.zeros(len(points_m), bool)
         things = self.things()
         return _near(self.in_body(points_m), things[~self._on_map(things)], HIDES_M)
 
