@@ -176,27 +176,29 @@ class SimulatorSource(Source):
         return self._capture(command.duration_s, command, travel)
 
     def _advance(self, forward_mps: float, turn_radps: float, seconds: float) -> None:
-        """One substep, shortened to the contact if there is something in the way; turning is never blocked."""
+        """One substep, shortened to the contact if there is something in the way; turning never blocks a round robot."""
         self._pass(seconds)
         here = self._distance(self.stand)
+        spins = self.world.footprint is None  # whatever is beside it
         share, goal = 1.0, unicycle(self.stand, forward_mps * seconds, turn_radps * seconds)
-        there = self._distance(goal) if forward_mps else here  # a robot that turns stays where it is
+        there = self._distance(goal) if forward_mps or not spins else here
         if there < 0 and there < here:
             self.touched = self.bumped = True
             low, high = 0.0, 1.0
             for _ in range(BISECTIONS):
                 middle = 0.5 * (low + high)
-                clear = self._distance(unicycle(self.stand, forward_mps * seconds * middle, turn_radps * seconds)) >= 0
-                low, high = (middle, high) if clear else (low, middle)
+                turn_rad = turn_radps * seconds * (1.0 if spins else middle)
+                reached = unicycle(self.stand, forward_mps * seconds * middle, turn_rad)
+                low, high = (middle, high) if self._distance(reached) >= 0 else (low, middle)
             share = low if here >= 0 else 0.0
-            goal = unicycle(self.stand, forward_mps * seconds * share, turn_radps * seconds)
+            goal = unicycle(self.stand, forward_mps * seconds * share, turn_radps * seconds * (1.0 if spins else share))
             there = self._distance(goal)
         self.travelled_m += abs(forward_mps) * seconds * share
         self.stand = goal
         self._note(there)
 
     def _distance(self, stand: np.ndarray) -> float:
-        return self.solid.distance_m(float(stand[0]), float(stand[1])) if self.solid else np.nan
+        return self.solid.distance_m(*map(float, stand)) if self.solid else np.nan
 
     def _note_clearance(self) -> None:
         self._note(self._distance(self.stand))

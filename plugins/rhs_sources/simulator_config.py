@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.api.robot_shape import footprint_of
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Source, SourceContext
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Simulator:
-    """A PyBullet world seen by a camera on a round robot: led along the survey route, then driven by commands."""
+    """A PyBullet world seen by a camera on a robot: led along the survey route, then driven by commands."""
 
     image_width: int = 320
     """pixels; the height is three quarters of it"""
@@ -21,6 +22,9 @@ class Simulator:
     """horizontal field of view, degrees; 57 is a Kinect's"""
     robot_radius_m: float | None = None
     """of the round robot, metres; null: as the world says"""
+    footprint_m: list[tuple[float, float]] = field(default_factory=list)
+    """of a robot that is not round: corners [x,y] of a convex polygon one after the other, metres, x ahead, y to the left of
+    the point that it turns on; empty: round, or as the world says"""
     camera_height_m: float | None = None
     """of the camera above the floor, metres, and the robot is as tall; null: as the world says"""
     camera_pitch_deg: float | None = None
@@ -92,6 +96,9 @@ class Simulator:
         check_range("source", "hfov_deg", self.hfov_deg, low=10, high=120, unit="degrees")
         if self.robot_radius_m is not None:
             check_range("source", "robot_radius_m", self.robot_radius_m, low=0.05, high=2.0, unit="m")
+            if self.footprint_m:
+                raise ConfigError("source.footprint_m is of a robot that is not round; leave out source.robot_radius_m")
+        footprint_of(self.footprint_m, "source.footprint_m")
         if self.camera_height_m is not None:
             check_range("source", "camera_height_m", self.camera_height_m, low=0.1, high=3.0, unit="m")
         if self.camera_pitch_deg is not None:

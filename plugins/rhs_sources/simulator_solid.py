@@ -1,4 +1,5 @@
-"""What is solid, as PyBullet judges it: boxes for walls and furniture, a cylinder for the robot.
+"""What is solid, as PyBullet judges it: boxes for walls and furniture, a cylinder for a round robot, else its footprint
+as tall as it is.
 
 Kept in a client of its own: PyBullet draws every solid body that has no picture, in front of those that have.
 """
@@ -75,23 +76,26 @@ class Solid:
 
     def _robot(self) -> int:
         height = self.world.camera_height_m
-        shape = pybullet.createCollisionShape(pybullet.GEOM_CYLINDER, radius=self.world.robot_radius_m, height=height,
-                                              physicsClientId=self.client)
+        if self.world.footprint is None:
+            shape = pybullet.createCollisionShape(pybullet.GEOM_CYLINDER, radius=self.world.robot_radius_m, height=height,
+                                                  physicsClientId=self.client)
+        else:
+            corners = [(x, y, z) for z in (-0.5 * height, 0.5 * height) for x, y in self.world.footprint.corners_m]
+            shape = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners, physicsClientId=self.client)
         return pybullet.createMultiBody(1, shape, -1, [0, 0, -100], physicsClientId=self.client)
 
-    def distance_m(self, x_m: float, y_m: float, *, within_m: float = FAR_ENOUGH_M) -> float:
-        """Distance from the robot's side to the nearest solid thing, if it stood there; negative: overlapping.
-
-        `within_m` when nothing is nearer than that."""
-        asked = x_m, y_m, within_m
+    def distance_m(self, x_m: float, y_m: float, yaw_rad: float = 0.0, *, within_m: float = FAR_ENOUGH_M) -> float:
+        """Distance from the robot's side to the nearest solid thing, if it stood there; negative: overlapping. yaw_rad
+        counts where it is not round. `within_m` when nothing is nearer than that."""
+        asked = x_m, y_m, yaw_rad if self.world.footprint else 0.0, within_m
         if self._known[0] != asked:
             self._known = asked, self._measured_m(*asked)
         return self._known[1]
 
-    def _measured_m(self, x_m: float, y_m: float, within_m: float) -> float:
+    def _measured_m(self, x_m: float, y_m: float, yaw_rad: float, within_m: float) -> float:
         middle = 0.5 * self.world.camera_height_m + 1e-3
-        pybullet.resetBasePositionAndOrientation(self.robot, [x_m, y_m, middle], [0, 0, 0, 1],
-                                                 physicsClientId=self.client)
+        turn = [0.0, 0.0, float(np.sin(0.5 * yaw_rad)), float(np.cos(0.5 * yaw_rad))]
+        pybullet.resetBasePositionAndOrientation(self.robot, [x_m, y_m, middle], turn, physicsClientId=self.client)
         nearest = within_m
         gaps = self._gaps_at_least(x_m, y_m)
         for number in np.argsort(gaps, kind="stable"):
@@ -99,7 +103,7 @@ class Solid:
                 break
             for contact in pybullet.getClosestPoints(self.robot, self.bodies[number], nearest, physicsClientId=self.client):
                 nearest = min(nearest, contact[8])
-        return min(nearest, self._from_mesh(x_m, y_m, within_m))
+        return min(nearest, self._from_mesh(x_m, y_m, yaw_rad, within_m))
 
     def _gaps_at_least(self, x_m: float, y_m: float) -> np.ndarray:
         """(N,) metres from the robot's side that no body is nearer than: seen from above, a body lies in a circle."""
@@ -107,13 +111,15 @@ class Solid:
         away = np.hypot(middles[:, 0] - x_m, middles[:, 1] - y_m)
         return away - middles[:, 2] - self.world.robot_radius_m - SLACK_M
 
-    def _from_mesh(self, x_m: float, y_m: float, within_m: float) -> float:
+    def _from_mesh(self, x_m: float, y_m: float, yaw_rad: float, within_m: float) -> float:
         """The same to the mesh of somebody else's building if there is one, seen from above: what is in the way of an
         upright robot, cut at its height."""
         if self.world.mesh is None:
             return within_m
         from rhs.api.footprints import nearest_m
 
+        if self.world.footprint is not None:
+            return self.world.footprint.gap_to_m(self.world.mesh.solid_m, (x_m, y_m, yaw_rad), within_m)
         radius_m = self.world.robot_radius_m
         gap_m: float = nearest_m(self.world.mesh.solid_m, x_m, y_m, within_m + radius_m) - radius_m
         return gap_m

@@ -13,6 +13,7 @@ import numpy as np
 
 from .grid import OccupancyGrid, frame_of
 from .records import WorldFacts
+from .robot_shape import Footprint
 
 OBSTACLE_HEIGHT_M = 1.8  # of boxes that are put in by x, y, width and depth alone
 
@@ -195,7 +196,8 @@ class World:
 
     obstacles are unknown to the survey and put in when the patrol begins, and `changes` happen then: see `after`. path: the
     file it was read from. mesh: somebody else's building, which may stand there without walls. light: as it is now.
-    moving: what moves by itself, which no plan shows. camera_pitch_deg: how far the camera looks down.
+    moving: what moves by itself, which no plan shows. camera_pitch_deg: how far the camera looks down. footprint: of a robot
+    that is not round; robot_radius_m is then that of the circle about its turning point that holds it.
     """
 
     name: str
@@ -217,6 +219,7 @@ class World:
     light: Light = Light()
     moving: Moving = Moving()
     camera_pitch_deg: float = 0.0
+    footprint: Footprint | None = None
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -227,7 +230,7 @@ class World:
 
     def facts(self) -> WorldFacts:
         """What a person commissioning the robot would tell it."""
-        return WorldFacts(self.name, self.start, self.places, self.bounds_m, self.robot_radius_m)
+        return WorldFacts(self.name, self.start, self.places, self.bounds_m, self.robot_radius_m, self.footprint)
 
 
 def after(world: World) -> World:

@@ -15,6 +15,7 @@ import numpy as np
 
 from .errors import check_ranges
 from .geometry import Camera, arc
+from .robot_shape import Footprint
 from .statuses import BeliefStatus as BeliefStatus
 from .statuses import Event as Event
 from .statuses import MissionStatus as MissionStatus
@@ -27,7 +28,8 @@ class WorldFacts:
     """The public facts of a world: what a person commissioning the robot would tell it.
 
     start: (x m, y m, yaw rad), where the map begins. places: names and (x, y) metres of favourite locations.
-    bounds_m: (x_min, y_min, x_max, y_max) of the area to map. robot_radius_m: of the round robot.
+    bounds_m: (x_min, y_min, x_max, y_max) of the area to map. robot_radius_m: of the robot, or of the circle about its
+    turning point that holds it. footprint: of one that is not round.
     """
 
     name: str
@@ -35,6 +37,7 @@ class WorldFacts:
     places: tuple[tuple[str, float, float], ...]
     bounds_m: tuple[float, float, float, float]
     robot_radius_m: float
+    footprint: Footprint | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,7 +55,7 @@ def part_of(words: Sequence[str], command: str) -> tuple[str, str, object]:
     """Kind, name and settings of the part that somebody types after a command. Raises ConfigError."""
     rest = plain_words(parse(list(words)))
     if not rest or rest[0].key not in PLUGIN_KINDS:
-        wrong = f"{rest[0].text} is no part" if rest else "say which part"
+        wrong = f"{rest[0].text} is no part{settings.nearest(rest[0].key, list(PLUGIN_KINDS))}" if rest else "say which part"
         raise ConfigError(f"{command}: {wrong}; for example: python -m rhs {command} planner=prm; "
                           f"kinds: {', '.join(PLUGIN_KINDS)}")
     kind, name = rest[0].key, str(rest[0].value)

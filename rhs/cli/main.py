@@ -72,7 +72,11 @@ def entry() -> int:
     from rhs.base.processes import adopt_orphans, kill_strays
 
     adopt_orphans()
-    code = main()
+    try:
+        code = main()
+    except KeyboardInterrupt:  # a second one, while the first was answered
+        code = 130
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left is to end
     sys.stdout.flush()
     sys.stderr.flush()
     if not any(word.startswith("live=") for word in sys.argv):  # a viewer stays open

@@ -75,7 +75,7 @@ class Explorer(Sentinel):
         self.to_visit = [place for place in visit if self.explore.places]
         self.been = [np.array(facts.start[:2])]  # where it looked round
         super().__init__(parts, grid, (), places=(("start", *facts.start[:2]),), radius_m=facts.robot_radius_m,
-                         settings=settings)
+                         footprint=facts.footprint, settings=settings)
         self.replan = Onwards()
         self.facing_rad = float(facts.start[2])
         self.queued = self._turns(self._round())

@@ -9,6 +9,7 @@ import numpy as np
 
 from rhs.api.errors import check_ranges
 from rhs.api.records import Event, Motion, Observation, Tracking, Twist
+from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
 from .control import TURN_RATE_MAX_RADPS, Pace, turn
@@ -21,6 +22,7 @@ BESIDE_M, SHORT_STEP_M, SHORT_SIGHT_M = 0.2, 0.1, 0.2  # so near to things there
 MOST_HELD = 20  # looks and refusals on end, after which a robot that stands has looked enough
 MOST_REFUSED = 6  # commands after which one eye looks anew from where it gets to
 LEAST_M = 0.08  # a shorter way is none
+LEAST_RAD = np.radians(1.0)  # nor is a smaller turn
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
 EDGE_RAD = np.radians(4.0)  # this near the edge of the view a patch is not looked at yet
 
@@ -63,10 +65,10 @@ class GuardSettings:
 class Guard:
     """Watches over the commands of one patrol. `touched`: since the last view the robot ran into something."""
 
-    def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings) -> None:
+    def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings, footprint: Footprint | None = None) -> None:
         self.radius_m, self.pace, self.settings = radius_m, pace, settings
         self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s,
-                                   low_s=settings.look_s)
+                                   low_s=settings.look_s, footprint=footprint)
         self.touched = False
         self.tight = False  # whether the way leads through a gap hardly wider than the robot
         self.given: Twist | None = None
@@ -153,9 +155,9 @@ class Guard:
             self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._since_s,
                                               up_to_m=wished_m + self.settings.ahead_m)
         if self._held < MOST_HELD and (look := self._look()) is not None:
-            return look, Event.LOOK
+            return self._turned(look, Event.LOOK)
         if wished_m == 0.0:
-            return command, None  # a round robot turns on the spot
+            return self._turned(command, None)
         held = self._held >= MOST_HELD or self.around.one_eye or self.pace.arc_radius_m
         self._hidden_m = NOTHING if held else self.around.hidden()
         seen_m = self._free_m(command, 1.5)
@@ -170,6 +172,20 @@ class Guard:
         if self.around.one_eye and self._refused % MOST_REFUSED == 0:
             self.around.forget()  # pictures from one place show nobody whether it is still there
         return None, Event.STOPPED
+
+    def _turned(self, command: Twist, why: Event | None) -> tuple[Twist | None, Event | None]:
+        """A turn on the spot, if the corners of the robot have room for it."""
+        turned = self.turn_in_room(command)
+        barred = turned is not command and abs(turned.turn_radps) * turned.duration_s < LEAST_RAD
+        return (None, Event.STOPPED) if barred else (turned, why)
+
+    def turn_in_room(self, command: Twist) -> Twist:
+        """A turn on the spot as far as the corners of the robot have room; other commands as they are."""
+        if command.forward_mps != 0.0 or self.around.footprint is None or not command.turn_radps:
+            return command
+        wished_rad = command.turn_radps * command.duration_s
+        free_rad = self.around.free_turn_rad(wished_rad, BEHIND_M)
+        return command if free_rad == wished_rad else Twist(0.0, free_rad / command.duration_s, command.duration_s)
 
     def way_out(self, bearing_rad: float) -> list[Twist]:
         """Turns on the spot and the step after them of a robot whose way is barred: the nearest to that bearing at which

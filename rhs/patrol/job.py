@@ -172,7 +172,7 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
     sure = np.clip(np.diag(last.covariance), 1e-6, START_VARIANCE)
     parts.localiser.start(Belief(last.map_from_body, np.diag(sure)))
     sentinel = Sentinel(parts, survey.grid, survey.views, places=facts.places, radius_m=facts.robot_radius_m,
-                        settings=turning(settings.mission, parts.odometry))
+                        footprint=facts.footprint, settings=turning(settings.mission, parts.odometry))
     if settings.mission.kidnap:
         sentinel.kidnapper = Kidnapper(generator(seed, "kidnapper"), survey.views)
     loop = steps(parts.source, parts.sensor, parts.odometry, sentinel, first_index=len(survey.views),

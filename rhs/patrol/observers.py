@@ -98,7 +98,8 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
     facts = parts.source.facts
     places = [{"name": n, "x_m": x, "y_m": y} for n, x, y in facts.places]
     write_json(folder / "facts.json", {"name": facts.name, "start": list(facts.start), "places": places,
-                                       "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m})
+                                       "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m,
+                                       **({"footprint_m": facts.footprint.corners_m} if facts.footprint else {})})
     if world is not None:
         save_map(folder / "true_map", truth_grid(world))
         if after(world) is not world:

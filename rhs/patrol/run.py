@@ -181,7 +181,7 @@ class RunContext:
         if not self.config.driving:
             return None
         source = self.config.parts["source"].settings
-        wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m")}
+        wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m", "footprint_m")}
         return load_world(self.world, seed=self.seed, robot={key: metres for key, metres in wanted.items() if metres})
 
     def parts(self, *, world: World | None = None, seed: int | None = None,

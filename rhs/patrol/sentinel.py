@@ -10,6 +10,7 @@ from rhs.api.contracts import Blockage, Blocked, Source
 from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
+from rhs.api.robot_shape import Footprint
 from rhs.api.task import Parts
 from rhs.api.validate import check_blocked, check_capture
 from rhs.estimation.survey import known_free
@@ -40,7 +41,8 @@ class Sentinel:
     phase, believer = "patrol", "localiser"
 
     def __init__(self, parts: Parts, grid: OccupancyGrid, views: Sequence[View], *,
-                 places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings) -> None:
+                 places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings,
+                 footprint: Footprint | None = None) -> None:
         self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
         self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan)
         self.radius_m, self.views, self.slam = radius_m, tuple(views), parts.slam  # which draws a new map all the time
@@ -48,7 +50,7 @@ class Sentinel:
         self.book = Logbook(places)
         self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
                          arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
-        self.guard = Guard(radius_m, self.pace, settings.advanced.guard)
+        self.guard = Guard(radius_m, self.pace, settings.advanced.guard, footprint)
         self.obstacle: Scan | None = None  # of the last view
         self.lost_in_all = 0
         self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
@@ -106,7 +108,7 @@ class Sentinel:
 
     def _driven(self, source: Source, command: Twist) -> Capture:
         """What the source shows after a command; nothing at all would end the patrol as if it were over."""
-        self.guard.given = command
+        command = self.guard.given = self.guard.turn_in_room(command)
         return check_capture(source.drive(command), who=self.who["source"])
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:

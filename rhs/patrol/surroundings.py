@@ -7,6 +7,7 @@ import numpy as np
 
 from rhs.api.geometry import planar, se2
 from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
+from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
@@ -14,6 +15,7 @@ KEPT_M = 2.0  # the robot stays this near its middle
 THING = 0.75  # votes from which a cell holds a thing: one beam that ended there and none that passed
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
 STEP_M = 0.025  # between two places of the robot on an arc
+TURN_STEP_RAD = np.radians(2.0)  # between two of its headings on the spot
 SURE = 2.0  # votes of a thing that a tight way has to keep from: what the edges of things smear by a cell has fewer
 SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
 CAME_NEAR_M = 0.3  # the rest of who came is so near
@@ -32,11 +34,12 @@ class Surroundings:
     """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
     def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float, fade_s: float = np.inf,
-                 low_s: float = np.inf) -> None:
+                 low_s: float = np.inf, footprint: Footprint | None = None) -> None:
         """Seconds: what was seen is remembered; what came is, when it is seen no more; what is low and came unnoticed, while
-        something moves."""
+        something moves. footprint: of a robot that is not round, and lies in the circle of radius_m."""
         from rhs.estimation.scans.votes import Votes  # compiled code
 
+        self.footprint = footprint
         self.radius_m, self.remember_s, self.fade_s, self.low_s = radius_m, remember_s, fade_s, low_s
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
@@ -159,9 +162,12 @@ class Surroundings:
     def _stand(self) -> None:
         """Where the robot stands there is nothing else."""
         here = self._cells(self.pose[:2, 3] + self._patches)
-        inside = np.hypot(*self._patches.T) < self.radius_m
-        self._saw(here[inside])
-        core = here[np.hypot(*self._patches.T) < self.radius_m - 2 * CELL_M]
+        if self.footprint is None:
+            away_m, side_m = np.hypot(*self._patches.T), self.radius_m
+        else:
+            away_m, side_m = self.footprint.gaps_m(self._patches @ self.pose[:2, :2]), 0.0
+        self._saw(here[away_m < side_m])
+        core = here[away_m < side_m - 2 * CELL_M]
         for layer in (self.at_eye, self.below):
             layer.votes[core[:, 0], core[:, 1]] = 0.0
 
@@ -219,7 +225,8 @@ class Surroundings:
     def bump(self, ahead: float) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back; the (K, 2) points of it in the body frame."""
         angles = np.radians(np.linspace(-30.0, 30.0, 7)) + (0.0 if ahead > 0 else np.pi)
-        points = (self.radius_m + CELL_M) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        reach_m = self.radius_m if self.footprint is None else self.footprint.reach_m(angles)
+        points = ((reach_m + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
         cells = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3])
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
@@ -238,9 +245,37 @@ class Surroundings:
         c, s = np.cos(turned_rad), np.sin(turned_rad)
         things = things @ np.array([[c, -s], [s, c]])  # as the robot will have them before it
         gaps = np.linalg.norm(at[:, None] - things, axis=2)
-        wrong = (gaps < self.radius_m + margin_m) & (gaps < np.linalg.norm(things, axis=1) - 0.01)
+        near = gaps < self.radius_m + margin_m
+        if self.footprint is None:
+            wrong = near & (gaps < np.linalg.norm(things, axis=1) - 0.01)
+        else:
+            curvature = command.turn_radps / command.forward_mps if command.forward_mps else 0.0
+            yaw_rad = curvature * way * (1.0 if command.forward_mps >= 0 else -1.0)
+            wrong = self._too_near(self.footprint, things[near.any(axis=0)], np.column_stack([at, yaw_rad]), margin_m)
         bad = wrong.any(axis=1)
         return float(way[np.argmax(bad)] - STEP_M) if bad.any() else up_to_m
+
+    def free_turn_rad(self, turn_rad: float, margin_m: float) -> float:
+        """How far of a turn on the spot (left positive) the robot's side comes no nearer than margin_m to a thing that it
+        comes nearer to; all of it for a round one."""
+        things = self.things()
+        if self.footprint is None or not len(things):
+            return turn_rad
+        steps = max(1, int(np.ceil(abs(turn_rad) / TURN_STEP_RAD)))
+        yaw_rad = turn_rad * np.arange(1, steps + 1) / steps
+        stands = np.column_stack([np.zeros((steps, 2)), yaw_rad])
+        bad = self._too_near(self.footprint, things, stands, margin_m).any(axis=1)
+        return float(turn_rad * np.argmax(bad) / steps) if bad.any() else turn_rad
+
+    @staticmethod
+    def _too_near(footprint: Footprint, things_m: np.ndarray, stands: np.ndarray, margin_m: float) -> np.ndarray:
+        """(M, K) bool: on each of stands (M, 3), x, y, yaw in the body frame, the robot's side is nearer than margin_m to
+        the thing (K, 2), and nearer than now."""
+        from_m, (c, s) = things_m - stands[:, None, :2], (f(stands[:, None, 2]) for f in (np.cos, np.sin))
+        turned = np.stack([from_m[..., 0] * c + from_m[..., 1] * s, from_m[..., 1] * c - from_m[..., 0] * s], axis=-1)
+        gaps = footprint.gaps_m(turned)
+        near: np.ndarray = (gaps < margin_m) & (gaps < footprint.gaps_m(things_m) - 0.01)
+        return near
 
     def unseen(self, command: Twist, *, margin_m: float, up_to_m: float, since_s: float) -> np.ndarray:
         """(K, 2) patches that the robot would pass over on the command's arc and that no view since since_s has covered, in

@@ -16,6 +16,7 @@ import numpy as np
 from rhs.api.geometry import Camera
 from rhs.api.pictures import HEAD_BYTES, check_size
 from rhs.api.records import Capture, Scan, Twist, WorldFacts
+from rhs.api.robot_shape import footprint_of
 from rhs.base.errors import RecordingError
 
 from . import ros
@@ -120,7 +121,8 @@ def facts_of(plain: dict[str, Any]) -> WorldFacts:
     low_x, low_y, high_x, high_y = plain["bounds_m"]
     places = tuple((str(name), float(px), float(py)) for name, px, py in plain["places"])
     return WorldFacts(str(plain["name"]), (x, y, yaw), places, (low_x, low_y, high_x, high_y),
-                      float(plain["robot_radius_m"]))
+                      float(plain["robot_radius_m"]),
+                      footprint_of((plain.get("footprint") or {}).get("corners_m", ()), "footprint"))
 
 
 def _awaited(plain: dict[str, Any]) -> list[str]:

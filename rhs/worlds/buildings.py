@@ -19,6 +19,7 @@ from .map_walls import Building, no_room, room_of, roomiest_m, walls_of
 from .maps import load_map
 from .mesh_files import MESHES
 from .mesh_world import read_solid
+from .robot import shape_of
 from .scene_files import SCENES
 from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
 from .world_checks import walk_fault
@@ -39,7 +40,7 @@ def read_building(path: Path, file: Section) -> Building:
     """The building in a file of any format that is read. Raises ConfigError in one line."""
     if not path.is_file():
         raise ConfigError(f"{file.where('building')}: building: there is no file {path}")
-    radius_m = file.number("robot_radius_m", RADIUS_M, low=0.05, high=2.0)
+    radius_m, _ = shape_of(file, RADIUS_M)
     start_m = np.array(file.numbers("start", count=3)[:2]) if "start" in file.nodes else None
     if path.suffix.lower() in (*MESHES, *SCENES):
         return read_solid(path, file, radius_m, start_m)

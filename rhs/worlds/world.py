@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from rhs.base.errors import ConfigError
 from .buildings import FOREIGN, RADIUS_M, peopled, read_building, settled
 from .map_walls import Building
 from .random.names import FAMILIES, PREFIX, is_random
+from .robot import inherit, put_robot, shape_of
 from .world_checks import check_extent, check_world
 from .world_moving import moving_of
 from .world_yaml import Section, no_keys, read_yaml
@@ -44,10 +46,10 @@ CEILING = Surface("tiles", (215.0, 215.0, 210.0), 12.0)
 FURNITURE = Surface("wood", (150.0, 110.0, 70.0), 20.0)
 
 
-def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, float] | None = None) -> World:
+def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, Any] | None = None) -> World:
     """A world by the name of a file in worlds/, or by path; or a drawn one, `random:FAMILY` (rhs.worlds.random.names), whose
-    number is `seed` where its name has none. robot: `robot_radius_m` and `camera_height_m`, metres, in place of what the
-    world says. Raises ConfigError: one line with file, line and advice."""
+    number is `seed` where its name has none. robot: `robot_radius_m` or `footprint_m` (corners), and `camera_height_m`,
+    metres, in place of what the world says. Raises ConfigError: one line with file, line and advice."""
     robot = robot or {}
     if is_random(name_or_path):
         from .random.building import random_world
@@ -55,11 +57,11 @@ def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, f
         return random_world(str(name_or_path), seed, robot)
     path = find_world(name_or_path)
     if path.suffix.lower() not in (".yaml", ".yml"):
-        return _foreign(path, path, no_keys(path).put(robot))
+        return _foreign(path, path, put_robot(no_keys(path), robot))
     file = read_yaml(path)
     if _is_flat_map(file):
-        return _foreign(path, path, no_keys(path).put(robot))
-    file.put(robot)
+        return _foreign(path, path, put_robot(no_keys(path), robot))
+    put_robot(file, robot)
     if "building" in file.nodes:
         return _foreign(path, path.parent / Path(file.text("building")).expanduser(), file)
     base_name = file.text("like", "")
@@ -67,7 +69,7 @@ def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, f
         base = read_yaml(find_world(base_name, beside=path.parent))
         if "like" in base.nodes:
             raise ConfigError(f"{file.where('like')}: like: '{base_name}' is itself like another world; name that one")
-        file.inherit(base)
+        inherit(file, base)
     world = _world(path, file)
     check_world(world, file)
     return world
@@ -118,11 +120,12 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         raise ConfigError(f"{file.where('walls')}: walls is empty; a world needs walls around its start")
     walls = (() if building is None else building.walls) + tuple(wall for wall, _ in walls_and_pilasters)
     places = file.section("places")
+    radius_m, footprint = shape_of(file, 0.3 if building is None else RADIUS_M)
     world = World(
         name=path.parent.name if path.name == "model.sdf" else path.stem,  # as Gazebo names its models
         path=path,
         start=(x_m, y_m, float(np.radians(yaw_deg))),
-        robot_radius_m=file.number("robot_radius_m", 0.3 if building is None else RADIUS_M, low=0.05, high=2.0),
+        robot_radius_m=radius_m,
         camera_height_m=file.number("camera_height_m", 1.2 if building is None else building.camera_height_m,
                                     low=0.1, high=3.0),
         walls=walls,
@@ -137,6 +140,7 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         mesh=None if building is None else building.mesh,
         moving=moving_of(file, _box, _surface),
         camera_pitch_deg=file.number("camera_pitch_deg", 0.0, low=-45.0, high=60.0),
+        footprint=footprint,
     )
     world = replace(world, changes=_changes(file.section("changes"), [box.name for box in world.boxes]))
     file.finish()

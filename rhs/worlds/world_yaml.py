@@ -75,11 +75,17 @@ class Section:
         """Take from another file the keys that this one lacks."""
         self.nodes = {**base.nodes, **self.nodes}
 
-    def put(self, values: Mapping[str, float]) -> Section:
-        """Set these keys, whatever the file says of them."""
+    def put(self, values: Mapping[str, Any]) -> Section:
+        """Set these keys to numbers, or lists of such, whatever the file says of them."""
         for key, value in values.items():
-            self.nodes[key] = yaml.ScalarNode("tag:yaml.org,2002:float", repr(float(value)), self.node.start_mark)
+            self.nodes[key] = self._node(value)
         return self
+
+    def _node(self, value: Any) -> yaml.Node:
+        mark = self.node.start_mark
+        if isinstance(value, (list, tuple)):
+            return yaml.SequenceNode("tag:yaml.org,2002:seq", [self._node(item) for item in value], mark, mark)
+        return yaml.ScalarNode("tag:yaml.org,2002:float", repr(float(value)), mark)
 
     def keys(self) -> list[str]:
         return list(self.nodes)

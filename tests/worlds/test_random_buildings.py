@@ -34,7 +34,8 @@ def building(family: str, number: int, word: str = ""):
 
 def written(world) -> str:
     """All that a world is, as text."""
-    return json.dumps(asdict(world), default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value))
+    drawn = {key: value for key, value in asdict(world).items() if key != "footprint"}  # a robot that is drawn is round
+    return json.dumps(drawn, default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value))
 
 
 def along(route: np.ndarray, step_m: float = 0.05) -> np.ndarray:

@@ -11,12 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rhs.api.floorplan import Box, Wall, World, after, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.api.randomness import generator
+from rhs.api.robot_shape import footprint_of
 from rhs.base.errors import ConfigError, RhsError
 
 from ..tour import tour_on
@@ -58,7 +60,7 @@ class _Drawn:
         return f"{self.name}: {key}"
 
 
-def random_world(name: str, seed: int = 0, robot: Mapping[str, float] | None = None) -> World:
+def random_world(name: str, seed: int = 0, robot: Mapping[str, Any] | None = None) -> World:
     """The building of `random:FAMILY[+WORD][/NUMBER]` (rhs.worlds.random.names); without a number its number is `seed`.
     robot: of rhs.worlds.world.load_world, in place of the one that was drawn with it.
 
@@ -66,7 +68,9 @@ def random_world(name: str, seed: int = 0, robot: Mapping[str, float] | None = N
     named = parse(name)
     world = _world(named.family, named.word, seed if named.number is None else named.number)
     if robot:
-        world = replace(world, robot_radius_m=robot.get("robot_radius_m", world.robot_radius_m),
+        footprint = footprint_of(robot.get("footprint_m", ()), "footprint_m")
+        radius_m = robot.get("robot_radius_m", world.robot_radius_m) if footprint is None else footprint.radius_m
+        world = replace(world, robot_radius_m=radius_m, footprint=footprint,
                         camera_height_m=robot.get("camera_height_m", world.camera_height_m))
         check_world(world, _Drawn(world.name))
     return world
