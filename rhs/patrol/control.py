@@ -7,6 +7,7 @@ to the side the robot pivots (or, for cameras that must keep moving, turns on an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,6 +125,11 @@ def turn(angle_rad: float, pace: Pace) -> Twist:
     length = abs(step) * pace.arc_radius_m
     duration = length / pace.speed_mps
     return Twist(pace.speed_mps, step / duration, duration)
+
+
+def turns(shares: Sequence[float], pace: Pace) -> list[Twist]:
+    """Turns on the spot one after the other, left positive, in shares of the largest."""
+    return [turn(share * pace.turn_step_rad, pace) for share in shares]
 
 
 class Progress:

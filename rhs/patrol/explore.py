@@ -25,6 +25,7 @@ from rhs.api.task import Parts
 from rhs.estimation.scans.settings import VoteSettings
 from rhs.estimation.survey import FURNITURE, FURNITURE_VOTES
 
+from .control import turns
 from .frontiers import Frontiers
 from .loop import Decision, steps
 from .mission import MissionSettings, turning
@@ -78,7 +79,7 @@ class Explorer(Sentinel):
                          footprint=facts.footprint, settings=settings)
         self.replan = Onwards()
         self.facing_rad = float(facts.start[2])
-        self.queued = self._turns(self._round())
+        self.queued = turns(self._round(), self.pace)
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------------
 
@@ -206,13 +207,13 @@ class Explorer(Sentinel):
             place = self.book.missions[-1].place
             if place != HOME and self.stop:
                 self.been.append(pose[:2])
-                self.queued = self._turns(self._round())
+                self.queued = turns(self._round(), self.pace)
                 return False
             if not self.stop:
                 self.facing_rad = float(self._frontiers().seen_m2(self.grid.cells(pose[None, :2]))[1][0])
             off = float(wrap(self.facing_rad - pose[2])) / self.pace.turn_step_rad
             count = int(np.ceil(abs(off) - 0.25))
-            self.queued = self._turns([off / count] * count if count > 0 else [])
+            self.queued = turns([off / count] * count if count > 0 else [], self.pace)
         return not self.queued
 
     # --- the sentinel's missions -------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ from rhs.worlds.maps import save_map
 from rhs.worlds.world_checks import walk_fault
 from rhs.worlds.world_moving import walkers
 
+from .changed_map import check_updates
 from .explore import check_explorable, explored
 from .gate import gated
 from .kidnap import Kidnapper
@@ -53,6 +54,8 @@ class PatrolJob(StepJob):
                               "type task=survey for the map alone")
         if explores(settings):
             check_explorable(self.parts, context.settings("sensor").provides)
+        if self.patrols and settings.mission.update_map:  # type: ignore[attr-defined]
+            check_updates(self.parts, context.settings("sensor").provides)
         self.ungated = self.parts.odometry
         if context.shared is not None:
             self.parts.odometry = context.shared.odometry

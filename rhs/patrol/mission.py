@@ -47,6 +47,9 @@ class MissionSettings:
     """how far ahead the path is watched for obstacles, metres"""
     wall_tolerance_m: float = 0.3
     """scan points this close to a wall of the map are the wall, metres, of far beams; of near ones less"""
+    update_map: bool = False
+    """between two places the map forgets what was seen through in ten views and takes in what was seen to stand for ten
+    seconds; false: the map is that of the survey, and what it does not know is remembered for one place"""
     contacts: int = 3
     """a place on the way to which the robot touched something more often is given up"""
     lost_views: int = 400

@@ -10,6 +10,8 @@ from rhs.api.grid import OccupancyGrid, inflate
 from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
 
+from .changed_map import ChangedMap
+
 PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
 BESIDE_CELLS = 1.5  # so near to what stays there nothing has gone, cells
 LEAST_KEPT_S = 4.0  # what was seen once only is kept so long
@@ -50,12 +52,12 @@ class ObstacleWatch:
     """
 
     def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, confirm: int = 2,
-                 within_m: float = 4.0, votes: VoteSettings | None = None) -> None:
+                 within_m: float = 4.0, votes: VoteSettings | None = None, changed: ChangedMap | None = None) -> None:
         from scipy.ndimage import distance_transform_edt
 
         from rhs.estimation.scans.votes import Votes  # compiled code, half a second to load
 
-        self.grid, self.within_m, self.tolerance_m = grid, within_m, tolerance_m
+        self.grid, self.within_m, self.tolerance_m, self.changed = grid, within_m, tolerance_m, changed
         settings = votes or VoteSettings()
         self.least_votes = confirm - settings.clear
         self._passed: np.ndarray | None = None  # (H, W) bool: what the way now driven squeezes past
@@ -108,6 +110,15 @@ class ObstacleWatch:
         if obstacle is not None:
             hits = low_only(obstacle, scan) & self._unknown(map_from_body, obstacle)
             self._count(1, map_from_body, obstacle, hits=hits, now_s=now_s)
+        if self.changed is not None:
+            self.changed.look(map_from_body, scan, obstacle, self.within_m)
+
+    def redrawn(self) -> OccupancyGrid | None:
+        """The map with what has gone and what came to stay, where it may change and did."""
+        if self.changed is None:
+            return None
+        self.changed.note(np.where(self.cells, (self.seen_s - self.since_s).max(axis=0), 0.0))
+        return self.changed.grid if self.changed.update() else None
 
     def _count(self, number: int, map_from_body: np.ndarray, scan: Scan, *, hits: np.ndarray, now_s: float) -> None:
         """Count a scan in the layer of that number."""

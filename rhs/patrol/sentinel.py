@@ -16,7 +16,8 @@ from rhs.api.validate import check_blocked, check_capture
 from rhs.estimation.survey import known_free
 
 from .aside import PATIENCE_VIEWS, Aside
-from .control import Pace, Progress, ahead_on_path, closest_gap, first_on_way, steer, target_on, turn
+from .changed_map import ChangedMap
+from .control import Pace, Progress, ahead_on_path, closest_gap, first_on_way, steer, target_on, turn, turns
 from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
@@ -46,6 +47,8 @@ class Sentinel:
         self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
         self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan)
         self.radius_m, self.views, self.slam = radius_m, tuple(views), parts.slam  # which draws a new map all the time
+        updates = settings.update_map and self.phase == "patrol" and self.slam is None
+        self.changed = ChangedMap(grid, settings.advanced.guard.votes) if updates else None
         self._take_map(grid)
         self.book = Logbook(places)
         self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
@@ -65,7 +68,7 @@ class Sentinel:
         self.roads = RoomyPlanner(self.planner, grid, free, radius_m=self.radius_m, settings=self.settings,
                                   who=self.who["planner"])
         self.watch = ObstacleWatch(grid, free, tolerance_m=self.settings.wall_tolerance_m,
-                                   votes=self.settings.advanced.guard.votes)
+                                   votes=self.settings.advanced.guard.votes, changed=self.changed)
 
     def _begin_place(self) -> None:
         self.path: Path | None = None
@@ -208,10 +211,6 @@ class Sentinel:
         on_the_spot = turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
         return self.queued.pop(0) if self.queued else on_the_spot
 
-    def _turns(self, steps: Sequence[float]) -> list[Twist]:
-        """Turns one after the other, left positive, in shares of the largest."""
-        return [turn(step * self.pace.turn_step_rad, self.pace) for step in steps]
-
     def _with_room(self, command: Twist, scan: Scan | None, events: list[Event]) -> Twist:
         """The command of a robot that believes in walls without measuring them, cut to what is free ahead among them."""
         if (cut := cut_to_room(command, scan, self.radius_m)) is not None:
@@ -271,7 +270,7 @@ class Sentinel:
             self.looked_again = True
             self.watch.forget()
             self.guard.around.forget_specks()
-            self.queued = self._turns(LOOK_AGAIN_TURNS)
+            self.queued = turns(LOOK_AGAIN_TURNS, self.pace)
             return turn(-self.pace.turn_step_rad, self.pace)
         touched = f" (touches: {self.contacts})" if self.contacts else ""
         self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
@@ -358,9 +357,10 @@ class Sentinel:
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)
         events.append(Event(status))
+        grid = self.watch.redrawn() if self.slam is None else self.slam.grid()
         self.watch.forget()
-        if self.slam is not None:
-            self._take_map(self.slam.grid())
+        if grid is not None:
+            self._take_map(grid)
         self._begin_place()
 
     def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
