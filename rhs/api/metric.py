@@ -32,7 +32,7 @@ class RunFiles(Protocol):
         None where there is none."""
 
     def grid(self, name: str) -> OccupancyGrid | None:
-        """`map`, `true_map` or `true_map_patrol`; None where there is none."""
+        """`map`, `map_patrol`, `true_map` or `true_map_patrol`; None where there is none."""
 
     def json(self, name: str) -> Any:
         """The content of NAME.json (`facts`, `missions`, `plans`, `closure`, `plan`), or None."""

@@ -192,6 +192,8 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
         if sights is not None:
             write_json(log.folder / "changes.json", sights.rows)
         write_json(log.folder / "plans.json", [plan_row(number, plan) for number, plan in sentinel.plans])
+        if sentinel.changed is not None:
+            save_map(log.folder / "map_patrol", sentinel.changed.grid)
 
 
 def take_picture(step: Step, sentinel: Sentinel, folder: Path) -> str:

@@ -105,7 +105,7 @@ class Run:
         return trajectory if trajectory is not None and len(trajectory) else None
 
     def grid(self, name: str) -> OccupancyGrid | None:
-        """`map`, `true_map` or `true_map_patrol`; None where there is none."""
+        """`map`, `map_patrol`, `true_map` or `true_map_patrol`; None where there is none."""
         path = self.folder / f"{name}.yaml"
         return self.once_of(("map", name), lambda: load_map(path) if path.exists() else None)
 
