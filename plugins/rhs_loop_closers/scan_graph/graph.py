@@ -11,7 +11,7 @@ from rhs.estimation.filters.settings import Effort
 from rhs.estimation.scans.planar_poses import between, flat, lifted
 
 from .config import ScanGraph
-from .keys import Keys, edges_of, odometry_edges
+from .keys import Keys, edges_of
 
 if TYPE_CHECKING:
     from .windows import Find
@@ -21,13 +21,13 @@ EFFORT = Effort(iterations=15, settled=1e-4)
 
 
 class Graph:
-    """poses (K, 3) of the key scans as believed now; loops between them."""
+    """poses (K, 3) of the key scans as believed now; the edges of their odometry; loops between them."""
 
-    def __init__(self, keys: Keys, poses: np.ndarray, settings: ScanGraph) -> None:
+    def __init__(self, keys: Keys, poses: np.ndarray, odometry: Edges, settings: ScanGraph) -> None:
         self.keys, self.poses = keys, poses.copy()
         self.loops: list[Find] = []
         self.settings, self._kernel = settings.advanced, settings.kernel_sigma
-        self.odometry = odometry_edges(keys, poses, settings.advanced)
+        self.odometry = odometry
 
     def add(self, finds: list[Find]) -> None:
         """Take loops in; the poses move when they say something new."""

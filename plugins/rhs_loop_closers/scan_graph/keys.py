@@ -80,8 +80,7 @@ def _far(last: np.ndarray, state: np.ndarray, view: View, settings: ScanGraph) -
 def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -> Edges:
     """The key scans one after another at poses (K, 3), as sure as each fits onto those before it."""
     steps = between(poses[:-1], poses[1:])
-    spread = np.empty((len(steps), 3, 3))
-    floor = np.diag([0.005, 0.005, 0.002]) ** 2
+    shares, information = np.empty(len(steps)), np.empty((len(steps), 3, 3))
     for k in range(1, len(keys)):
         before = keys.along(k, settings.map_m, 0.0)
         before = before[before < k][-30:]
@@ -89,11 +88,10 @@ def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -
             before = np.array([k - 1])
         walls = PointMap(*gathered([keys.clouds[j] for j in before], poses[before], cell_m=settings.points.cell_m))
         fit = walls.fit(keys.clouds[k], poses[k], np.eye(3), settings.points, steps=0)
-        if fit.share < 0.35:
-            spread[k - 1] = np.diag([settings.loose_m, settings.loose_m, settings.loose_rad]) ** 2
-        else:
-            seen = seen_directions(fit.information, settings.points)
-            spread[k - 1] = np.linalg.inv(seen + np.linalg.inv(wheel_spread(steps[k - 1], settings))) + floor
+        shares[k - 1], information[k - 1] = fit.share, fit.information
+    wheels = np.linalg.inv(np.array([wheel_spread(step, settings) for step in steps]))
+    spread = np.linalg.inv(seen_directions(information, settings.points) + wheels) + np.diag([0.005, 0.005, 0.002]) ** 2
+    spread[shares < 0.35] = np.diag([settings.loose_m, settings.loose_m, settings.loose_rad]) ** 2
     return edges_of(np.arange(len(steps)), np.arange(1, len(steps) + 1), steps, spread, robust=False)
 
 

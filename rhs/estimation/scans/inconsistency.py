@@ -15,7 +15,7 @@ import numpy as np
 from rhs.api.records import Scan
 
 from .planar_poses import composed
-from .point_kernels import looked_through, moved
+from .point_kernels import looked_through
 from .point_map import Cloud, cloud_of
 from .settings import SEES_AROUND_RAD, PointSettings
 
@@ -29,11 +29,11 @@ def inconsistency(clouds: Sequence[Cloud], poses: np.ndarray, way_m: np.ndarray,
     """The figure of key scans at poses (K, 3), metres of way (K,) apart; NaN where no place was passed twice."""
     through = met = 0
     for k in range(0, len(clouds), every):
+        at = composed(poses[k], clouds[k].origin)
         near = np.hypot(*(poses[:, :2] - poses[k, :2]).T) < NEAR_M
         for j in np.nonzero(near & (np.abs(way_m - way_m[k]) > OTHER_WAY_M))[0][:: max(every - 1, 1)]:
-            walls, facing = moved(clouds[j].points, poses[j], False), moved(clouds[j].normals, poses[j], True)
-            at = composed(poses[k], clouds[k].origin)
-            passed, ended = looked_through(clouds[k].ranges, clouds[k].bearings, at, walls, facing, FAR_M, CLEAR_M)
+            passed, ended = looked_through(clouds[k].ranges, clouds[k].bearings, at, clouds[j].points, clouds[j].normals,
+                                           poses[j], FAR_M, CLEAR_M)
             through, met = through + passed, met + ended
     return through / (through + met) if through + met >= LEAST_POINTS else float("nan")
 
