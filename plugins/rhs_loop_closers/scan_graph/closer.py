@@ -59,7 +59,8 @@ class ScanGraphCloser:
                 break
             windows = self._wider(windows)
         assert best is not None
-        return best[0], best[1], {"key_scans": len(keys), "inconsistency": best[2], "wider_searches": wider}
+        return best[0], best[1], {"key_scans": len(keys), "inconsistency": best[2], "wider_searches": wider,
+                                  "way_sigma_m": best[0].way_sigma_m()}
 
     def _wider(self, windows: Windows) -> Windows:
         by = self._settings.wider

@@ -16,6 +16,9 @@ from rhs.estimation.scans.point_map import Cloud, PointMap, cloud_of, gathered, 
 from .config import ScanGraph, ScanGraphAdvanced
 
 LEAST_POINTS = 20
+HEIGHT = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])  # a laser on a floor stays there
+STEP_FLOOR = np.diag([0.005, 0.005, 0.002]) ** 2  # of the motion between two key scans at best (metres, radians)
+CARRIED = 2.0 / 26.0  # some 25 key scans are in the map that the odometry lays a scan onto
 BLIND_M = 2.0  # a stretch without a good scan gets a node after so much way all the same, metres
 
 
@@ -77,8 +80,12 @@ def _far(last: np.ndarray, state: np.ndarray, view: View, settings: ScanGraph) -
     return way_m > settings.key_m or abs(float(moved[2])) > settings.key_rad
 
 
-def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -> Edges:
-    """The key scans one after another at poses (K, 3), as sure as each fits onto those before it."""
+def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -> tuple[Edges, np.ndarray]:
+    """The key scans one after another at poses (K, 3), as sure as each fits onto those before it; and what that leaves of an
+    error in the long run, covariances (K - 1, 3, 3).
+
+    A scan laid onto the mean of N before it carries 2 / (N + 1) of its error on; what the wheels say of a direction that it
+    does not see it carries on whole."""
     steps = between(poses[:-1], poses[1:])
     shares, information = np.empty(len(steps)), np.empty((len(steps), 3, 3))
     for k in range(1, len(keys)):
@@ -90,9 +97,12 @@ def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -
         fit = walls.fit(keys.clouds[k], poses[k], np.eye(3), settings.points, steps=0)
         shares[k - 1], information[k - 1] = fit.share, fit.information
     wheels = np.linalg.inv(np.array([wheel_spread(step, settings) for step in steps]))
-    spread = np.linalg.inv(seen_directions(information, settings.points) + wheels) + np.diag([0.005, 0.005, 0.002]) ** 2
-    spread[shares < 0.35] = np.diag([settings.loose_m, settings.loose_m, settings.loose_rad]) ** 2
-    return edges_of(np.arange(len(steps)), np.arange(1, len(steps) + 1), steps, spread, robust=False)
+    seen = seen_directions(information, settings.points)
+    spread = np.linalg.inv(seen + wheels)
+    drift = spread @ (CARRIED**2 * seen + wheels) @ spread + CARRIED**2 * STEP_FLOOR
+    spread += STEP_FLOOR
+    spread[shares < 0.35] = drift[shares < 0.35] = np.diag([settings.loose_m, settings.loose_m, settings.loose_rad]) ** 2
+    return edges_of(np.arange(len(steps)), np.arange(1, len(steps) + 1), steps, spread, robust=False), drift
 
 
 def wheel_spread(step: np.ndarray, s: ScanGraphAdvanced) -> np.ndarray:
@@ -105,7 +115,13 @@ def wheel_spread(step: np.ndarray, s: ScanGraphAdvanced) -> np.ndarray:
 
 def edges_of(first: np.ndarray, second: np.ndarray, seen: np.ndarray, spread: np.ndarray, *, robust: bool) -> Edges:
     """Edges of the pose graph from planar ones: seen (M, 3), spread (M, 3, 3)."""
-    covariances = np.tile(1e-6 * np.eye(6), (len(seen), 1, 1))
-    plane = np.array([0, 1, 5])
-    covariances[:, plane[:, None], plane] = 0.5 * (spread + np.swapaxes(spread, 1, 2))
+    covariances = covariances_of(0.5 * (spread + np.swapaxes(spread, 1, 2))) + HEIGHT
     return Edges(np.asarray(first), np.asarray(second), lifted(seen), covariances, np.full(len(seen), robust))
+
+
+def covariances_of(spread: np.ndarray) -> np.ndarray:
+    """(..., 6, 6) of planar covariances (..., 3, 3): nothing of height, roll and pitch."""
+    out = np.zeros((*spread.shape[:-2], 6, 6))
+    plane = np.array([0, 1, 5])
+    out[..., plane[:, None], plane] = spread
+    return out

@@ -42,7 +42,8 @@ def refine_passages(graph: Graph, settings: Refinement) -> None:
         known = seen_directions(np.array(information), graph.settings.points) + np.diag([1e-2, 1e-2, 1e-1])
         fits = edges_of(np.array(first), np.array(second), np.array(seen), np.linalg.inv(known) + PAIR_FLOOR, robust=True)
         edges = joined(graph.odometry, fits)
-        graph.poses = solved(graph.poses, joined(edges, graph.loop_edges()) if graph.loops else edges, SOLVED_KERNEL)
+        graph.edges = joined(edges, graph.loop_edges()) if graph.loops else edges
+        graph.poses = solved(graph.poses, graph.edges, SOLVED_KERNEL)
 
 
 def _around(graph: Graph, j: int, settings: Refinement) -> PointMap:

@@ -206,24 +206,25 @@ def fitted(q: np.ndarray, qn: np.ndarray, walls: Walls, start: np.ndarray, prior
     return at, trust * information, share
 
 
-@typed(nb.types.UniTuple(nb.int64, 2)(_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _POINTS, _NUMBERS, nb.float64, nb.float64))
-def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, mn: np.ndarray,
-                   m_at: np.ndarray, far: float, clear: float) -> tuple[int, int]:
-    """How many points m (normals mn, both seen from m_at) that face a scanner at `at` its beams pass by more than `clear`,
-    and how many they meet. ranges: inf where nothing was hit; bearings ascend in even steps."""
-    through, met, n = 0, 0, len(ranges)
+@typed(nb.int8[::1](_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _POINTS, _NUMBERS, _NUMBERS))
+def judged(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, mn: np.ndarray, m_at: np.ndarray,
+           limits: np.ndarray) -> np.ndarray:
+    """Of each point what the beams say: -1 they pass by it, 1 they meet it, 0 nothing. limits: how far points are looked at,
+    what a beam must pass by, least cosine between a normal and the way to the scanner."""
+    out, n = np.zeros(len(m), np.int8), len(ranges)
+    far, clear, cosine = limits[0], limits[1], limits[2]
     if n < 3:
-        return 0, 0
+        return out
     step = (bearings[n - 1] - bearings[0]) / (n - 1)
     c, s = np.cos(m_at[2]), np.sin(m_at[2])
     for i in range(len(m)):
         dx = at[0] - (m_at[0] + c * m[i, 0] - s * m[i, 1])
         dy = at[1] - (m_at[1] + s * m[i, 0] + c * m[i, 1])
         facing = (c * mn[i, 0] - s * mn[i, 1]) * dx + (s * mn[i, 0] + c * mn[i, 1]) * dy
-        if facing <= 0.0:
+        if facing < 0.0 and cosine >= 0.0:
             continue
         distance = np.hypot(dx, dy)
-        if distance > far or distance < 0.1 or facing < 0.35 * distance:
+        if distance > far or distance < 0.1 or facing < cosine * distance:
             continue
         bearing = np.arctan2(-dy, -dx) - at[2]
         bearing -= 2.0 * np.pi * np.floor((bearing + np.pi) / (2.0 * np.pi))
@@ -234,7 +235,19 @@ def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: 
         if not (low > 0.0 and high > 0.0):  # unknown
             continue
         if low > distance + clear:
-            through += 1
+            out[i] = -1
         elif low - clear <= distance <= high + clear:
-            met += 1
+            out[i] = 1
+    return out
+
+
+@typed(nb.types.UniTuple(nb.int64, 2)(_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _POINTS, _NUMBERS, nb.float64, nb.float64))
+def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, mn: np.ndarray,
+                   m_at: np.ndarray, far: float, clear: float) -> tuple[int, int]:
+    """How many points m (normals mn, both seen from m_at) that face a scanner at `at` its beams pass by more than `clear`,
+    and how many they meet. ranges: inf where nothing was hit; bearings ascend in even steps."""
+    through, met = 0, 0
+    for verdict in judged(ranges, bearings, at, m, mn, m_at, np.array([far, clear, 0.35])):
+        through += verdict < 0
+        met += verdict > 0
     return through, met
