@@ -47,7 +47,7 @@ def map_values(run: RunFiles) -> dict[str, float | int | str]:
 
 
 def contradiction_values(run: RunFiles) -> dict[str, float | int | str]:
-    """What the map says against itself, before and after closing, and how sure the way is; from when the survey was closed."""
+    """What the map says against itself, before and after closing, how sure its way is; from when it was closed."""
     known = run.json("closure") or {}
     said = {**known.get("details", {}), **known}
     return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m")}
@@ -57,7 +57,8 @@ CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
 MAP = columns_of(
     contradiction_values,
     ("map_inconsistency", "share",
-     "walls that the beams of other passages look through, of those they look through or meet; over 0.04 the map reads wrong",
+     "standing walls that beams of other passages look through, of those they look through or meet; over 0.04 the map reads "
+     "wrong",
      "rhs.estimation.scans.inconsistency"),
     ("map_inconsistency_before_closing", "share", "the same of the way as believed while the survey went on",
      "rhs.estimation.scans.inconsistency"),

@@ -2,7 +2,8 @@
 
 Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: the
 odometry tracked at least half of the views, and the map of a laser neither contradicts itself nor is unsure of its way;
-unrolling: at least half of the strips were registered. Localise: found after nine of ten starts, wrong and sure in 1 % of the views at most.
+unrolling: at least half of the strips were registered.
+Localise: found after nine of ten starts, wrong and sure in 1 % of the views at most.
 A run that was asked for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
 
@@ -35,8 +36,7 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"
     if _number(row, "way_sigma_m") > UNSURE_M:
-        return 0.0, (f"the way is unsure by {_number(row, 'way_sigma_m'):.2g} m (1 sigma): the scans saw too little of the motion "
-                     "and no loop took that back")
+        return 0.0, f"the way is unsure by {_number(row, 'way_sigma_m'):.2g} m (1 sigma): scans and loops hold it too little"
     for name, what in (("tracked_share", "tracked in {:.0%} of the views"),
                        ("strips_registered_share", "{:.0%} of the strips registered")):
         if _known(row, name):

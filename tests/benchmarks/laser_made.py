@@ -10,9 +10,9 @@ halls are seen by one that ends at 8.19 m; 5 to 37 scans a second, or one every 
 
 relations_m: mean error of the position of a scan seen from another one, as published relations are made: three in four pairs
 1 to 3 m of way apart (near_m), one in four within 1 m on another passage (revisits_m); ate_m: root mean
-square, aligned. A run is right up to 0.06 m
-(relations_m), `said_wrong` when the map says it is not (inconsistency over 0.04 or way_sigma_m over 0.5), `silent` when it is
-wrong and that is not said. wrong_loops: accepted though over 0.5 m or 5 degrees off.
+square, aligned. A run is right up to 0.06 m (relations_m), `said_wrong` when the map says that it is not (inconsistency over
+0.04 or way_sigma_m over 0.5), `silent` when it is wrong and that is not said. wrong_loops: accepted though over 0.5 m or
+5 degrees off.
 """
 
 from __future__ import annotations

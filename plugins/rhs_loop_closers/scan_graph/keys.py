@@ -18,7 +18,7 @@ from .config import ScanGraph, ScanGraphAdvanced
 LEAST_POINTS = 20
 HEIGHT = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])  # a laser on a floor stays there
 STEP_FLOOR = np.diag([0.005, 0.005, 0.002]) ** 2  # of the motion between two key scans at best (metres, radians)
-CARRIED = 2.0 / 26.0  # some 25 key scans are in the map that the odometry lays a scan onto
+LAG = 13.0  # mean age of some 25 key scans in the map that the odometry lays a scan onto
 BLIND_M = 2.0  # a stretch without a good scan gets a node after so much way all the same, metres
 
 
@@ -84,8 +84,8 @@ def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -
     """The key scans one after another at poses (K, 3), as sure as each fits onto those before it; and what that leaves of an
     error in the long run, covariances (K - 1, 3, 3).
 
-    A scan laid onto the mean of N before it carries 2 / (N + 1) of its error on; what the wheels say of a direction that it
-    does not see it carries on whole."""
+    A scan laid onto the mean of those before it leaves 1 / LAG of its error in the map; what the wheels say of a direction
+    that no scan sees stays whole."""
     steps = between(poses[:-1], poses[1:])
     shares, information = np.empty(len(steps)), np.empty((len(steps), 3, 3))
     for k in range(1, len(keys)):
@@ -99,8 +99,9 @@ def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -
     wheels = np.linalg.inv(np.array([wheel_spread(step, settings) for step in steps]))
     seen = seen_directions(information, settings.points)
     spread = np.linalg.inv(seen + wheels)
-    drift = spread @ (CARRIED**2 * seen + wheels) @ spread + CARRIED**2 * STEP_FLOOR
+    lag = LAG * np.eye(3) - (LAG - 1.0) * spread @ wheels  # of each direction: 1 where the wheels alone say it
     spread += STEP_FLOOR
+    drift = np.linalg.inv(lag) @ spread @ np.linalg.inv(np.swapaxes(lag, 1, 2))
     spread[shares < 0.35] = drift[shares < 0.35] = np.diag([settings.loose_m, settings.loose_m, settings.loose_rad]) ** 2
     return edges_of(np.arange(len(steps)), np.arange(1, len(steps) + 1), steps, spread, robust=False), drift
 
