@@ -10,7 +10,7 @@ from scipy.sparse.linalg import splu
 from rhs.estimation.filters.pose_graph import Edges
 from rhs.estimation.scans.planar_poses import between, flat
 
-PLANE = np.ix_([0, 1, 5], [0, 1, 5])
+PLANE = np.array([0, 1, 5])
 SAMPLES = 60  # key scans that are asked
 
 
@@ -19,7 +19,7 @@ def way_sigma_m(poses: np.ndarray, edges: Edges, kernel: float) -> float:
     Edges marked robust count as little as the kernel makes them (Cauchy, `kernel` sigmas)."""
     first, second, count = np.asarray(edges.from_at), np.asarray(edges.to_at), len(poses)
     step = between(poses[first], poses[second])
-    information = np.linalg.inv(edges.covariances[(slice(None), *PLANE)])
+    information = np.linalg.inv(edges.covariances[:, PLANE[:, None], PLANE])
     off = between(flat(edges.from_from_to), step)
     chi2 = np.einsum("ni,nij,nj->n", off, information, off)
     information /= np.where(edges.robust, 1.0 + chi2 / kernel**2, 1.0)[:, None, None]

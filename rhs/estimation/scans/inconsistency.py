@@ -34,7 +34,8 @@ def inconsistency(clouds: Sequence[Cloud], poses: np.ndarray, way_m: np.ndarray,
         at = composed(poses[k], clouds[k].origin)
         near = np.hypot(*(poses[:, :2] - poses[k, :2]).T) < NEAR_M
         for j in np.nonzero(near & (np.abs(way_m - way_m[k]) > OTHER_WAY_M))[0][:: max(every - 1, 1)]:
-            passed, ended = looked_through(clouds[k].ranges, clouds[k].bearings, at, *still[j], poses[j], FAR_M, CLEAR_M)
+            walls, facing = still[j]
+            passed, ended = looked_through(clouds[k].ranges, clouds[k].bearings, at, walls, facing, poses[j], FAR_M, CLEAR_M)
             through, met = through + passed, met + ended
     return through / (through + met) if through + met >= LEAST_POINTS else float("nan")
 
