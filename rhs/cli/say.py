@@ -10,7 +10,7 @@ SHOWN = (
     "localiser", "seed", "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m",
     "survey_collisions", "explored_share", "explore_way_m", "explore_stop", "path_length_m", "path_optimal_m", "distance_m",
     "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share", "map_agreement",
-    "map_inconsistency", "relations_trans_m", "relations_rot_deg", "revisits_trans_m", "starts",
+    "map_inconsistency", "way_sigma_m", "relations_trans_m", "relations_rot_deg", "revisits_trans_m", "starts",
     "found_share", "found_m", "localise_rmse_m", "belief_lost_share",
     "belief_wrong_sure_share", "kidnaps", "kidnap_recovered_share",
     "kidnap_recovery_m", "kidnap_wrong_sure_share", "belief_ece", "strips", "strips_registered_share",

@@ -47,19 +47,24 @@ def map_values(run: RunFiles) -> dict[str, float | int | str]:
 
 
 def contradiction_values(run: RunFiles) -> dict[str, float | int | str]:
-    """What the map says against itself, before and after closing; measured when the survey was closed."""
+    """What the map says against itself, before and after closing, how sure its way is; from when it was closed."""
     known = run.json("closure") or {}
-    return {name: float(known.get(name, float("nan"))) for name in CONTRADICTIONS}
+    said = {**known.get("details", {}), **known}
+    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m")}
 
 
 CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
 MAP = columns_of(
     contradiction_values,
     ("map_inconsistency", "share",
-     "walls that the beams of other passages look through, of those they look through or meet; over 0.1 the map reads wrong",
+     "standing walls that beams of other passages look through, of those they look through or meet; over 0.04 the map reads "
+     "wrong",
      "rhs.estimation.scans.inconsistency"),
     ("map_inconsistency_before_closing", "share", "the same of the way as believed while the survey went on",
      "rhs.estimation.scans.inconsistency"),
+    ("way_sigma_m", "m",
+     "standard deviation of positions seen from the start, rms along the way, by the pose graph of loop_closer=scan_graph: "
+     "large where scans saw no motion (corridors, empty streets) and no loop took that back", "closure.json"),
 ) + columns_of(
     map_values,
     ("map_agreement", "share", "cells called occupied or free that have a true cell of that kind within one cell",

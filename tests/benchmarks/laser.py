@@ -140,6 +140,7 @@ def judged(parts, seen: list[Observation], wheels: np.ndarray, relations: Relati
             "rot_sd_deg": values["relations_rot_sd_deg"], "revisits_m": values["revisits_trans_m"], "way_apart_m": way_m,
             "inconsistency_before": map_inconsistency(scans, _flat(poses)),
             "inconsistency": map_inconsistency(scans, _flat(closure.poses)),
+            "way_sigma_m": closure.details["way_sigma_m"],
             "loops": sum(edge.accepted for edge in closure.edges),
             "searches": 1 + int(closure.details.get("wider_searches", 0)),
             "lost_share": float(np.mean([view.motion.status == "lost" for view in views])), "failed": int(failed),

@@ -10,9 +10,9 @@ halls are seen by one that ends at 8.19 m; 5 to 37 scans a second, or one every 
 
 relations_m: mean error of the position of a scan seen from another one, as published relations are made: three in four pairs
 1 to 3 m of way apart (near_m), one in four within 1 m on another passage (revisits_m); ate_m: root mean
-square, aligned. A run is right up to 0.06 m
-(relations_m), `silent` when it is not and the map does not say so (inconsistency up to 0.1, or none). wrong_loops: accepted
-though over 0.5 m or 5 degrees off.
+square, aligned. A run is right up to 0.06 m (relations_m), `said_wrong` when the map says that it is not (inconsistency over
+0.04 or way_sigma_m over 0.5), `silent` when it is wrong and that is not said. wrong_loops: accepted though over 0.5 m or
+5 degrees off.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ from shared import write
 from rhs.api.records import View
 from rhs.estimation.scans.inconsistency import map_inconsistency
 from rhs.estimation.scans.planar_poses import between, composed, flat
+from rhs.metrics.success import CONTRADICTED, UNSURE_M
 
-RIGHT_M, SAYS_WRONG = 0.06, 0.1
+RIGHT_M = 0.06
 
 
 def main() -> int:
@@ -224,14 +225,16 @@ def judged(path: Path, truth: np.ndarray, facts: dict, words: list[str]) -> dict
     off = [between(between(truth[edge.earlier], truth[edge.later]), flat(edge.earlier_from_later[None])[0])
            for edge in loops]
     value = map_inconsistency([one.scan for one in seen], after)
-    right = whole <= RIGHT_M
+    sigma_m = closure.details.get("way_sigma_m", float("nan"))
+    right, said = whole <= RIGHT_M, value > CONTRADICTED or sigma_m > UNSURE_M
     return {"front_relations_m": relations(before, truth)[0], "front_ate_m": relations(before, truth)[3],
             "relations_m": whole,
-            "near_m": near, "revisits_m": again, "ate_m": ate, "inconsistency": value, "loops": len(loops),
+            "near_m": near, "revisits_m": again, "ate_m": ate, "inconsistency": value,
+            "way_sigma_m": sigma_m, "loops": len(loops),
             "wrong_loops": sum(bool(np.hypot(*gap[:2]) > 0.5 or abs(gap[2]) > 0.09) for gap in off),
             "searches": 1 + int(closure.details.get("wider_searches", 0)),
             "lost_share": float(np.mean([view.motion.status == "lost" for view in views])), "right": int(right),
-            "said_wrong": int(value > SAYS_WRONG), "silent": int(not right and not value > SAYS_WRONG),
+            "said_wrong": int(said), "silent": int(not right and not said),
             "front_scans_per_s": len(seen) / front_s, "scans_per_s": len(seen) / all_s}
 
 

@@ -18,6 +18,11 @@ from rhs.metrics.success import success_of
     ({"status": "ok", "places_total": 4, "places_visited": None}, (0.0, "0 of 4 places")),
     ({"status": "ok", "task": "survey", "places_total": 4, "places_visited": 0, "tracked_share": 0.9}, (1.0, "")),
     ({"status": "ok", "task": "survey", "tracked_share": 0.31}, (0.0, "tracked in 31% of the views")),
+    ({"status": "ok", "task": "survey", "tracked_share": 1.0, "map_inconsistency": 0.03, "way_sigma_m": 0.4}, (1.0, "")),
+    ({"status": "ok", "task": "survey", "tracked_share": 1.0, "map_inconsistency": 0.06},
+     (0.0, "the map reads wrong: beams look through 6% of its walls")),
+    ({"status": "ok", "task": "survey", "tracked_share": 1.0, "way_sigma_m": 12.3},
+     (0.0, "the way is unsure by 12 m (1 sigma): scans and loops hold it too little")),
     ({"status": "ok", "task": "patrol", "places_total": None, "tracked_share": 0.5}, (1.0, "")),  # a recording
     ({"status": "ok", "task": "unroll", "strips_registered_share": 0.2}, (0.0, "20% of the strips registered")),
     ({"status": "failed", "reason": "E: boom", "plan_success": 1, "plan_valid": 1.0}, (0.0, "E: boom")),

@@ -107,3 +107,20 @@ def test_poses_that_somebody_corrected_are_the_truth_where_that_is_typed(tmp_pat
 def test_damaged_scans_are_refused_with_their_line(tmp_path, line, said):
     with pytest.raises(ConfigError, match=said):
         views(tmp_path / "a.log", [line])
+
+
+def test_a_scanner_that_says_nothing_by_its_largest_reading(tmp_path):
+    """8.19 m of a scanner that ends there, in one beam of three, is free space; walls up to 7.9 m stay walls."""
+    rng = np.random.default_rng(0)
+    walls = np.round(rng.uniform(0.5, 7.9, (200, 2)), 2)
+    lines = [flaser([a, 8.19, b], laser_of(POSES[0]), POSES[0], 10.0 + 0.1 * k) for k, (a, b) in enumerate(walls)]
+    for (capture, _), (a, b) in zip(views(tmp_path / "a.log", lines), walls, strict=True):
+        np.testing.assert_array_equal(capture.scan.ranges_m, [a, np.inf, b])
+
+
+def test_the_furthest_wall_is_no_end_of_range(tmp_path):
+    rng = np.random.default_rng(0)
+    walls = np.round(rng.uniform(0.5, 8.19, (200, 3)), 2)
+    lines = [flaser(row, laser_of(POSES[0]), POSES[0], 10.0 + 0.1 * k) for k, row in enumerate(walls)]
+    seen = np.array([capture.scan.ranges_m for capture, _ in views(tmp_path / "a.log", lines)])
+    np.testing.assert_array_equal(seen, walls)

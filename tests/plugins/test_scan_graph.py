@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -58,6 +59,29 @@ def test_the_map_says_itself_which_way_is_wrong():
     wrong = map_inconsistency(scans, flat(np.array([view.map_from_body for view in views])))
     right = map_inconsistency(scans, WAY)
     assert right < 0.03 and wrong > 0.1
+
+
+def test_people_are_no_walls_that_others_look_through():
+    """Somebody who walks along is in every scan and nowhere in the next ones."""
+    rng = np.random.default_rng(1)
+    scans = []
+    for view in survey(0.0):
+        ranges = np.array(view.scan.ranges_m)
+        at = int(rng.integers(20, 150))
+        ranges[at : at + 12] = np.minimum(ranges[at : at + 12], rng.uniform(0.4, 0.6))
+        scans.append(replace(view.scan, ranges_m=ranges))
+    assert map_inconsistency(scans, WAY) < 0.01
+
+
+def test_along_a_corridor_without_ends_the_way_is_unsure():
+    """60 m of two walls: the wheels alone say how far it was, by a tenth of each 0.3 m and 2 cm."""
+    way = drive([(0, 0), (60, 0)])
+    observations = observed(np.array([[[-100, -1], [200, -1]], [[-100, 1], [200, 1]]], float), way)
+    motion = Motion(np.eye(4), np.diag([0.02, 0.02, 1e-3, 1e-3, 1e-3, 0.01]) ** 2, Tracking.OK)
+    closure = ScanGraph().build(None).close(views_of(observations, [motion] * len(way), way))
+    step_m = 0.02 + 0.1 * 0.45  # key scans are every third of 0.15 m
+    expected_m = step_m * np.sqrt(0.5 * 60.0 / 0.45)  # a random walk, rms along the way
+    assert 0.7 * expected_m < closure.details["way_sigma_m"] < 1.4 * expected_m
 
 
 def test_where_no_place_is_seen_twice_nothing_is_said_and_nothing_moves_far():

@@ -116,6 +116,18 @@ def test_a_scan_without_a_single_end_is_lost():
     assert motions[-1].covariance[0, 0] > 0.2
 
 
+def test_a_scan_with_a_few_ends_is_held_by_the_wheels():
+    """A wall of which ten beams see something: too little to say where the robot is, and the wheels know."""
+    observations = observed(ROOM, WAY[:5])
+    far = np.array([[[20.0, -1.7], [20.0, 1.7]]]) + WAY[4, :2]
+    few = observed(far, WAY[:5])[4]
+    assert 0 < np.isfinite(few.scan.ranges_m).sum() < 20
+    motions, poses = led([*observations[:4], few])
+    assert motions[-1].status is Tracking.DEGENERATE and "wheels" in motions[-1].reason
+    assert error(poses, WAY[:5])[0] < 0.03
+    assert np.sqrt(motions[-1].covariance[0, 0]) < 0.15
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_its_errors_are_not_wider_than_its_sigmas(seed):
     motions, _ = led(observed(ROOM, WAY, seed=seed, wheels=true_wheels(WAY) * [0.9, 1.0, 1.1]))

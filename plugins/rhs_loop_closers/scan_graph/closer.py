@@ -16,7 +16,7 @@ from rhs.estimation.scans.planar_poses import between, composed, flat, lifted
 
 from .config import ScanGraph, Windows
 from .graph import Graph
-from .keys import Keys, key_scans
+from .keys import Keys, key_scans, odometry_edges
 from .refine import refine_passages, refit
 from .windows import Find, loop_edge, search_loops
 
@@ -46,9 +46,10 @@ class ScanGraphCloser:
     def _closed(self, keys: Keys, believed: np.ndarray) -> tuple[Graph, list[Find], dict[str, float]]:
         """The graph whose map contradicts itself least, the loops it refused, and figures."""
         windows, best, wider = self._settings.advanced.windows, None, -1
+        odometry = odometry_edges(keys, believed, self._settings.advanced)
         while wider < self._settings.tries:
             wider += 1
-            graph = Graph(keys, believed, self._settings)
+            graph = Graph(keys, believed, odometry, self._settings)
             refused = search_loops(graph, windows)
             refine_passages(graph, self._settings.advanced.refinement)
             value = keys.inconsistency(graph.poses)
@@ -59,7 +60,7 @@ class ScanGraphCloser:
             windows = self._wider(windows)
         assert best is not None
         return best[0], best[1], {"key_scans": len(keys), "inconsistency": best[2], "wider_searches": wider,
-                                  "inconsistency_before": keys.inconsistency(believed)}
+                                  "way_sigma_m": best[0].way_sigma_m()}
 
     def _wider(self, windows: Windows) -> Windows:
         by = self._settings.wider

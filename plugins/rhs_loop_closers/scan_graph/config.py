@@ -153,7 +153,7 @@ class ScanGraph:
     """Or after so much turning, radians."""
     kernel_sigma: float = 3.0
     """Loops that lie further off than this count less and less (Cauchy), sigmas."""
-    wrong_over: float = 0.1
+    wrong_over: float = 0.04
     """A map in which beams look through a larger share of the walls of other passages reads wrong: loops are looked for
     again in wider windows."""
     wider: float = 2.0

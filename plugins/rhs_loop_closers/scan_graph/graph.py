@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,8 @@ from rhs.estimation.filters.settings import Effort
 from rhs.estimation.scans.planar_poses import between, flat, lifted
 
 from .config import ScanGraph
-from .keys import Keys, edges_of, odometry_edges
+from .keys import HEIGHT, Keys, covariances_of, edges_of
+from .sureness import way_sigma_m
 
 if TYPE_CHECKING:
     from .windows import Find
@@ -21,13 +23,14 @@ EFFORT = Effort(iterations=15, settled=1e-4)
 
 
 class Graph:
-    """poses (K, 3) of the key scans as believed now; loops between them."""
+    """poses (K, 3) of the key scans as believed now; their odometry (odometry_edges); loops between them."""
 
-    def __init__(self, keys: Keys, poses: np.ndarray, settings: ScanGraph) -> None:
+    def __init__(self, keys: Keys, poses: np.ndarray, odometry: tuple[Edges, np.ndarray], settings: ScanGraph) -> None:
         self.keys, self.poses = keys, poses.copy()
         self.loops: list[Find] = []
         self.settings, self._kernel = settings.advanced, settings.kernel_sigma
-        self.odometry = odometry_edges(keys, poses, settings.advanced)
+        self.odometry, self._drift = odometry
+        self.edges = self.odometry  # edges: that the poses agree with
 
     def add(self, finds: list[Find]) -> None:
         """Take loops in; the poses move when they say something new."""
@@ -51,7 +54,14 @@ class Graph:
     def settle(self) -> None:
         """Move the poses to where all edges agree best."""
         if self.loops:
-            self.poses = solved(self.poses, joined(self.odometry, self.loop_edges()), self._kernel)
+            self.edges = joined(self.odometry, self.loop_edges())
+            self.poses = solved(self.poses, self.edges, self._kernel)
+
+    def way_sigma_m(self) -> float:
+        """How sure the poses are, seen from the first one: standard deviation of position, rms along the way, metres."""
+        covariances = self.edges.covariances.copy()
+        covariances[: len(self.odometry)] = covariances_of(self._drift) + HEIGHT
+        return way_sigma_m(self.poses, replace(self.edges, covariances=covariances), self._kernel)
 
 
 def solved(poses: np.ndarray, edges: Edges, kernel: float) -> np.ndarray:

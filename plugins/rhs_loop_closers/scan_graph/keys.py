@@ -16,6 +16,9 @@ from rhs.estimation.scans.point_map import Cloud, PointMap, cloud_of, gathered, 
 from .config import ScanGraph, ScanGraphAdvanced
 
 LEAST_POINTS = 20
+HEIGHT = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])  # a laser on a floor stays there
+STEP_FLOOR = np.diag([0.005, 0.005, 0.002]) ** 2  # of the motion between two key scans at best (metres, radians)
+LAG = 13.0  # mean age of some 25 key scans in the map that the odometry lays a scan onto
 BLIND_M = 2.0  # a stretch without a good scan gets a node after so much way all the same, metres
 
 
@@ -77,11 +80,14 @@ def _far(last: np.ndarray, state: np.ndarray, view: View, settings: ScanGraph) -
     return way_m > settings.key_m or abs(float(moved[2])) > settings.key_rad
 
 
-def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -> Edges:
-    """The key scans one after another at poses (K, 3), as sure as each fits onto those before it."""
+def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -> tuple[Edges, np.ndarray]:
+    """The key scans one after another at poses (K, 3), as sure as each fits onto those before it; and what that leaves of an
+    error in the long run, covariances (K - 1, 3, 3).
+
+    A scan laid onto the mean of those before it leaves 1 / LAG of its error in the map; what the wheels say of a direction
+    that no scan sees stays whole."""
     steps = between(poses[:-1], poses[1:])
-    spread = np.empty((len(steps), 3, 3))
-    floor = np.diag([0.005, 0.005, 0.002]) ** 2
+    shares, information = np.empty(len(steps)), np.empty((len(steps), 3, 3))
     for k in range(1, len(keys)):
         before = keys.along(k, settings.map_m, 0.0)
         before = before[before < k][-30:]
@@ -89,12 +95,15 @@ def odometry_edges(keys: Keys, poses: np.ndarray, settings: ScanGraphAdvanced) -
             before = np.array([k - 1])
         walls = PointMap(*gathered([keys.clouds[j] for j in before], poses[before], cell_m=settings.points.cell_m))
         fit = walls.fit(keys.clouds[k], poses[k], np.eye(3), settings.points, steps=0)
-        if fit.share < 0.35:
-            spread[k - 1] = np.diag([settings.loose_m, settings.loose_m, settings.loose_rad]) ** 2
-        else:
-            seen = seen_directions(fit.information, settings.points)
-            spread[k - 1] = np.linalg.inv(seen + np.linalg.inv(wheel_spread(steps[k - 1], settings))) + floor
-    return edges_of(np.arange(len(steps)), np.arange(1, len(steps) + 1), steps, spread, robust=False)
+        shares[k - 1], information[k - 1] = fit.share, fit.information
+    wheels = np.linalg.inv(np.array([wheel_spread(step, settings) for step in steps]))
+    seen = seen_directions(information, settings.points)
+    spread = np.linalg.inv(seen + wheels)
+    lag = LAG * np.eye(3) - (LAG - 1.0) * spread @ wheels  # of each direction: 1 where the wheels alone say it
+    spread += STEP_FLOOR
+    drift = np.linalg.inv(lag) @ spread @ np.linalg.inv(np.swapaxes(lag, 1, 2))
+    spread[shares < 0.35] = drift[shares < 0.35] = np.diag([settings.loose_m, settings.loose_m, settings.loose_rad]) ** 2
+    return edges_of(np.arange(len(steps)), np.arange(1, len(steps) + 1), steps, spread, robust=False), drift
 
 
 def wheel_spread(step: np.ndarray, s: ScanGraphAdvanced) -> np.ndarray:
@@ -107,7 +116,13 @@ def wheel_spread(step: np.ndarray, s: ScanGraphAdvanced) -> np.ndarray:
 
 def edges_of(first: np.ndarray, second: np.ndarray, seen: np.ndarray, spread: np.ndarray, *, robust: bool) -> Edges:
     """Edges of the pose graph from planar ones: seen (M, 3), spread (M, 3, 3)."""
-    covariances = np.tile(1e-6 * np.eye(6), (len(seen), 1, 1))
-    plane = np.array([0, 1, 5])
-    covariances[:, plane[:, None], plane] = 0.5 * (spread + np.swapaxes(spread, 1, 2))
+    covariances = covariances_of(0.5 * (spread + np.swapaxes(spread, 1, 2))) + HEIGHT
     return Edges(np.asarray(first), np.asarray(second), lifted(seen), covariances, np.full(len(seen), robust))
+
+
+def covariances_of(spread: np.ndarray) -> np.ndarray:
+    """(..., 6, 6) of planar covariances (..., 3, 3): nothing of height, roll and pitch."""
+    out = np.zeros((*spread.shape[:-2], 6, 6))
+    plane = np.array([0, 1, 5])
+    out[..., plane[:, None], plane] = spread
+    return out

@@ -26,23 +26,24 @@ def refine_passages(graph: Graph, settings: Refinement) -> None:
     for number in range(settings.rounds):
         reach_m = settings.reach_m * settings.shrink**number
         maps: dict[int, PointMap] = {}
-        first, second, seen, spread = [], [], [], []
+        first, second, seen, information = [], [], [], []
         for j, k in neighbours(graph, settings):
             if j not in maps:
                 maps[j] = _around(graph, j, settings)
             start = between(graph.poses[j], graph.poses[k])
             fit = maps[j].fit(keys.clouds[k], start, WEAK, graph.settings.points, steps=6, reach=(reach_m, reach_m))
             if fit.share > settings.least_share:
-                information = seen_directions(fit.information, graph.settings.points)
                 first.append(j)
                 second.append(k)
                 seen.append(fit.pose)
-                spread.append(np.linalg.inv(information + np.diag([1e-2, 1e-2, 1e-1])) + PAIR_FLOOR)
+                information.append(fit.information)
         if not first:
             return
-        fits = edges_of(np.array(first), np.array(second), np.array(seen), np.array(spread), robust=True)
+        known = seen_directions(np.array(information), graph.settings.points) + np.diag([1e-2, 1e-2, 1e-1])
+        fits = edges_of(np.array(first), np.array(second), np.array(seen), np.linalg.inv(known) + PAIR_FLOOR, robust=True)
         edges = joined(graph.odometry, fits)
-        graph.poses = solved(graph.poses, joined(edges, graph.loop_edges()) if graph.loops else edges, SOLVED_KERNEL)
+        graph.edges = joined(edges, graph.loop_edges()) if graph.loops else edges
+        graph.poses = solved(graph.poses, graph.edges, SOLVED_KERNEL)
 
 
 def _around(graph: Graph, j: int, settings: Refinement) -> PointMap:
@@ -58,10 +59,15 @@ def neighbours(graph: Graph, settings: Refinement) -> list[tuple[int, int]]:
     keys, out = graph.keys, []
     near = cKDTree(graph.poses[:, :2]).query_ball_point(graph.poses[:, :2], settings.near_m)
     for k in range(len(keys)):
-        others = np.array(sorted(j for j in near[k] if abs(keys.way_m[k] - keys.way_m[j]) > 2.0 * settings.map_m), int)
-        gap_m = np.hypot(*(graph.poses[:, :2] - graph.poses[k, :2]).T)
-        chosen = [int(part[gap_m[part].argmin()]) for part in keys.passages(others, settings.near_m)]
-        out += [(j, k) for j in sorted(chosen, key=lambda j: gap_m[j])[: settings.partners]]
+        others = np.sort(near[k])
+        others = others[np.abs(keys.way_m[k] - keys.way_m[others]) > 2.0 * settings.map_m]
+        if not len(others):
+            continue
+        gap_m = np.hypot(*(graph.poses[others, :2] - graph.poses[k, :2]).T)
+        gaps_m = np.split(gap_m, np.nonzero(np.diff(keys.way_m[others]) > settings.near_m)[0] + 1)
+        passages = keys.passages(others, settings.near_m)
+        chosen = [(gap.min(), int(part[gap.argmin()])) for gap, part in zip(gaps_m, passages, strict=True)]
+        out += [(j, k) for _, j in sorted(chosen)[: settings.partners]]
     return out
 
 

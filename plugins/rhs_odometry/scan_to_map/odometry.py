@@ -58,15 +58,16 @@ class ScanToMapOdometry:
         self._predictor.learn(guess, now, seen, good)
         if good:
             self._wheels.compare(guess, now, seen, float(np.hypot(*step[:2])))
-        spread = _spread_of(seen, self._wheels.trusted(guess.prior) if guess.measured else guess.prior, good)
+        held = guess.measured and not _shows(cloud) and _ends(cloud) > 0  # by the wheels alone
+        spread = _spread_of(seen, self._wheels.trusted(guess.prior) if guess.measured else guess.prior, good or held)
         covariance = _carried(self._spread, step) + spread
         self._poses.append(now)
         self._spread = spread
         self._predictor.moved_to(now, guess=guess, good=good)
         self._poor = 0 if good else self._poor + 1
-        if cloud is not None and (good or self._poor >= self._rescue.patience):
+        if cloud is not None and _shows(cloud) and (good or self._poor >= self._rescue.patience):
             self._learn(cloud, now, fit.share if good else self._rescue.least_share)
-        status, why = _status(seen, guess, good, reason)
+        status, why = (Tracking.DEGENERATE, f"{reason}; the wheels say") if held else _status(seen, guess, good, reason)
         details = {"share": fit.share, "good": float(good)}
         return Motion(se2(*step), _lifted(covariance), status, why, details=details)
 
@@ -77,15 +78,15 @@ class ScanToMapOdometry:
     def _begin(self, observation: Observation, cloud: Cloud | None) -> Motion:
         self._predictor.begin(observation)
         self._poses.append(np.zeros(3))
-        if cloud is not None and len(cloud.points) >= LEAST_POINTS:
+        if cloud is not None and _shows(cloud):
             self._map.add(cloud, self._poses[0])
         return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view")
 
     def _laid(self, cloud: Cloud | None, guess: Guess) -> tuple[Fit, bool, str]:
         """Where the scan is, whether it fits there, and if not, why not."""
         blind = Fit(guess.pose, np.zeros((3, 3)), 0.0)
-        if cloud is None or len(cloud.points) < LEAST_POINTS:
-            return blind, False, f"{0 if cloud is None else len(cloud.points)} beams of the scan end on something"
+        if cloud is None or not _shows(cloud):
+            return blind, False, f"{_ends(cloud)} beams of the scan end on something"
         if not self._map.begun:
             self._map.add(cloud, guess.pose)
             return blind, False, "the first scan that shows something"
@@ -146,6 +147,16 @@ class ScanToMapOdometry:
         if self._poor or self._map.far_from_last(pose):
             self._map.add(cloud, pose)
         self._poor = 0
+
+
+def _ends(cloud: Cloud | None) -> int:
+    """Beams that end on something."""
+    return 0 if cloud is None else len(cloud.points)
+
+
+def _shows(cloud: Cloud | None) -> bool:
+    """Whether they are enough to say where the scanner is."""
+    return _ends(cloud) >= LEAST_POINTS
 
 
 def replaced(blind: Fit, fit: Fit) -> Fit:

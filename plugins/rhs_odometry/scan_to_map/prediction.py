@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -85,7 +86,10 @@ def _share(squares: deque[float]) -> float:
     """1 until enough is known; never more, nor less than LEAST_SHARE."""
     if len(squares) < COMPARED_LEAST:
         return 1.0
-    return float(np.clip(np.sqrt(np.quantile(squares, 0.9) / CHI2_90), LEAST_SHARE, 1.0))
+    ordered, at = sorted(squares), 0.9 * (len(squares) - 1)  # np.quantile, which takes 0.2 ms
+    low, high, past = ordered[int(at)], ordered[min(int(at) + 1, len(ordered) - 1)], at - int(at)
+    nine_in_ten = high - (high - low) * (1.0 - past) if past >= 0.5 else low + (high - low) * past
+    return min(max(math.sqrt(nine_in_ten / CHI2_90), LEAST_SHARE), 1.0)
 
 
 class Predictor:

@@ -38,6 +38,8 @@ SCANS = (FLASER, ROBOT, RAW)
 KINDS = (*SCANS, ODOM, TRUE)
 CORRECTED = "corrected"  # of source.truth
 STILL = (0.0, 0.0, 0.0)
+AT_END_M, BELOW_M = 0.015, 0.5  # the readings of a scanner that met nothing; what walls there would be like is judged below
+END_LEAST, END_SHARE, END_TIMES = 100, 0.002, 10.0
 
 
 class Log(NamedTuple):
@@ -114,8 +116,26 @@ def _read(path: Path, settings) -> Log:
                 kind, readings = found, []
             readings.append(flaser(words, where, fov, settings.max_laser_m) if found == FLASER
                             else robotlaser(words, where, settings.max_laser_m))
+    most_m = end_of_range(readings)
+    readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
     return Log(readings, odometry, beside[TRUE])
+
+
+def end_of_range(readings: list[Reading]) -> float:
+    """Where a scanner that met nothing says so by its largest reading: metres, inf where the log shows none.
+
+    Walls lie anywhere: hardly one reading in a thousand is within AT_END_M of the largest. Many more there, and hardly any
+    in as much again below, are a scanner's word for nothing.
+    """
+    ranges = np.concatenate([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings]
+                            or [np.empty(0)])
+    if not len(ranges):
+        return np.inf
+    first = float(ranges.max()) - AT_END_M
+    at_end, below = int((ranges >= first).sum()), int(((ranges >= first - BELOW_M) & (ranges < first)).sum())
+    clear = at_end >= END_LEAST and at_end > END_SHARE * len(ranges) and at_end > END_TIMES * AT_END_M / BELOW_M * below
+    return first if clear else np.inf
 
 
 def _words(line: bytes) -> list[str]:

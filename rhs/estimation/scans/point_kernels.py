@@ -21,18 +21,6 @@ Walls = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """what `bucketed` returns"""
 
 
-@typed(_POINTS(_POINTS, _NUMBERS, nb.boolean))
-def moved(points: np.ndarray, pose: np.ndarray, turn_only: bool) -> np.ndarray:
-    """(N, 2) points, or directions (turn_only), taken from the frame of `pose` into the frame that `pose` is in."""
-    out = np.empty_like(points)
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    x0, y0 = (0.0, 0.0) if turn_only else (pose[0], pose[1])
-    for i in range(len(points)):
-        out[i, 0] = x0 + c * points[i, 0] - s * points[i, 1]
-        out[i, 1] = y0 + s * points[i, 0] + c * points[i, 1]
-    return out
-
-
 @typed(_PAIR(_NUMBERS, _NUMBERS, nb.float64, nb.float64, nb.float64, nb.float64))
 def surface_points(ranges: np.ndarray, bearings: np.ndarray, most_m: float, span_m: float, span_steps: float,
                    flat: float) -> tuple[np.ndarray, np.ndarray]:
@@ -70,36 +58,47 @@ def surface_points(ranges: np.ndarray, bearings: np.ndarray, most_m: float, span
     return points[:count].copy(), normals[:count].copy()
 
 
-@typed(_PAIR(_POINTS, _POINTS, nb.float64))
-def thinned(points: np.ndarray, normals: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Means of the points in each cell whose normals look into one quarter, and of their normals."""
-    slots = np.full(_SLOTS, -1, np.int64)
+@typed(_PAIR(_POINTS, _POINTS, _PLACES, _POINTS, nb.float64))
+def merged(points: np.ndarray, normals: np.ndarray, counts: np.ndarray, poses: np.ndarray, cell_m: float,
+           ) -> tuple[np.ndarray, np.ndarray]:
+    """Points with normals of clouds one after another, counts (K,) of each, seen from poses (K, 3), in one frame: means of
+    the points in each cell whose normals look into one quarter, and of their normals."""
+    slots = _SLOTS
+    while slots > 64 and slots >= 4 * len(points):
+        slots //= 2
+    table = np.full(slots, -1, np.int32)
     keys = np.empty(len(points), np.int64)
-    sums, turned, counts = np.zeros((len(points), 2)), np.zeros((len(points), 2)), np.zeros(len(points))
-    count = 0
-    for i in range(len(points)):
-        quarter = 0
-        if normals[i, 0] != 0.0 or normals[i, 1] != 0.0:
-            quarter = 1 + (2 if normals[i, 0] > 0.0 else 0) + (1 if normals[i, 1] > 0.0 else 0)
-        ix, iy = int(np.floor(points[i, 0] / cell_m)), int(np.floor(points[i, 1] / cell_m))
-        key = ((ix + 1048576) * 2097152 + (iy + 1048576)) * 8 + quarter
-        slot = ((key * 0x9E3779B97F4A7C1) >> 20) & (_SLOTS - 1)
-        while slots[slot] >= 0 and keys[slots[slot]] != key:
-            slot = (slot + 1) & (_SLOTS - 1)
-        at = slots[slot]
-        if at < 0:
-            if count >= _SLOTS // 2:
-                break
-            at, slots[slot], keys[count] = count, count, key
-            count += 1
-        for axis in range(2):
-            sums[at, axis] += points[i, axis]
-            turned[at, axis] += normals[i, axis]
-        counts[at] += 1.0
+    sums, turned, seen = np.zeros((len(points), 2)), np.zeros((len(points), 2)), np.zeros(len(points))
+    count, last = 0, 0
+    for cloud in range(len(counts)):
+        first, last = last, last + counts[cloud]
+        x0, y0, c, s = poses[cloud, 0], poses[cloud, 1], np.cos(poses[cloud, 2]), np.sin(poses[cloud, 2])
+        for i in range(first, last):
+            x, y = x0 + c * points[i, 0] - s * points[i, 1], y0 + s * points[i, 0] + c * points[i, 1]
+            nx, ny = 0.0 + c * normals[i, 0] - s * normals[i, 1], 0.0 + s * normals[i, 0] + c * normals[i, 1]
+            quarter = 0
+            if nx != 0.0 or ny != 0.0:
+                quarter = 1 + (2 if nx > 0.0 else 0) + (1 if ny > 0.0 else 0)
+            ix, iy = int(np.floor(x / cell_m)), int(np.floor(y / cell_m))
+            key = ((ix + 1048576) * 2097152 + (iy + 1048576)) * 8 + quarter
+            slot = ((key * 0x9E3779B97F4A7C1) >> 20) & (slots - 1)
+            while table[slot] >= 0 and keys[table[slot]] != key:
+                slot = (slot + 1) & (slots - 1)
+            at = table[slot]
+            if at < 0:
+                if count >= _SLOTS // 2:
+                    continue
+                at, table[slot], keys[count] = count, count, key
+                count += 1
+            sums[at, 0] += x
+            sums[at, 1] += y
+            turned[at, 0] += nx
+            turned[at, 1] += ny
+            seen[at] += 1.0
     for at in range(count):
         length = np.hypot(turned[at, 0], turned[at, 1])
         for axis in range(2):
-            sums[at, axis] /= counts[at]
+            sums[at, axis] /= seen[at]
             turned[at, axis] = turned[at, axis] / length if length > 1e-9 else 0.0
     return sums[:count].copy(), turned[:count].copy()
 
@@ -130,19 +129,25 @@ def _nearest(walls: Walls, x: float, y: float, nx: float, ny: float, reach: floa
     """Place of the nearest point of the map within reach that is not the other side of a wall; -1: none."""
     p, n, starts, frame = walls
     columns, rows = int(frame[2]), int(frame[3])
-    left = max(int(np.floor((x - reach - frame[0]) / _BUCKET_M)), 0)
-    right = min(int(np.floor((x + reach - frame[0]) / _BUCKET_M)), columns - 1)
-    low = max(int(np.floor((y - reach - frame[1]) / _BUCKET_M)), 0)
-    high = min(int(np.floor((y + reach - frame[1]) / _BUCKET_M)), rows - 1)
+    column, row = int(np.floor((x - frame[0]) / _BUCKET_M)), int(np.floor((y - frame[1]) / _BUCKET_M))
+    west, south = x - frame[0] - column * _BUCKET_M, y - frame[1] - row * _BUCKET_M
+    inside = min(west, _BUCKET_M - west, south, _BUCKET_M - south) - 1e-9  # to the nearest side of its own bucket
     best, found = reach * reach, -1
-    for row in range(low, high + 1):
-        if right < left:
-            break
-        for k in range(starts[row * columns + left], starts[row * columns + right + 1]):
-            dx, dy = p[k, 0] - x, p[k, 1] - y
-            d2 = dx * dx + dy * dy
-            if d2 < best and n[k, 0] * nx + n[k, 1] * ny > _ALIKE:
-                best, found = d2, k
+    ring = 0
+    while ring == 0 or (inside + (ring - 1) * _BUCKET_M) ** 2 <= best or inside + (ring - 1) * _BUCKET_M < 0.0:
+        for at_row in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
+            whole = at_row == row - ring or at_row == row + ring
+            for side in range(1 if whole or ring == 0 else 2):
+                left = max(column - ring, 0) if whole else column - ring if side == 0 else column + ring
+                right = min(column + ring, columns - 1) if whole else left
+                if left < 0 or right >= columns or right < left:
+                    continue
+                for k in range(starts[at_row * columns + left], starts[at_row * columns + right + 1]):
+                    dx, dy = p[k, 0] - x, p[k, 1] - y
+                    d2 = dx * dx + dy * dy
+                    if (d2 < best or (d2 == best and k < found)) and n[k, 0] * nx + n[k, 1] * ny > _ALIKE:
+                        best, found = d2, k
+        ring += 1
     return found
 
 
@@ -201,19 +206,25 @@ def fitted(q: np.ndarray, qn: np.ndarray, walls: Walls, start: np.ndarray, prior
     return at, trust * information, share
 
 
-@typed(nb.types.UniTuple(nb.int64, 2)(_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _POINTS, nb.float64, nb.float64))
-def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, mn: np.ndarray, far: float,
-                   clear: float) -> tuple[int, int]:
-    """How many points m (normals mn) that face a scanner at `at` its beams pass by more than `clear`, and how many they
-    meet. ranges: inf where nothing was hit; bearings ascend in even steps."""
-    through, met, n = 0, 0, len(ranges)
+@typed(nb.int8[::1](_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _POINTS, _NUMBERS, _NUMBERS))
+def judged(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, mn: np.ndarray, m_at: np.ndarray,
+           limits: np.ndarray) -> np.ndarray:
+    """Of each point what the beams say: -1 they pass by it, 1 they meet it, 0 nothing. limits: how far points are looked at,
+    what a beam must pass by, least cosine between a normal and the way to the scanner."""
+    out, n = np.zeros(len(m), np.int8), len(ranges)
+    far, clear, cosine = limits[0], limits[1], limits[2]
     if n < 3:
-        return 0, 0
+        return out
     step = (bearings[n - 1] - bearings[0]) / (n - 1)
+    c, s = np.cos(m_at[2]), np.sin(m_at[2])
     for i in range(len(m)):
-        dx, dy = at[0] - m[i, 0], at[1] - m[i, 1]
+        dx = at[0] - (m_at[0] + c * m[i, 0] - s * m[i, 1])
+        dy = at[1] - (m_at[1] + s * m[i, 0] + c * m[i, 1])
+        facing = (c * mn[i, 0] - s * mn[i, 1]) * dx + (s * mn[i, 0] + c * mn[i, 1]) * dy
+        if facing < 0.0 and cosine >= 0.0:
+            continue
         distance = np.hypot(dx, dy)
-        if distance > far or distance < 0.1 or mn[i, 0] * dx + mn[i, 1] * dy < 0.35 * distance:
+        if distance > far or distance < 0.1 or facing < cosine * distance:
             continue
         bearing = np.arctan2(-dy, -dx) - at[2]
         bearing -= 2.0 * np.pi * np.floor((bearing + np.pi) / (2.0 * np.pi))
@@ -224,7 +235,19 @@ def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: 
         if not (low > 0.0 and high > 0.0):  # unknown
             continue
         if low > distance + clear:
-            through += 1
+            out[i] = -1
         elif low - clear <= distance <= high + clear:
-            met += 1
+            out[i] = 1
+    return out
+
+
+@typed(nb.types.UniTuple(nb.int64, 2)(_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _POINTS, _NUMBERS, nb.float64, nb.float64))
+def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, mn: np.ndarray,
+                   m_at: np.ndarray, far: float, clear: float) -> tuple[int, int]:
+    """How many points m (normals mn, both seen from m_at) that face a scanner at `at` its beams pass by more than `clear`,
+    and how many they meet. ranges: inf where nothing was hit; bearings ascend in even steps."""
+    through, met = 0, 0
+    for verdict in judged(ranges, bearings, at, m, mn, m_at, np.array([far, clear, 0.35])):
+        through += verdict < 0
+        met += verdict > 0
     return through, met

@@ -15,7 +15,7 @@ import numpy as np
 from rhs.api.records import Scan
 
 from .planar_poses import between, composed
-from .point_kernels import bucketed, fitted, looked_through, moved, surface_points, thinned
+from .point_kernels import bucketed, fitted, looked_through, merged, surface_points
 from .settings import PointSettings
 
 
@@ -51,11 +51,11 @@ def cloud_of(scan: Scan, settings: PointSettings) -> Cloud:
 
 def gathered(clouds: Sequence[Cloud], poses: np.ndarray, *, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Points and normals (N, 2) of clouds at poses (K, 3) in one frame, one for each cell and side of a wall."""
-    points = [moved(cloud.points, pose, False) for cloud, pose in zip(clouds, poses, strict=True)]
-    normals = [moved(cloud.normals, pose, True) for cloud, pose in zip(clouds, poses, strict=True)]
-    if not points:
+    if not len(clouds):
         return np.empty((0, 2)), np.empty((0, 2))
-    return thinned(np.concatenate(points), np.concatenate(normals), cell_m)
+    points, normals = (np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in ("points", "normals"))
+    counts = np.array([len(cloud.points) for cloud in clouds])
+    return merged(points, normals, counts, np.ascontiguousarray(poses, float), cell_m)
 
 
 class PointMap:
@@ -94,13 +94,14 @@ class PointMap:
         if not len(self.points):
             return 0, 0
         at = composed(np.asarray(pose, float), cloud.origin)
-        return looked_through(cloud.ranges, cloud.bearings, at, self.points, self.normals, far_m, clear_m)
+        return looked_through(cloud.ranges, cloud.bearings, at, self.points, self.normals, np.zeros(3), far_m, clear_m)
 
 
 def seen_directions(information: np.ndarray, settings: PointSettings) -> np.ndarray:
-    """The information (3, 3) without the directions that the scan hardly sees: along a corridor, say."""
+    """The information (3, 3), or many (N, 3, 3), without the directions that the scan hardly sees: along a corridor, say."""
     scale = np.array([1.0, 1.0, 1.0 / settings.lever_m])
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
-    kept = np.where(values > settings.blind_below * max(values.max(), 1e-9), values, 0.0)
-    out: np.ndarray = (vectors * kept) @ vectors.T / np.outer(scale, scale)
+    scale = scale[:, None] * scale
+    values, vectors = np.linalg.eigh(information * scale)
+    least = settings.blind_below * np.maximum(values[..., -1:], 1e-9)
+    out: np.ndarray = (vectors * np.where(values > least, values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2) / scale
     return out

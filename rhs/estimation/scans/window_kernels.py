@@ -16,16 +16,20 @@ BLOCK = 5  # cells of the side of a block that one bound speaks for
 def stamped(points: np.ndarray, west: float, south: float, rows: int, columns: int, cell_m: float,
             sigma_m: float) -> np.ndarray:
     """(rows, columns) exp(-d^2 / 2 sigma^2) of the nearest point, 0 beyond three sigmas."""
-    field = np.zeros((rows, columns), np.float32)
+    nearest = np.full((rows, columns), np.inf)  # its square
     reach = int(np.ceil(3.0 * sigma_m / cell_m))
     for i in range(len(points)):
         x, y = (points[i, 0] - west) / cell_m, (points[i, 1] - south) / cell_m
         for row in range(max(int(y) - reach, 0), min(int(y) + reach + 1, rows)):
             for column in range(max(int(x) - reach, 0), min(int(x) + reach + 1, columns)):
                 d2 = ((row + 0.5 - y) ** 2 + (column + 0.5 - x) ** 2) * cell_m**2
-                value = np.float32(np.exp(-0.5 * d2 / sigma_m**2))
-                if value > field[row, column]:
-                    field[row, column] = value
+                if d2 < nearest[row, column]:
+                    nearest[row, column] = d2
+    field = np.zeros((rows, columns), np.float32)
+    for row in range(rows):
+        for column in range(columns):
+            if nearest[row, column] < np.inf:
+                field[row, column] = np.float32(np.exp(-0.5 * nearest[row, column] / sigma_m**2))
     return field
 
 
