@@ -11,6 +11,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 COLLECT_AFTER = 20_000  # new objects; Python's own 700 costs time, none at all 180 MB
+_kept_on_disk = True
 INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # of what only compiled code calls: a third less to compile
 
 
@@ -39,6 +40,8 @@ def _kept(function: _Function, *signature: Any, **options: Any) -> _Function:
     except RuntimeError as error:
         if "locator" not in str(error):  # numba: "no locator available"
             raise
+        global _kept_on_disk
+        _kept_on_disk = False
         return cast(_Function, njit(*signature, **options)(function))
 
 
@@ -58,6 +61,11 @@ def _collect_less() -> None:
             gc.set_threshold(*self.usual.pop())
 
     event.register("numba:compile", Calm())
+
+
+def kept_on_disk() -> bool:
+    """Whether what is compiled is kept for other processes, as far as this one has tried by now."""
+    return _kept_on_disk
 
 
 def on_compile(tell: Callable[[], None]) -> None:

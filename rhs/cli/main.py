@@ -23,6 +23,7 @@ from pathlib import Path  # noqa: E402
 from rhs.base.commands import plain  # noqa: E402
 from rhs.base.errors import ConfigError, EngineError, RhsError  # noqa: E402
 
+from . import first_run  # noqa: E402
 from .commands import command, plugin_files  # noqa: E402
 from .one_run import Terminated, complain, one_run, signal_code  # noqa: E402
 
@@ -72,6 +73,7 @@ def entry() -> int:
     from rhs.base.processes import adopt_orphans, kill_strays
 
     adopt_orphans()
+    first_run.allow()
     try:
         code = main()
     except KeyboardInterrupt:  # a second one, while the first was answered

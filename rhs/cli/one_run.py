@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import sys
 import traceback
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rhs.base.commands import plain
 from rhs.base.errors import RhsError
+
+from . import first_run
 
 if TYPE_CHECKING:
     from rhs.config.compose import RunConfig
@@ -23,13 +26,14 @@ class Terminated(KeyboardInterrupt):
 def one_run(config: RunConfig, debug: bool) -> int:
     """Run it under a progress bar, say what came of it; the exit code."""
     from rhs.api.jit import on_compile
+    from rhs.patrol.ahead import processors
     from rhs.patrol.observers import bar
     from rhs.patrol.run import run_config
     from rhs.runfolder.folders import claim_run
 
     from . import say
 
-    on_compile(lambda: print(COMPILES, file=sys.stderr, flush=True))
+    on_compile(partial(_compiling, beside=config.ahead != "off" and processors() > 1))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, bar)
         claim.publish()
@@ -46,6 +50,13 @@ def one_run(config: RunConfig, debug: bool) -> int:
         return 0
     code = 1 if cause is None or status != "interrupted" else signal_code(cause)
     return complain(cause, code, debug, f"{status}: {row.get('reason', '')}")
+
+
+def _compiling(beside: bool) -> None:
+    """beside: whether there is a processor for it."""
+    print(COMPILES, file=sys.stderr, flush=True)
+    if beside:
+        first_run.begin()
 
 
 def signal_code(error: BaseException) -> int:
