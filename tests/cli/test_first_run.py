@@ -43,7 +43,7 @@ def row_of(folder: Path) -> dict:
             if not key.endswith("_ms") and key not in ("peak_memory_mb", "real_time_factor")}
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark  # compiles all of it twice over: run apart when kernels change
 def test_after_what_is_listed_is_compiled_a_run_compiles_nothing_and_leaves_the_same_row(tmp_path):
     """A row with loops that another process compiled is that of a run that compiled them itself, or had them."""
     assert process(tmp_path / "cache", "-c", ALONE).wait(300) == 0
