@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -25,7 +26,7 @@ HEAPS = 1
 # madvise(2), sys/mman.h
 MADV_DONTNEED = 4
 # Numba's compiler: loading a cached kernel walks through 65 MB of its program text and constants.
-COMPILER = "libllvmlite"
+COMPILER, LOADED_BY = "libllvmlite", "llvmlite.binding"
 
 
 @cache
@@ -54,14 +55,23 @@ def let_go_of_compiler() -> bool:
     """Let go of the pages that the compiler has of its file, program text and constants: those that are needed again are
     mapped anew. False where the system cannot be told (not Linux), or the compiler is not loaded."""
     try:
-        lines, advise = Path("/proc/self/smaps").read_text().splitlines(), ctypes.CDLL(None).madvise
+        advise = ctypes.CDLL(None).madvise
+        spans = _compiler_spans() if LOADED_BY in sys.modules else ()
     except (AttributeError, OSError, TypeError):
         return False
-    done, span = False, None
-    for line in lines:
+    for first, last in spans:
+        advise(ctypes.c_void_p(first), ctypes.c_size_t(last - first), MADV_DONTNEED)
+    return bool(spans)
+
+
+@cache
+def _compiler_spans() -> tuple[tuple[int, int], ...]:
+    """First and last address of what the loaded compiler has mapped of its file and never wrote to, for good: the system
+    walks through all pages of the process to say so (20 ms)."""
+    spans, span = [], None
+    for line in Path("/proc/self/smaps").read_text().splitlines():
         if begins := re.match(r"([0-9a-f]+)-([0-9a-f]+) (\S+) ", line):
             span = (int(begins[1], 16), int(begins[2], 16)) if COMPILER in line and "w" not in begins[3] else None
-        elif span is not None and re.match(r"Anonymous: +0 kB", line):  # never written to: all of it is in the file
-            advise(ctypes.c_void_p(span[0]), ctypes.c_size_t(span[1] - span[0]), MADV_DONTNEED)
-            done = True
-    return done
+        elif span is not None and re.match(r"Anonymous: +0 kB", line):
+            spans.append(span)
+    return tuple(spans)

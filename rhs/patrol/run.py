@@ -78,7 +78,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
         row = {**known, **row, "world": known.get("world", row["world"])}  # a task names its recording, nobody what it was
         refused = run.close(**run.outcome_of(cause))
         cause = cause or refused
-        hand_back()
+        run.hand_back()
         row = finished(run, row, run.outcome_of(cause))
     if cause is not None:
         write_traceback(folder, cause)
@@ -268,7 +268,12 @@ class RunContext:
     def forget_parts(self) -> None:
         """Let the parts and all that they hold go: what follows looks at files."""
         self._built, self._parts, self._eyes, self.shared = [], {}, [], None
-        hand_back()
+        self.hand_back()
+
+    def hand_back(self) -> None:
+        """Give the system the memory of the views, if there were any."""
+        if self.log is not None:
+            hand_back()
 
     def columns(self) -> dict[str, Any]:
         """What the run itself knows: what it cost, and what its parts say of themselves."""

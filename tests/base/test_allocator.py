@@ -83,3 +83,32 @@ def test_the_compiler_is_let_go_of_and_works_when_it_is_asked_again():
     done = subprocess.run([sys.executable, "-c", LET_GO], capture_output=True, text=True, check=True)
     before, after, same = done.stdout.split()
     assert float(before) > 1.0 and float(after) == 0.0 and same == "True"
+
+
+COMPILER = """
+import sys
+import rhs.base.memory as memory
+assert not memory.let_go_of_compiler() and memory._compiler_spans.cache_info().misses == 0, "it is not loaded yet"
+import llvmlite.binding as llvm
+llvm.initialize_native_target()
+def resident_kb():
+    inside, found = False, 0
+    for line in open("/proc/self/smaps"):
+        if "-" in line.split()[0]:
+            inside = "libllvmlite" in line
+        elif inside and line.startswith("Rss:"):
+            found += int(line.split()[1])
+    return found
+before = resident_kb()
+assert memory.let_go_of_compiler() and memory.let_go_of_compiler()
+print(before, resident_kb(), memory._compiler_spans.cache_info().misses)
+assert llvm.get_default_triple()
+"""
+
+
+@pytest.mark.skipif(platform.system() != "Linux", reason="only Linux can be told")
+def test_the_compilers_pages_are_looked_for_once_and_let_go():
+    """What it wrote to stays, the rest is read from its file again where it is needed."""
+    done = subprocess.run([sys.executable, "-c", COMPILER], capture_output=True, text=True, check=True)
+    before, after, looked = map(int, done.stdout.split())
+    assert after < 0.6 * before and looked == 1
