@@ -33,7 +33,6 @@ class ChangedMap:
         low = grid.probability == np.float32(FURNITURE)
         self.at_eye.votes[grid.occupied() & ~low] = self.below.votes[low] = settings.most
         self._seen = np.zeros(grid.shape, int)  # views
-        self._come = np.zeros(grid.shape, bool)  # what was seen to stand there long enough
 
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None, within_m: float) -> None:
         """Count one view of a robot that knows where it is: its scan, and what its whole picture shows besides."""
@@ -51,18 +50,14 @@ class ChangedMap:
         most: np.ndarray = np.maximum(self.at_eye.votes, self.below.votes)
         return most
 
-    def note(self, stood_s: np.ndarray) -> None:
-        """stood_s (H, W): for how long something that the map does not know was seen to stand, seconds."""
-        self._come |= (stood_s >= STAYS_S) & (self.votes >= self.at_eye.settings.most)
-
-    def update(self) -> bool:
-        """Redraw the map; whether it is another one now."""
+    def update(self, stood_s: np.ndarray) -> bool:
+        """Redraw the map; whether it is another one now. stood_s (H, W): for how long something that it does not know was
+        seen to stand in each cell, seconds."""
         taken, votes = self.grid.occupied(), self.votes
         gone = taken & (votes <= 0.0)
         gone &= ~inflate(taken & ~gone, BESIDE_CELLS)
         opened = np.isnan(self.grid.probability) & (votes <= 0.0) & (self._seen >= OPENED_VIEWS)
-        come = self._come & self.grid.free() & (votes > 0.0)
-        self._come[:] = False
+        come = (stood_s >= STAYS_S) & (votes >= self.at_eye.settings.most) & self.grid.free()
         if not (gone.any() or come.any()):
             return False
         probability = self.grid.probability.copy()

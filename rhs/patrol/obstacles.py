@@ -117,8 +117,8 @@ class ObstacleWatch:
         """The map with what has gone and what came to stay, where it may change and did."""
         if self.changed is None:
             return None
-        self.changed.note(np.where(self.cells, (self.seen_s - self.since_s).max(axis=0), 0.0))
-        return self.changed.grid if self.changed.update() else None
+        stood_s = np.where(self.cells, (self.seen_s - self.since_s).max(axis=0), 0.0)
+        return self.changed.grid if self.changed.update(stood_s) else None
 
     def _count(self, number: int, map_from_body: np.ndarray, scan: Scan, *, hits: np.ndarray, now_s: float) -> None:
         """Count a scan in the layer of that number."""

@@ -19,6 +19,7 @@ from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
 
+NOTHING_CAME = np.zeros((20, 60))
 HERE = se2(1.0, 1.0, 0.0)
 SCREEN = (slice(8, 13), slice(30, 32))  # rows, columns: 0.5 m wide, 2 m ahead of the robot
 
@@ -43,9 +44,9 @@ def test_what_is_seen_through_in_ten_views_has_gone_and_walls_stay():
     grid = room()
     changed = ChangedMap(grid, VoteSettings())
     for view in range(10):
-        assert not changed.update() and changed.grid is grid, f"after {view} views it may still stand there"
+        assert not changed.update(NOTHING_CAME) and changed.grid is grid, f"after {view} views it may still stand there"
         changed.look(HERE, wall_behind(grid), None, 6.0)
-    assert changed.update() and not changed.update()
+    assert changed.update(NOTHING_CAME) and not changed.update(NOTHING_CAME)
     assert not changed.grid.occupied()[SCREEN].any() and changed.grid.free()[SCREEN].all()
     walls = np.ones((20, 60), bool)
     walls[SCREEN] = False
@@ -58,7 +59,7 @@ def test_one_view_of_it_gives_it_back_its_votes():
     for view in range(40):
         there = Flatland(grid.occupied(), (1.0, 1.0, 0.0), ())._scan()
         changed.look(HERE, there if view % 3 == 2 else wall_behind(grid), None, 6.0)
-    assert not changed.update(), "hidden now and then, by somebody who walks there, is not gone"
+    assert not changed.update(NOTHING_CAME), "hidden now and then, by somebody who walks there, is not gone"
 
 
 def test_a_low_thing_goes_only_where_the_floor_under_it_is_seen():
@@ -67,10 +68,10 @@ def test_a_low_thing_goes_only_where_the_floor_under_it_is_seen():
     changed = ChangedMap(grid, VoteSettings())
     for _ in range(40):
         changed.look(HERE, wall_behind(grid), wall_behind(grid, blind_m=3.0), 6.0)
-    assert not changed.update() and changed.grid.occupied()[SCREEN].all()
+    assert not changed.update(NOTHING_CAME) and changed.grid.occupied()[SCREEN].all()
     for _ in range(10):
         changed.look(HERE, wall_behind(grid), wall_behind(grid, blind_m=1.0), 6.0)
-    assert changed.update() and not changed.grid.occupied()[SCREEN].any()
+    assert changed.update(NOTHING_CAME) and not changed.grid.occupied()[SCREEN].any()
 
 
 def test_what_stands_for_ten_seconds_is_taken_in_and_who_passes_is_not():
@@ -82,8 +83,7 @@ def test_what_stands_for_ten_seconds_is_taken_in_and_who_passes_is_not():
         changed = ChangedMap(bare, VoteSettings())
         for _ in range(8):
             changed.look(HERE, there, None, 6.0)
-        changed.note(np.where(grid.occupied() & ~bare.occupied(), stood_s, 0.0))
-        assert changed.update() is taken
+        assert changed.update(np.where(grid.occupied() & ~bare.occupied(), stood_s, 0.0)) is taken
         assert changed.grid.occupied()[SCREEN][:, 0].any() == taken, "the side that was seen"
         assert not (changed.grid.occupied() & ~grid.occupied()).any()
 
