@@ -35,6 +35,7 @@ def _kept(function: _Function, *signature: Any, **options: Any) -> _Function:
 
     _collect_less()
     njit: Any = numba.njit
+    options = {"nogil": True} | options  # nothing compiled touches Python's objects: other threads go on meanwhile
     try:
         return cast(_Function, njit(*signature, cache=True, **options)(function))
     except RuntimeError as error:
@@ -89,7 +90,6 @@ def on_compile(tell: Callable[[], None]) -> None:
 def typed(signature: Any, **options: Any) -> Callable[[_Function], _Function]:
     """Decorator: compiled for one numba signature when the module is imported, so that no call has to wait for it.
 
-    Cached and careful like `compiled`. options: numba's own, such as nogil=True for what may run beside Python code; or
-    INNER.
+    Cached and careful like `compiled`. options: numba's own, or INNER.
     """
     return lambda function: _kept(function, signature, **options)

@@ -6,7 +6,7 @@ place is compared with are written to places_before/. Nothing here knows the tru
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from rhs.api.geometry import planar
 from rhs.api.records import FeatureSettings, Observation, Step, View
+from rhs.api.spare import later
 from rhs.estimation.views.change_settings import ChangeSettings
 from rhs.estimation.views.features import features, write_image
 
@@ -27,7 +28,7 @@ class Sights:
         self.every, self.features = every, feature_settings
         self.kept: dict[int, Any] = {}  # number of the view -> Sight, its pose as first believed
         self.references: list[Any] = []
-        self.rows: list[dict[str, Any]] = []
+        self._rows: list[Callable[[], dict[str, Any]]] = []  # of each place; some may still be worked out
 
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
         """The same steps; every so many pictures are kept."""
@@ -54,7 +55,8 @@ class Sights:
         self.kept = {}
 
     def compare(self, step: Step, picture: str, folder: Path, *, rng: np.random.Generator) -> None:
-        """Compare the view of a place reached, whose picture has this name, with the survey's; pictures go to the folder."""
+        """Compare the view of a place reached, whose picture has this name, with the survey's; pictures go to the folder.
+        Done when `rows` is asked for, at the latest."""
         x_m, y_m, yaw_rad = planar(step.belief.map_from_body)
         sigma_m = float(np.sqrt(np.linalg.eigvalsh(step.belief.covariance[:2, :2])[-1]))
         row: dict[str, Any] = {
@@ -63,16 +65,27 @@ class Sights:
             "sigma_yaw_rad": round(float(np.sqrt(step.belief.covariance[5, 5])), 6), "width_px": 0,
             "before": [], "changes": []}
         if self.references and _complete(step.observation):
-            row |= self._found(step, picture, folder, rng)
-        self.rows.append(row)
+            found = self._found(step, picture, folder, rng)
+            self._rows.append(lambda: row | found())
+        else:
+            self._rows.append(lambda: row)
 
-    def _found(self, step: Step, picture: str, folder: Path, rng: np.random.Generator) -> dict[str, Any]:
-        from rhs.estimation.views.changes import compare
-        from rhs.estimation.views.references import registered
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """What was found at each place, in order."""
+        return [row() for row in self._rows]
+
+    def _found(self, step: Step, picture: str, folder: Path, rng: np.random.Generator) -> Callable[[], dict[str, Any]]:
         from rhs.estimation.views.view_pose import Snapshot
 
         now = _small(step.observation, step.belief.map_from_body)
         seen = Snapshot(features(step.observation, self.features), step.observation.camera)
+        return later(lambda: self._changed(now, seen, picture, folder, rng))
+
+    def _changed(self, now: Any, seen: Any, picture: str, folder: Path, rng: np.random.Generator) -> dict[str, Any]:
+        from rhs.estimation.views.changes import compare
+        from rhs.estimation.views.references import registered
+
         before = registered(now, seen, self.references, rng=rng, settings=ChangeSettings())
         names = [f"{picture}_{number}" for number in range(1, len(before) + 1)]
         for name, sight in zip(names, before, strict=True):

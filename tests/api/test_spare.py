@@ -1,6 +1,8 @@
-"""Two pieces of work at once give what they give one after the other, and leave no thread."""
+"""Two pieces of work at once give what they give one after the other; no thread outlives the grant."""
 
+import os
 import threading
+import time
 
 import pytest
 
@@ -14,11 +16,34 @@ def granted(request):
     spare.grant(False)
 
 
-def test_both_give_what_they_return_and_no_thread_is_left(granted):
-    before = threading.active_count()
+def test_both_give_what_they_return(granted):
     threads = spare.both(threading.current_thread, threading.current_thread)
     assert (threads[0] is threads[1]) == (not granted)
-    assert spare.both(lambda: 1, lambda: "a") == (1, "a") and threading.active_count() == before
+    assert spare.both(lambda: 1, lambda: "a") == (1, "a")
+
+
+def test_what_is_under_way_ends_and_no_thread_is_left_when_nothing_is_granted_any_more():
+    before, done = threading.active_count(), []
+    spare.grant(True)
+    spare.later(lambda: (time.sleep(0.05), done.append(1)))
+    spare.grant(False)
+    assert done == [1] and threading.active_count() == before
+
+
+def test_work_may_wait_for_work_that_was_begun_before_it(granted):
+    last = spare.later(lambda: 0)
+    for _ in range(5 * spare.MOST):
+        last = spare.later(lambda before=last: before() + 1)
+    assert last() == 5 * spare.MOST
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_process_works_in_turn(granted):
+    spare.later(int)()
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if spare.both(int, int) == (0, 0) and not spare.granted() else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def test_what_either_raises_comes_out_the_first_ones_first(granted):

@@ -13,7 +13,7 @@ import numpy as np
 
 from rhs.api.jit import INNER, typed
 
-from .visible import DEPTHS, F64, FACES, FREE, I64, NUMBERS, TABLE
+from .visible import DEPTHS, F64, FACES, I64, LIKE_NUMPY, NUMBERS, TABLE
 
 BLOCK = 8  # pixels of a row that share a level and a number of probes
 HALF = 0x800000800080  # one half of a grey level in each channel of `tap`, which are times 256
@@ -24,7 +24,7 @@ FLAGS = nb.types.Array(nb.boolean, 1, "C")
 PICTURE = nb.types.Array(nb.uint8, 3, "C")
 
 
-@typed(I64(TEXELS, I64, I64, I64, I64), **FREE, **INNER)
+@typed(I64(TEXELS, I64, I64, I64, I64), **LIKE_NUMPY, **INNER)
 def tap(texels, offset, stride, iu, iv):
     """Four neighbours weighed, each channel times 256: red from bit 0, blue from 16, green from 40.
 
@@ -41,7 +41,7 @@ def tap(texels, offset, stride, iu, iv):
     return c00 * (256 - a - b + w11) + c10 * (a - w11) + c01 * (b - w11) + c11 * w11
 
 
-@typed(nb.types.Tuple((I64, I64, F64, F64))(TABLE, I64, F64, F64, I64, I64), **FREE, **INNER)
+@typed(nb.types.Tuple((I64, I64, F64, F64))(TABLE, I64, F64, F64, I64, I64), **LIKE_NUMPY, **INNER)
 def footprint(planes, n, x, y, most, coarsest):
     """(level, probes, step u, step v) that suit pixel (x, y): steps in texels of level 0 from probe to probe."""
     w0, w1, u0, u1, v0, v1 = planes[n, 0], planes[n, 1], planes[n, 3], planes[n, 4], planes[n, 6], planes[n, 7]
@@ -60,7 +60,7 @@ def footprint(planes, n, x, y, most, coarsest):
     return (level, probes, ux / probes, vx / probes) if across >= down else (level, probes, uy / probes, vy / probes)
 
 
-@typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64), **FREE, **INNER)
+@typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64), **LIKE_NUMPY, **INNER)
 def paint_nearest(image, y, x, us, vs, count, texels, levels, texture):
     """Pixels of row y from x on wear the texels that hold the places us, vs."""
     offset, width, height = levels[texture, 0, 0], levels[texture, 0, 1], levels[texture, 0, 2]
@@ -69,7 +69,7 @@ def paint_nearest(image, y, x, us, vs, count, texels, levels, texture):
         image[y, x + k, 0], image[y, x + k, 1], image[y, x + k, 2] = c & 255, (c >> 8) & 255, (c >> 16) & 255
 
 
-@typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64, I64, I64, F64, F64), **FREE, **INNER)
+@typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64, I64, I64, F64, F64), **LIKE_NUMPY, **INNER)
 def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, probes, step_u, step_v):
     """Pixels of row y from x on wear the mean of the probes about the places us, vs."""
     offset, stride, scale = levels[texture, level, 0], levels[texture, level, 1] + 2, 256.0 / (1 << level)
@@ -96,7 +96,7 @@ def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, p
         image[y, x + k, 2] = ((red_blue >> 32) * share + 0x800000) >> 24
 
 
-@typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, FLAGS, I64, PICTURE, DEPTHS, I64, I64), **FREE)
+@typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, FLAGS, I64, PICTURE, DEPTHS, I64, I64), **LIKE_NUMPY)
 def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m, top, bottom):
     """Image (H, W, 3) and depth_m (H, W) of the faces seen in rows top to bottom - 1; white and NaN where there is none.
 

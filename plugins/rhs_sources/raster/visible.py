@@ -17,7 +17,7 @@ NEAR_M = 0.01  # what is nearer to the plane of the lens is not seen
 SLACK_PX = 1e-9  # faces reach over their edges by this much: a corner in the middle of another's edge leaves no crack
 IN_FRONT_M = 1e-6  # corners nearer to the plane of the lens than this are not divided by their depth
 
-FREE = {"nogil": True, "error_model": "numpy"}
+LIKE_NUMPY = {"error_model": "numpy"}  # no check for a division by zero
 I64, F64 = nb.int64, nb.float64
 TABLE = nb.types.Array(F64, 2, "C")
 SIDES = nb.types.Array(nb.uint8, 1, "C")
@@ -27,7 +27,7 @@ DEPTHS = nb.types.Array(nb.float32, 2, "C")
 NUMBERS = nb.types.Array(nb.int32, 1, "C")
 
 
-@typed(nb.void(TABLE, TABLE, I64, I64, TABLE, SIDES), **FREE)
+@typed(nb.void(TABLE, TABLE, I64, I64, TABLE, SIDES), **LIKE_NUMPY)
 def project(pixels_from_world, vertices_m, width, height, out, beyond):
     """out (V, 3) = pixels_from_world (3, 4) applied to vertices_m (V, 3): homogeneous pixels (x z, y z, z), z in metres.
     beyond (V,): a bit for each side of the view that a vertex lies beyond (Cohen and Sutherland)."""
@@ -41,7 +41,7 @@ def project(pixels_from_world, vertices_m, width, height, out, beyond):
                      | ((y > (height - 1) * z) << 4))
 
 
-@typed(nb.void(TABLE, I64, I64, TABLE, I64), **FREE, **INNER)
+@typed(nb.void(TABLE, I64, I64, TABLE, I64), **LIKE_NUMPY, **INNER)
 def cross(corners, i, j, out, k):
     """Row k of out: corner i times corner j. The other way round it is exactly the negative."""
     ax, ay, az = corners[i, 0], corners[i, 1], corners[i, 2]
@@ -49,7 +49,7 @@ def cross(corners, i, j, out, k):
     out[k, 0], out[k, 1], out[k, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@typed(nb.types.UniTuple(I64, 2)(TABLE, I64, I64, I64), **FREE, **INNER)
+@typed(nb.types.UniTuple(I64, 2)(TABLE, I64, I64, I64), **LIKE_NUMPY, **INNER)
 def extent(corners, count, axis, size):
     """First and last pixel along an axis (0: columns, 1: rows) the face may touch; all if it reaches behind the lens."""
     low, high = np.inf, -np.inf
@@ -62,7 +62,7 @@ def extent(corners, count, axis, size):
     return int(np.ceil(low)), int(np.floor(high))
 
 
-@typed(nb.boolean(TABLE, I64, TABLE, I64), **FREE, **INNER)
+@typed(nb.boolean(TABLE, I64, TABLE, I64), **LIKE_NUMPY, **INNER)
 def inverse_depth(corners, count, planes, n):
     """Planes[n, :3] = the plane of 1/z through the first three corners. False for a face seen from behind or edge on."""
     ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
@@ -79,7 +79,7 @@ def inverse_depth(corners, count, planes, n):
     return True
 
 
-@typed(I64(TABLE, I64, TABLE, I64, TABLE), **FREE, **INNER)
+@typed(I64(TABLE, I64, TABLE, I64, TABLE), **LIKE_NUMPY, **INNER)
 def find_edges(corners, count, planes, n, edges):
     """The lines that bound the face, written to edges; how many. The inside of a line has a x + b y + c > 0.
 
@@ -100,7 +100,7 @@ def find_edges(corners, count, planes, n, edges):
     return count
 
 
-@typed(nb.types.UniTuple(I64, 2)(TABLE, I64, I64, I64), **FREE, **INNER)
+@typed(nb.types.UniTuple(I64, 2)(TABLE, I64, I64, I64), **LIKE_NUMPY, **INNER)
 def span(edges, count, y, width):
     """First pixel of row y inside all edges, and the first one after them: left ends belong to the face, right ends not."""
     left, right = 0.0, float(width)
@@ -117,7 +117,7 @@ def span(edges, count, y, width):
     return (int(np.ceil(left)), int(np.ceil(right))) if left < right else (0, 0)
 
 
-@typed(nb.void(TABLE, CORNERS, I64, TABLE, I64), **FREE, **INNER)
+@typed(nb.void(TABLE, CORNERS, I64, TABLE, I64), **LIKE_NUMPY, **INNER)
 def texture_planes(corners, uv, f, planes, n):
     """Planes[n, 3:9] = the planes of u/z and v/z, from uv[f] (3, 2) at the first three corners in texels."""
     det = planes[n, 9]
@@ -130,7 +130,7 @@ def texture_planes(corners, uv, f, planes, n):
             planes[n, 3 + 3 * k + i] = uv[f, 0, k] * planes[n, i] + along * sides[0, i] + across * sides[1, i]
 
 
-@typed(I64(TABLE, SIDES, FACES, CORNERS, DEPTHS, FACES, TABLE, NUMBERS), **FREE)
+@typed(I64(TABLE, SIDES, FACES, CORNERS, DEPTHS, FACES, TABLE, NUMBERS), **LIKE_NUMPY)
 def find_visible(vertices_px, beyond, faces, uv, inverse_m, seen, planes, shown):
     """Which face is nearest at each pixel: the z-buffer, on 1/z, which is linear over the picture.
 
