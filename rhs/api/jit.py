@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -34,6 +37,7 @@ def _kept(function: _Function, *signature: Any, **options: Any) -> _Function:
     import numba
 
     _collect_less()
+    _save_in_turn()
     njit: Any = numba.njit
     options = {"nogil": True} | options  # nothing compiled touches Python's objects: other threads go on meanwhile
     try:
@@ -62,6 +66,46 @@ def _collect_less() -> None:
             gc.set_threshold(*self.usual.pop())
 
     event.register("numba:compile", Calm())
+
+
+@cache
+def _save_in_turn() -> None:
+    """Processes save and read what numba keeps of a file's functions one after the other.
+
+    numba finds a free name, notes it in an index and then writes there: two processes that save two signatures of a function at
+    once may take one name, and one that reads in between what an older version of the function left there."""
+    from numba.core import caching
+
+    kept: Any = caching.IndexDataCacheFile
+    save, load = kept.save, kept.load
+
+    def save_alone(self: Any, key: Any, data: Any) -> None:
+        with _alone(Path(self._index_path).parent, writing=True):
+            save(self, key, data)
+
+    def load_saved(self: Any, key: Any) -> Any:
+        with _alone(Path(self._index_path).parent, writing=False):
+            return load(self, key)
+
+    kept.save, kept.load = save_alone, load_saved
+
+
+@contextmanager
+def _alone(folder: Path, *, writing: bool) -> Iterator[None]:
+    """Among the processes that use a folder: alone in it, or while nobody writes. Where it cannot be locked, as it is."""
+    try:
+        import fcntl
+
+        lock = os.open(folder, os.O_RDONLY)
+    except (ImportError, OSError):
+        yield
+        return
+    try:
+        with suppress(OSError):
+            fcntl.flock(lock, fcntl.LOCK_EX if writing else fcntl.LOCK_SH)
+        yield
+    finally:
+        os.close(lock)
 
 
 def kept_on_disk() -> bool:
