@@ -72,8 +72,8 @@ def _collect_less() -> None:
 def _save_in_turn() -> None:
     """Processes save and read what numba keeps of a file's functions one after the other.
 
-    numba finds a free name, notes it in an index and then writes there: two processes that save two signatures of a function at
-    once may take one name, and one that reads in between what an older version of the function left there."""
+    numba finds a free name, notes it in an index and then writes there: two processes that save two signatures of a function
+    at once may take one name, and one that reads in between finds what an older version of the function left there."""
     from numba.core import caching
 
     kept: Any = caching.IndexDataCacheFile
