@@ -13,7 +13,8 @@ from pathlib import Path
 from .errors import ConfigError, RhsError
 
 INTERRUPTED = 130
-LONGEST = 190  # characters of a complaint
+LONGEST = 240  # characters of a complaint
+POINTER = b"version https://git-lfs"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]+")
 
 
@@ -41,9 +42,15 @@ def answered(work: Callable[[], int]) -> int:
 
 def complain(text: str, code: int) -> int:
     """Write one line of text to stderr; returns the code."""
-    text = plain(text)
-    sys.stderr.write(f"{text if len(text) <= LONGEST else text[:LONGEST - 3] + '...'}\n")
+    sys.stderr.write(f"{shortened(plain(text))}\n")
     return code
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """Text of at most that many characters. What is too long loses its middle: it begins with a file's name, and ends with
+    what to type."""
+    first = most // 4
+    return text if len(text) <= most else f"{text[:first]} ... {text[first + 5 - most:]}"
 
 
 def plain(text: str) -> str:
@@ -59,3 +66,10 @@ def check_regular(path: Path | str) -> None:
         return
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise ConfigError(f"{path} is a device, pipe or socket; expected a file or a folder")
+
+
+def check_whole(path: Path) -> None:
+    """Refuse the few lines that Git LFS leaves in the place of a large file that was not fetched."""
+    with path.open("rb") as file:
+        if file.read(len(POINTER)) == POINTER:
+            raise ConfigError(f"{path}: this is a pointer of Git LFS, not the file itself; type `git lfs pull` where it lies")

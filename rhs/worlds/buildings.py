@@ -15,8 +15,8 @@ from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser
-from .map_walls import Building, no_room, room_of, roomiest_m, walls_of
-from .maps import load_map
+from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
+from .maps import advice_on, is_shaded, load_map
 from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .robot import shape_of
@@ -33,6 +33,7 @@ MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
 APART_M = 0.5  # places that are proposed
 LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
+LEAST_ROUTE_M = 0.5  # less is no patrol: the robot has room where it stands and nowhere else
 LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
 
 
@@ -47,11 +48,15 @@ def read_building(path: Path, file: Section) -> Building:
     if path.suffix.lower() in PICTURES:
         path = _yaml_of(path)
     if path.suffix.lower() == ".xacro":
-        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > {path.stem}")
+        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > {path.stem.removesuffix('.urdf')}.urdf")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
-    return building_of(load_map(path, origin=(0.0, 0.0, 0.0)), radius_m, start_m, str(path))
+    grid = load_map(path, origin=(0.0, 0.0, 0.0))
+    if is_shaded(path):
+        log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its walls "
+                    "black on white", path.name)
+    return building_of(grid, radius_m, start_m, path)
 
 
 def _yaml_of(picture: Path) -> Path:
@@ -63,16 +68,19 @@ def _yaml_of(picture: Path) -> Path:
     return path
 
 
-def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, name: str) -> Building:
+def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, path: Path) -> Building:
     """The room of a flat map that holds the start, or the roomiest one. Raises ConfigError where the robot does not fit."""
     room = room_of(grid, radius_m, start_m)
     if not room.any():
-        raise no_room(name, grid, radius_m, start_m)
+        raise no_room(str(path), grid, radius_m, start_m, advice_on(path))
+    stand = roomiest_m(grid, room, radius_m + MARGIN_M + SPARE_M)
+    if said := shut_words(shut_m2(grid, stand if start_m is None else start_m, radius_m)):
+        log.warning("%s: %s", path.name, said)
     walls = walls_of(grid, room)
     pieces = sum(len(wall.points_m) - 1 for wall in walls)
     if pieces > MOST_PIECES:
-        raise ConfigError(f"{name}: {pieces} pieces of wall, at most {MOST_PIECES} are pulled up; clean the map of specks")
-    return Building(walls, roomiest_m(grid, room))
+        raise ConfigError(f"{path}: {pieces} pieces of wall, at most {MOST_PIECES} are pulled up; clean the map of specks")
+    return Building(walls, stand)
 
 
 def settled(world: World, building: Building, file: Section) -> World:
@@ -95,6 +103,10 @@ def settled(world: World, building: Building, file: Section) -> World:
         tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name)
     except ConfigError as error:
         raise ConfigError(f"{world.path}: {error}") from error
+    if length_m(tour.route_m) < LEAST_ROUTE_M:
+        raise ConfigError(f"{world.path}: a robot of radius {world.robot_radius_m:g} m has nowhere to go from ({tour.start[0]:.2f}, "
+                          f"{tour.start[1]:.2f}): too little free floor in one piece; another scale, negate: 1 for a dark floor, "
+                          "specks to clean, or a smaller robot (source.robot_radius_m=)?")
     if left:
         log.warning("%s: the route leaves out %d room%s of %.0f m2 in all, with no door of %.2f m to it; a smaller robot: "
                     "source.robot_radius_m=", world.name, len(left), "s" if len(left) > 1 else "", sum(left),
