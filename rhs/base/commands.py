@@ -72,4 +72,4 @@ def check_whole(path: Path) -> None:
     """Refuse the few lines that Git LFS leaves in the place of a large file that was not fetched."""
     with path.open("rb") as file:
         if file.read(len(POINTER)) == POINTER:
-            raise ConfigError(f"{path}: this is a pointer of Git LFS, not the file itself; type `git lfs pull` where it lies")
+            raise ConfigError(f"{path}: a pointer of Git LFS, not the file itself; type `git lfs pull` where it lies")

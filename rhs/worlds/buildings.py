@@ -23,7 +23,7 @@ from .robot import shape_of
 from .scene_files import SCENES
 from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
 from .world_checks import walk_fault
-from .world_yaml import Section
+from .world_yaml import FAR_M, Section
 
 log = logging.getLogger("rhs.worlds")
 
@@ -42,20 +42,20 @@ def read_building(path: Path, file: Section) -> Building:
     if not path.is_file():
         raise ConfigError(f"{file.where('building')}: building: there is no file {path}")
     radius_m, _ = shape_of(file, RADIUS_M)
-    start_m = np.array(file.numbers("start", count=3)[:2]) if "start" in file.nodes else None
+    start_m = np.array(file.numbers("start", count=3, low=-FAR_M, high=FAR_M)[:2]) if "start" in file.nodes else None
     if path.suffix.lower() in (*MESHES, *SCENES):
         return read_solid(path, file, radius_m, start_m)
     if path.suffix.lower() in PICTURES:
         path = _yaml_of(path)
     if path.suffix.lower() == ".xacro":
-        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > {path.stem.removesuffix('.urdf')}.urdf")
+        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > robot.urdf")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
     grid = load_map(path, origin=(0.0, 0.0, 0.0))
     if is_shaded(path):
-        log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its walls "
-                    "black on white", path.name)
+        log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its "
+                    "walls black on white", path.name)
     return building_of(grid, radius_m, start_m, path)
 
 
@@ -104,9 +104,10 @@ def settled(world: World, building: Building, file: Section) -> World:
     except ConfigError as error:
         raise ConfigError(f"{world.path}: {error}") from error
     if length_m(tour.route_m) < LEAST_ROUTE_M:
-        raise ConfigError(f"{world.path}: a robot of radius {world.robot_radius_m:g} m has nowhere to go from ({tour.start[0]:.2f}, "
-                          f"{tour.start[1]:.2f}): too little free floor in one piece; another scale, negate: 1 for a dark floor, "
-                          "specks to clean, or a smaller robot (source.robot_radius_m=)?")
+        x, y = tour.start[:2]
+        raise ConfigError(f"{world.path}: a robot of radius {world.robot_radius_m:g} m has nowhere to go from ({x:.2f}, "
+                          f"{y:.2f}): too little free floor in one piece; another scale, negate: 1 for a dark floor, specks "
+                          "to clean, or a smaller robot (source.robot_radius_m=)?")
     if left:
         log.warning("%s: the route leaves out %d room%s of %.0f m2 in all, with no door of %.2f m to it; a smaller robot: "
                     "source.robot_radius_m=", world.name, len(left), "s" if len(left) > 1 else "", sum(left),

@@ -80,8 +80,8 @@ def shut_words(areas_m2: list[float]) -> str:
     if not areas_m2:
         return ""
     return (f"left out, as nothing leads there: {len(areas_m2)} part{'s' if len(areas_m2) > 1 else ''} of "
-            f"{sum(areas_m2):.0f} m2 in all (rooms whose doors are drawn shut, or solid blocks; open the doors, or give start "
-            "in a world file)")
+            f"{sum(areas_m2):.0f} m2 in all (rooms whose doors are drawn shut, or solid blocks; open the doors, or give "
+            "start in a world file)")
 
 
 def outlines(room: np.ndarray) -> list[np.ndarray]:
@@ -156,8 +156,8 @@ def no_room(name: str, grid: OccupancyGrid, radius_m: float, start_m: np.ndarray
 
 
 def roomiest_m(grid: OccupancyGrid, room: np.ndarray, need_m: float = 0.0) -> np.ndarray:
-    """(2,) the middle of the cell of a room that is furthest from its edge, in the largest part of the room that keeps need_m
-    from the edge: a robot that needs so much is not put where it cannot get out."""
+    """(2,) the middle of the cell of a room that is furthest from its edge, in the largest part of the room that keeps
+    need_m from the edge: a robot that needs so much is not put where it cannot get out."""
     from scipy.ndimage import distance_transform_edt, label
 
     space = distance_transform_edt(np.pad(room, 1))[1:-1, 1:-1]

@@ -206,8 +206,8 @@ def advice_on(yaml_path: str | FilePath) -> str:
     if floor < 35:
         return f"most of the picture is dark; for a dark floor write negate: {int(not header.negate)}"
     if floor <= 100.0 * (1.0 - header.free_thresh):
-        return (f"most of it is {floor} % bright and free is above {100.0 * (1.0 - header.free_thresh):.0f} %; if that is floor "
-                f"write free_thresh: {1.02 - 0.01 * floor:.2f}")
+        return (f"most of it is {floor} % bright and free is above {100.0 * (1.0 - header.free_thresh):.0f} %; if that is "
+                f"floor write free_thresh: {1.02 - 0.01 * floor:.2f}")
     return ""
 
 

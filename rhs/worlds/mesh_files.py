@@ -50,8 +50,8 @@ def read_mesh(path: Path) -> MeshFile:
     except ConfigError:
         raise
     except ImportError as error:  # trimesh guesses at an encoding where text or numbers were expected
-        raise ConfigError(f"{path}: found {path.stat().st_size} bytes that are no whole {path.suffix[1:].upper()} file (cut off?)"
-                          ) from error
+        kind = path.suffix[1:].upper()
+        raise ConfigError(f"{path}: found {path.stat().st_size} bytes that are no whole {kind} file (cut off?)") from error
     except Exception as error:  # trimesh and its parsers raise anything about a broken file
         said = " ".join(str(error).split())[:120] or type(error).__name__
         raise ConfigError(f"{path}: trimesh cannot read this mesh ({said})") from error
@@ -130,7 +130,8 @@ def from_one(text: bytes) -> bytes:
 
     def counted(corner: bytes) -> bytes:
         numbers = zip(corner.split(b"/"), so_far.values(), strict=False)
-        return b"/".join(b"%d" % (total + 1 + int(number)) if number.startswith(b"-") else number for number, total in numbers)
+        return b"/".join(b"%d" % (total + 1 + int(number)) if number.startswith(b"-") else number
+                         for number, total in numbers)
 
     for line in text.splitlines():
         word, *rest = line.split() or [b""]

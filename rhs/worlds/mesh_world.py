@@ -97,8 +97,8 @@ def _extent(parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _up(mesh: MeshFile, size: np.ndarray, said: list[str]) -> str:
-    """The axis that points up: the format's, or the thinner of y and z, as buildings are wider than high. Said where the format
-    does not tell, and where a building would be higher than deep: programs write z up into formats whose y is up."""
+    """The axis that points up: the format's, or the thinner of y and z, as buildings are wider than high. Said where the
+    format does not tell, and where a building would be higher than deep: programs write z up into formats whose y is up."""
     thin = "y" if size[1] < size[2] else "z"
     up = mesh.up or thin
     if up not in ("y", "z"):
@@ -122,7 +122,7 @@ def _check_steps(parts: Iterable[Part], unit_m: float, path: Path) -> None:
         step_m = float(np.spacing(np.float32(far))) * unit_m
         if step_m > MOST_STEP_M and (corners.astype(np.float32) == corners).all():
             raise ConfigError(f"{path}: stands {far:.3g} from the origin, where the 32-bit numbers of this file are "
-                              f"{step_m:.2g} m apart: walls would be off by that; move it to the origin where it was written")
+                              f"{step_m:.2g} m apart: its walls are off by that; move it to the origin where it was written")
 
 
 def _unit_m(mesh: MeshFile, size: np.ndarray, path: Path, said: list[str], *, given: bool) -> float:

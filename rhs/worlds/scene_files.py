@@ -137,7 +137,8 @@ def _include(scene: Scene, element: Element, at: np.ndarray, path: Path, depth: 
         return
     root = _xml(found)
     models = root.findall("model")
-    own = _pose(models[0], found) if models and element.find("pose") is not None else np.eye(4)  # the include's pose replaces it
+    posed = models and element.find("pose") is not None  # the include's pose replaces the model's
+    own = _pose(models[0], found) if posed else np.eye(4)
     _children(scene, root, at @ np.linalg.inv(own), found, depth + 1)
 
 

@@ -13,7 +13,8 @@ from rhs.base.commands import shortened
 from rhs.worlds.world import load_world
 
 # x0, y0, x1, y1: a room of 5 x 4 m and one of 3 x 4 m behind a wall with a door of 1 m; metres.
-WALLS = ((-0.1, -0.1, 8.1, 0), (-0.1, 4, 8.1, 4.1), (-0.1, -0.1, 0, 4.1), (8, -0.1, 8.1, 4.1), (5, 0, 5.1, 1), (5, 2, 5.1, 4))
+WALLS = ((-0.1, -0.1, 8.1, 0), (-0.1, 4, 8.1, 4.1), (-0.1, -0.1, 0, 4.1), (8, -0.1, 8.1, 4.1), (5, 0, 5.1, 1),
+         (5, 2, 5.1, 4))
 SHUT = (5, 1, 5.1, 2)
 
 
@@ -47,8 +48,8 @@ def obj(folder: Path, walls=WALLS, *, relative: bool = False, unit: float = 1.0)
 
 
 def sdf(folder: Path, walls=WALLS, *, z: float = 0.0, more: str = "") -> Path:
-    boxes = "".join(f"<link name='l{k}'><pose>{(x0 + x1) / 2} {(y0 + y1) / 2} {1.25 + z} 0 0 0</pose><visual name='v'><geometry>"
-                    f"<box><size>{x1 - x0} {y1 - y0} 2.5</size></box></geometry></visual></link>"
+    boxes = "".join(f"<link name='l{k}'><pose>{(x0 + x1) / 2} {(y0 + y1) / 2} {1.25 + z} 0 0 0</pose><visual name='v'>"
+                    f"<geometry><box><size>{x1 - x0} {y1 - y0} 2.5</size></box></geometry></visual></link>"
                     for k, (x0, y0, x1, y1) in enumerate(walls))
     (folder / "house.sdf").write_text(f"<sdf version='1.6'><model name='house'>{boxes}{more}</model></sdf>")
     return folder / "house.sdf"
@@ -138,12 +139,12 @@ def test_a_mesh_that_lies_on_its_side_by_its_formats_word_is_pointed_at(tmp_path
 
 
 def test_a_house_on_a_plinth_is_entered(tmp_path, caplog):
-    slab = "<link name='s'><pose>4 2 0.1 0 0 0</pose><visual name='v'><geometry><box><size>8.2 4.2 0.1</size></box></geometry>"
-    world = load_world(sdf(tmp_path, z=0.15, more=f"{slab}</visual></link>"))
+    slab = "<link name='s'><pose>4 2 0.1 0 0 0</pose><visual name='v'><geometry><box><size>8.2 4.2 0.1</size></box>"
+    world = load_world(sdf(tmp_path, z=0.15, more=f"{slab}</geometry></visual></link>"))
     assert "floor found at z = 0.15 m" in caplog.text and 0 < world.start[0] < 8 and 0 < world.start[1] < 4
     table = slab.replace("0.1 0 0 0", "0.4 0 0 0").replace("8.2 4.2", "2 2")
     caplog.clear()
-    load_world(sdf(tmp_path, more=f"{table}</visual></link>"))
+    load_world(sdf(tmp_path, more=f"{table}</geometry></visual></link>"))
     assert "floor found" not in caplog.text
 
 
@@ -171,5 +172,6 @@ def test_a_cut_stl_is_called_so(tmp_path):
 
 def test_a_long_complaint_keeps_the_files_name_and_what_to_type():
     told = shortened(f"/home/{'long/' * 60}house.obj: found nothing; type source.robot_radius_m=", 200)
-    assert len(told) == 200 and told.startswith("/home/long/") and told.endswith("house.obj: found nothing; type source.robot_radius_m=")
+    assert len(told) == 200 and told.startswith("/home/long/")
+    assert told.endswith("house.obj: found nothing; type source.robot_radius_m=")
     assert shortened("short", 200) == "short"
