@@ -56,7 +56,7 @@ def read_building(path: Path, file: Section) -> Building:
     if is_shaded(path):
         log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its "
                     "walls black on white", path.name)
-    return building_of(grid, radius_m, start_m, path)
+    return building_of(known_part(grid), radius_m, start_m, path)
 
 
 def _yaml_of(picture: Path) -> Path:
@@ -66,6 +66,20 @@ def _yaml_of(picture: Path) -> Path:
         raise ConfigError(f"{picture}: nobody says how large this plan is; write {path.name} beside it with the lines "
                           f"`image: {picture.name}` and `resolution: 0.05` (metres a pixel)")
     return path
+
+
+def known_part(grid: OccupancyGrid) -> OccupancyGrid:
+    """The grid without the unknown round what is known, where that is most of it: maps are saved on large grey sheets."""
+    known = ~np.isnan(grid.probability)
+    rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return grid
+    (top, left), (bottom, right) = (max(0, rows[0] - 1), max(0, columns[0] - 1)), (rows[-1] + 2, columns[-1] + 2)
+    part = grid.probability[top:bottom, left:right]
+    if 2 * part.size > grid.probability.size:
+        return grid
+    x, y = grid.origin_m
+    return OccupancyGrid(part.copy(), grid.resolution_m, (x + left * grid.resolution_m, y + top * grid.resolution_m))
 
 
 def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, path: Path) -> Building:

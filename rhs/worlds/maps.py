@@ -29,6 +29,7 @@ log = logging.getLogger("rhs.worlds")
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 MOST_CELLS = 25_000_000  # 250 m x 250 m at 5 cm; the head of a small file could ask for all the memory there is
 SHADED = 0.2  # share of a picture in greys between wall and floor from which it is taken for a photograph
+_LOOKED_AT = 1_000_000  # pixels of a picture from which is told what is wrong with it
 _BAND_CELLS = 1_000_000  # of a map that are turned at a time
 _FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map_server reads `negate: no`
 
@@ -147,8 +148,9 @@ def _number(path: FilePath, keys: dict[Any, Any], name: str, default: float, *, 
     return float(value)
 
 
-def _read_image(path: FilePath) -> np.ndarray:
-    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG, BMP and JPEG."""
+def _read_image(path: FilePath, most: int = MOST_CELLS) -> np.ndarray:
+    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG, BMP and JPEG. most: pixels; of
+    a larger image every second, third, ... row and column."""
     import cv2
 
     if not path.is_file():
@@ -165,7 +167,8 @@ def _read_image(path: FilePath) -> np.ndarray:
     log.setLogLevel(before)
     if image is None:
         raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG, BMP or JPEG")
-    image = image[:, :, None] if image.ndim == 2 else image
+    step = int(np.ceil(np.sqrt(size[0] * size[1] / most)))
+    image = (image[:, :, None] if image.ndim == 2 else image)[::step, ::step]
     return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
 
 
@@ -195,7 +198,7 @@ def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:
 def advice_on(yaml_path: str | FilePath) -> str:
     """What may be wrong with a picture that has no floor to speak of; empty where nothing is seen."""
     header = read_header(yaml_path, origin=(0.0, 0.0, 0.0))
-    image = _read_image(header.image)
+    image = _read_image(header.image, most=_LOOKED_AT)
     if header.mode == "raw":
         return "in mode raw 0 is free and 100 a wall; write mode: trinary for black walls on white"
     if image.shape[2] in (2, 4) and (image[:, :, -1] < 1.0).mean() > 0.2:
@@ -215,7 +218,7 @@ def is_shaded(yaml_path: str | FilePath) -> bool:
     """Whether much of the picture is of many greys that are neither wall nor floor, as in a photograph: the one grey that
     stands for unknown does not count."""
     header = read_header(yaml_path, origin=(0.0, 0.0, 0.0))
-    image = _read_image(header.image)
+    image = _read_image(header.image, most=_LOOKED_AT)
     if header.mode != "trinary" or image.shape[2] == 2:
         return False
     shade = image[:, :, :3].mean(axis=2)

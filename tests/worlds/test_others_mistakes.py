@@ -10,6 +10,7 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.base.commands import shortened
+from rhs.cli.main import main
 from rhs.worlds.world import load_world
 
 # x0, y0, x1, y1: a room of 5 x 4 m and one of 3 x 4 m behind a wall with a door of 1 m; metres.
@@ -102,6 +103,13 @@ def test_a_photograph_is_said_to_be_one(tmp_path, caplog):
     assert "a photograph?" in caplog.text
 
 
+def test_a_map_on_a_large_grey_sheet_is_where_its_origin_says(tmp_path):
+    sheet = np.full((1000, 1000), 205, np.uint8)
+    sheet[400:524, 300:504] = np.where(drawn() == 255, 254, drawn())
+    world = load_world(plan(tmp_path, sheet, "origin: [-16.1, -24.9, 0]\n"))  # of the sheet's lower left corner
+    assert world.bounds_m == pytest.approx((0.0, 0.0, 8.0, 4.0), abs=1e-6)
+
+
 def test_faces_that_count_back_from_the_last_vertex_are_where_they_stand(tmp_path):
     pytest.importorskip("trimesh")
     plain, back = load_world(obj(tmp_path)), load_world(obj(tmp_path, relative=True))
@@ -146,6 +154,22 @@ def test_a_house_on_a_plinth_is_entered(tmp_path, caplog):
     caplog.clear()
     load_world(sdf(tmp_path, more=f"{table}</geometry></visual></link>"))
     assert "floor found" not in caplog.text
+
+
+def test_a_robot_that_looks_over_the_walls_is_refused(tmp_path):
+    sdf(tmp_path)
+    (tmp_path / "tall.yaml").write_text("building: house.sdf\ncamera_height_m: 2.8\n")
+    with pytest.raises(ConfigError, match=r"tall\.yaml:2: a robot 2\.8 m high looks over this building of 2\.50 m"):
+        load_world(tmp_path / "tall.yaml")
+
+
+def test_a_world_without_places_says_that_nothing_is_patrolled(tmp_path, caplog):
+    outer = "[[0, 0], [3, 0], [3, 3], [0, 3], [0, 0]]"
+    (tmp_path / "bare.yaml").write_text("start: [1, 1, 0]\nroute_m: [[1, 1], [1.5, 1]]\n"
+                                        f"walls: [{{name: o, points_m: {outer}}}]")
+    words = [f"world={tmp_path / 'bare.yaml'}", "source.image_width=64", "pictures=off", "recording=off", "ahead=off"]
+    assert main([*words, f"output={tmp_path / 'run'}"]) == 0
+    assert "names no places, so nothing is patrolled" in caplog.text
 
 
 def test_a_broken_pose_names_its_file(tmp_path):
