@@ -6,6 +6,7 @@ calls its lists color.txt and aligned_depth.txt, and its 1000 is 1 m.
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from .replay_mounts import placed_camera
 from .replay_register import DepthCamera
 from .replay_stamps import Truth, associate, in_order, read_tum_truth, rows, seconds_of, typed_file
 
+log = logging.getLogger("rhs.replay")
 ALIGNED = "aligned_depth.txt"
 COLORS, DEPTHS = ("rgb.txt", "color.txt"), (ALIGNED, "depth.txt")
 
@@ -59,8 +61,17 @@ def open_tum(path: Path, settings) -> Recording:
     truth = None if truth_file is None else read_tum_truth(truth_file, settings)
     if truth is not None:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
+        _say_apart(truth, pairs, truth_file)
     scale = 1000.0 if (path / ALIGNED).is_file() else 5000.0
     return open_pairs(pairs, settings, truth=truth, default_scale=scale, rejected=rejected)
+
+
+def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path]], file: Path | None) -> None:
+    """Says so where no view lies within the time of the true poses: another clock, or another recording's."""
+    first, last = pairs[0][0], pairs[-1][0]
+    if len(truth.stamps_s) and (truth.stamps_s[0] > last or truth.stamps_s[-1] < first):
+        log.warning("%s: its poses, of %.3f to %.3f s, are of none of the views, of %.3f to %.3f s; no error is known",
+                    file, truth.stamps_s[0], truth.stamps_s[-1], first, last)
 
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,

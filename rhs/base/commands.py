@@ -13,8 +13,9 @@ from pathlib import Path
 from .errors import ConfigError, RhsError
 
 INTERRUPTED = 130
-LONGEST = 240  # characters of a complaint
+LONGEST = 190  # characters of a complaint
 POINTER = b"version https://git-lfs"
+_FOLDERS = re.compile(r"^([\w.]*=)?[^:]*/([^/:]+)(?=:)")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]+")
 
 
@@ -47,10 +48,11 @@ def complain(text: str, code: int) -> int:
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
-    """Text of at most that many characters. What is too long loses its middle: it begins with a file's name, and ends with
-    what to type."""
-    first = most // 4
-    return text if len(text) <= most else f"{text[:first]} ... {text[first + 5 - most:]}"
+    """Text of at most that many characters. Where it is too long and begins with a file, the file's folders go first: what
+    to type stands at the end."""
+    if len(text) > most:
+        text = _FOLDERS.sub(r"\1.../\2", text)
+    return text if len(text) <= most else f"{text[:most - 3]}..."
 
 
 def plain(text: str) -> str:

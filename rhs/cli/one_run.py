@@ -72,6 +72,6 @@ def complain(error: BaseException | None, code: int, debug: bool, text: str = ""
         text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
     text = plain(text)
     if len(text) > LONGEST and not debug:
-        text = f"{shortened(text, LONGEST - 21)} (--debug: all of it)"
+        text = f"{shortened(text, LONGEST - 20)} (--debug: all of it)"
     print(f"rhs: {text}", file=sys.stderr)
     return code

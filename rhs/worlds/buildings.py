@@ -48,7 +48,8 @@ def read_building(path: Path, file: Section) -> Building:
     if path.suffix.lower() in PICTURES:
         path = _yaml_of(path)
     if path.suffix.lower() == ".xacro":
-        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > robot.urdf")
+        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > "
+                          f"{Path(path.stem).stem}.urdf")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
@@ -120,8 +121,8 @@ def settled(world: World, building: Building, file: Section) -> World:
     if length_m(tour.route_m) < LEAST_ROUTE_M:
         x, y = tour.start[:2]
         raise ConfigError(f"{world.path}: a robot of radius {world.robot_radius_m:g} m has nowhere to go from ({x:.2f}, "
-                          f"{y:.2f}): too little free floor in one piece; another scale, negate: 1 for a dark floor, specks "
-                          "to clean, or a smaller robot (source.robot_radius_m=)?")
+                          f"{y:.2f}); try negate: 1 for a dark floor, another resolution, fewer specks, or "
+                          "source.robot_radius_m=")
     if left:
         log.warning("%s: the route leaves out %d room%s of %.0f m2 in all, with no door of %.2f m to it; a smaller robot: "
                     "source.robot_radius_m=", world.name, len(left), "s" if len(left) > 1 else "", sum(left),

@@ -52,7 +52,7 @@ def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray |
     floor = floor_m(corners, on_ground)
     corners[..., 2] -= floor
     height = file.number("camera_height_m", camera_m(corners), low=0.1, high=3.0)
-    if corners[..., 2].max() <= height:
+    if STEP_M < corners[..., 2].max() <= height:
         raise ConfigError(f"{file.where('camera_height_m')}: a robot {height:g} m high looks over this building of "
                           f"{corners[..., 2].max():.2f} m; write a lower camera_height_m (or another unit_m)")
     solid = solid_of(corners, height, path)

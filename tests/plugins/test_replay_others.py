@@ -60,6 +60,35 @@ def test_a_truth_of_twelve_numbers_is_not_read_as_eight(tmp_path):
         opened(path, camera=CAMERA)
 
 
+def test_a_truth_of_another_clock_is_said_to_be_of_no_view(tmp_path, caplog):
+    path = tum(tmp_path)
+    (path / "groundtruth.txt").write_text(f"1.5 {POSE}\n2.5 {POSE}\n")
+    assert [pose for _, pose in opened(path, camera=CAMERA).views] == [None] * 4
+    assert "are of none of the views" in caplog.text
+
+
+def test_intrinsics_of_another_image_size_are_pointed_at(tmp_path, caplog):
+    path = tum(tmp_path)
+    opened(path, camera=CAMERA)
+    assert "principal point" not in caplog.text
+    opened(path, camera=[2 * v for v in CAMERA])
+    assert "principal point (63, 47) lies far from the middle of images of 64x48" in caplog.text
+
+
+@pytest.mark.parametrize("width", [3, 4, 5])
+def test_bin_clouds_are_read_by_fours_and_of_others_it_is_said(tmp_path, width):
+    """1200 points of 3, 4 or 5 floats: all divisible by four."""
+    rng = np.random.default_rng(0)
+    table = np.column_stack([rng.normal(0, 12, 1200), rng.normal(0, 8, 1200), rng.normal(-1, 0.7, 1200),
+                             rng.uniform(0, 1, 1200), rng.integers(0, 32, 1200)]).astype("<f4")[:, :width]
+    (tmp_path / "000000.bin").write_bytes(np.ascontiguousarray(table).tobytes())
+    if width == 4:
+        assert np.array_equal(next(opened(tmp_path).views)[0].extras["cloud"], table[:, :3])
+    else:
+        with pytest.raises(ConfigError, match=f"looks like {width} float32 a point"):
+            opened(tmp_path)
+
+
 @pytest.mark.parametrize("kind", ["npy", "tiff"])
 def test_depth_in_floating_metres_is_read_as_metres(tmp_path, kind):
     for name in ("color", "depth", "pose"):

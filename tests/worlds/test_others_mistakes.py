@@ -195,7 +195,8 @@ def test_a_cut_stl_is_called_so(tmp_path):
 
 
 def test_a_long_complaint_keeps_the_files_name_and_what_to_type():
-    told = shortened(f"/home/{'long/' * 60}house.obj: found nothing; type source.robot_radius_m=", 200)
-    assert len(told) == 200 and told.startswith("/home/long/")
-    assert told.endswith("house.obj: found nothing; type source.robot_radius_m=")
+    told = shortened(f"/home/my own {'long/' * 60}house.obj: found nothing; type source.robot_radius_m=", 200)
+    assert told == ".../house.obj: found nothing; type source.robot_radius_m="
+    assert shortened(f"world=/{'long/' * 60}a.obj: no such file", 200) == "world=.../a.obj: no such file"
+    assert shortened("a b " * 100, 20) == "a b a b a b a b a..."
     assert shortened("short", 200) == "short"
