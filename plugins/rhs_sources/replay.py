@@ -57,6 +57,11 @@ class ReplaySource(Source):
         self._views = recording.views
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
+        if self._ahead.exception() is None and self._ahead.result() is None:
+            self._reader.shutdown()
+            raise ConfigError(f"source.path={settings.path} holds no whole view "
+                              f"({_counted(self.rejected) or 'nothing rejected'}); "
+                              "colour and depth that never meet: type source.max_difference_s=SECONDS")
         self._truth: np.ndarray | None = None
         self._told = self._begun = False
 
@@ -197,6 +202,10 @@ def _found(path: Path) -> str:
     if path.is_file():
         packed = path.name.lower().endswith((".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".7z"))
         return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
+    if (path / "image_2").is_dir() or (path / "image_0").is_dir():
+        return "found a KITTI sequence without its calib.txt"
+    if list(path.glob("*.db3")):
+        return f"found a bag without its metadata.yaml; type: ros2 bag reindex {path}"
     names = sorted(p.name for p in path.iterdir())
     inner = [p for p in sorted(path.iterdir()) if p.is_dir() and _format_of(p) != "unknown"]
     if inner:

@@ -123,7 +123,7 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
         raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
     infos = of("CameraInfo")
     beside = [t for t in infos if color and t.rsplit("/", 1)[0] == color.removesuffix("/compressed").rsplit("/", 1)[0]]
-    return Topics(color, depth, cloud, pick("info", beside or infos[:1]), scan, pick("wheel", of("Odometry")))
+    return Topics(color, depth, cloud, pick("info", beside or infos) if color else "", scan, pick("wheel", of("Odometry")))
 
 
 def _best(name: str, fitting: list[str], where: str) -> str:
@@ -149,7 +149,8 @@ def _opened(path: Path):
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         file = next(iter(path.glob("*.mcap")))
     if file.suffix == ".db3":
-        raise ConfigError(f"{path}: a .db3 file alone cannot be read; give the folder that holds its metadata.yaml")
+        raise ConfigError(f"{path}: a .db3 file alone cannot be read; give the folder that holds its "
+                          "metadata.yaml (where that is lost: ros2 bag reindex FOLDER)")
     try:
         if file.suffix == ".mcap":
             open_scan(file)[0].close()  # refuses what would unpack without end
@@ -160,7 +161,9 @@ def _opened(path: Path):
         return reader
     except Exception as error:  # the library raises many kinds for damaged files
         short = " ".join(str(error).split())[:120]
-        hint = "; if it was cut: python -m rhs.convert IN OUT" if file.suffix == ".mcap" else ""
+        cut = next(iter(path.glob("*.mcap")), None) if path.is_dir() else file if file.suffix == ".mcap" else None
+        hint = f"; if it was cut: python -m rhs convert {cut} whole.mcap" if cut else ""
+        hint = f"; if it was cut: rosbag reindex {file.name}" if file.suffix == ".bag" else hint
         raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
 
 
@@ -168,7 +171,7 @@ def _camera(reader, topics: Topics, settings, path: Path) -> Camera:
     """The camera: of the user, else of the first CameraInfo; its size checked against the first image."""
     recorded = None
     if topics.info:
-        recorded = ros.camera_of(_first(reader, topics.info))
+        recorded = ros.camera_of(_first(reader, topics.info), rectified="rect" in topics.color)
     first = ros.color_of(_first(reader, topics.color), topics.color)
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:

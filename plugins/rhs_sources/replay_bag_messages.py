@@ -20,6 +20,8 @@ BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_
          "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 YUV = {"yuv422": "YUV2RGB_UYVY", "uyvy": "YUV2RGB_UYVY", "yuv422_yuy2": "YUV2RGB_YUY2", "yuyv": "YUV2RGB_YUY2"}  # of webcams
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled ends add
+FURTHEST_M = 500.0  # that lasers which look round see
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 
 
@@ -63,12 +65,16 @@ def depth_of(message, topic: str, *, scale: float, max_depth_m: float) -> np.nda
     return _in_metres(raw, topic, scale=scale, max_depth_m=max_depth_m)
 
 
-def camera_of(message) -> Camera | None:
-    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero)."""
+def camera_of(message, *, rectified: bool = False) -> Camera | None:
+    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero). rectified: of images whose lens
+    has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
     k = np.asarray(message.K if hasattr(message, "K") else message.k, float).reshape(3, 3)
     d = tuple(float(v) for v in (message.D if hasattr(message, "D") else message.d))
     if not np.all(np.isfinite(k)) or k[0, 0] <= 0 or k[1, 1] <= 0:
         return None
+    p = np.asarray(message.P if hasattr(message, "P") else message.p, float).reshape(3, 4)
+    if rectified and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
+        return Camera(message.width, message.height, p[0, 0], p[1, 1], p[0, 2], p[1, 2], p[0, 1])
     if message.distortion_model not in ("plumb_bob", "rational_polynomial", "") and any(d):
         raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob")
     if any(d[8:]):
@@ -87,7 +93,14 @@ def scan_of(message, topic: str) -> Scan:
     bearings = message.angle_min + message.angle_increment * np.arange(len(ranges))
     if not np.all(np.isfinite(bearings)) or not message.range_max > 0:
         raise ConfigError(f"{topic}: the scan's angles or range_max are not finite numbers above zero")
-    known = np.where(ranges >= message.range_min, ranges, np.nan)
+    around = abs(message.angle_increment) * (len(ranges) - 1)
+    if len(ranges) == 0 or around > MOST_RAD or (len(ranges) > 1 and around == 0.0):
+        raise ConfigError(f"{topic}: a scan of {len(ranges)} ranges, {message.angle_increment:g} rad apart; expected some, "
+                          "over at most a turn, in radians")
+    known = np.where((ranges >= message.range_min) & (ranges > 0.0), ranges, np.nan)  # 0: many drivers' word for nothing
+    seen = known[np.isfinite(known)]
+    if len(seen) and np.median(seen) > FURTHEST_M:
+        raise ConfigError(f"{topic}: ranges are {np.median(seen):.4g} m typically; expected metres")
     return Scan(bearings, np.where(known > message.range_max, np.inf, known), float(message.range_max))
 
 

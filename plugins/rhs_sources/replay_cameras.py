@@ -7,6 +7,7 @@ TUM-compatible images, which want a positive fy (ETH3D/badslam issue 59).
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,11 @@ from rhs.api.geometry import Camera, orthonormal
 from .folders.intrinsics import read_intrinsics
 from .replay_register import DepthCamera
 
+log = logging.getLogger("rhs.replay")
 # Cameras of the Kinect kind read their rows one after the other. On the first 60 views of freiburg1_rpy the residual of
 # odometry=keyframe is least for 0.02 .. 0.035 s and hardly differs in between; 0 s leaves it a tenth larger.
 READOUT_S = 0.025
+OFF_AXIS = 0.25  # of the width or height: principal points lie nearer to the middle, but of images that were cut
 
 _FR1 = (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
 _FR2 = (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)
@@ -64,6 +67,9 @@ def chosen_camera(wanted, size: tuple[int, int], *, recorded: Camera | None, whe
         camera = read_intrinsics(file, size)
     else:
         fx, fy, cx, cy, *distortion = (float(v) for v in wanted)
+        if not (OFF_AXIS < cx / width < 1.0 - OFF_AXIS and OFF_AXIS < cy / height < 1.0 - OFF_AXIS):
+            log.warning("source.camera: the principal point (%g, %g) lies far from the middle of images of %dx%d; are these "
+                        "numbers of another size of image?", cx, cy, width, height)
         return Camera(width, height, fx, fy, cx, cy, distortion=tuple(distortion) if any(distortion) else ())
     if (camera.width, camera.height) != size:
         raise ConfigError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,13 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 from rhs.api.packed_pictures import keep_png
-from rhs.api.pictures import check_size, head_of
+from rhs.api.pictures import MOST_PIXELS, check_size, head_of
 
+NEAR_M, FAR_M = 0.3, 8.0  # nearer than Kinects see, and further than most rooms are long
 SEEN_M = (0.05, 100.0)  # typical depths that cameras see
+
+
+log = logging.getLogger("rhs.replay")
 
 
 class UnreadableImage(ConfigError):
@@ -32,15 +37,28 @@ def read_color(path: Path) -> np.ndarray:
     return image
 
 
-def read_depth(path: Path, *, scale: float, max_depth_m: float) -> np.ndarray:
-    """(H, W) float32 metres, NaN unknown, of a 16-bit (or float) depth file."""
+def read_depth(path: Path, *, scale: float, max_depth_m: float, typed: bool = False) -> np.ndarray:
+    """(H, W) float32 metres, NaN unknown, of a 16-bit or float depth image, or an array of NumPy (.npy). typed: the user's
+    scale; else one of floats is 1, they are metres."""
     import cv2
 
     _check_file(path, "a 16-bit depth image")
-    raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    raw = _array(path) if path.suffix.lower() == ".npy" else cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if raw is None:
         raise _unreadable(path, "a 16-bit depth image")
+    scale = scale if typed or raw.dtype.kind != "f" else 1.0
     return metres(raw, scale=scale, max_depth_m=max_depth_m, where=path.name)
+
+
+def _array(path: Path) -> np.ndarray | None:
+    """The array of a .npy file; None where it holds none, or a larger one than is read."""
+    try:
+        raw = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, OSError, EOFError):
+        return None
+    if not isinstance(raw, np.ndarray) or raw.size > MOST_PIXELS:
+        return None
+    return np.array(raw, np.float32 if raw.dtype.kind == "f" else raw.dtype)
 
 
 def metres(raw: np.ndarray, *, scale: float, max_depth_m: float, where: str) -> np.ndarray:
@@ -80,9 +98,10 @@ def resized(camera: Camera, size: tuple[int, int]) -> Camera:
                    cx=(camera.cx + 0.5) * x - 0.5, cy=(camera.cy + 0.5) * y - 0.5)
 
 
-def check_depth(depth: np.ndarray, *, scale: float, where: str) -> bool:
+def check_depth(depth: np.ndarray, *, scale: float, where: str, typed: bool = True) -> bool:
     """Refuse depth in metres, none of it cut off, whose typical value no camera sees: the scale is wrong. False where the
-    image says nothing of it, because all of it is unknown. Raises ConfigError naming the range found."""
+    image says nothing of it, because all of it is unknown. Raises ConfigError naming the range found. typed: the user gave
+    the scale; of another that makes rooms of an unusual size it is said that it was taken for granted."""
     known = depth[np.isfinite(depth)]
     if not known.size:
         return False
@@ -92,6 +111,9 @@ def check_depth(depth: np.ndarray, *, scale: float, where: str) -> bool:
             f"{where}: typical depth is {typical:.3g} m ({low:.3g}..{high:.3g} m) with source.depth_scale={scale:g};"
             f" expected {SEEN_M[0]:g}..{SEEN_M[1]:g} m; type source.depth_scale=STEPS_PER_METRE"
         )
+    if not typed and (np.percentile(known, 5) < NEAR_M or typical > FAR_M):
+        log.warning("%s: depth is taken as %g steps a metre: typically %.2f m, from %.2f to %.2f m; if that is not so type "
+                    "source.depth_scale=%d", where, scale, typical, low, high, 1000 if scale > 1000.0 else 5000)
     return True
 
 

@@ -12,6 +12,8 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, rotation_of_quaternion, se3
 from rhs.api.settings import near_file
 
+UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
+
 
 def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
     """Indices of the stamps that are kept, in order of arrival, and how many were rejected and why.
@@ -110,6 +112,11 @@ def number_of(text: str, where: str) -> float:
         raise ConfigError(f"{where}: found {text[:40]!r} where a number was expected") from None
 
 
+def seconds_of(text: str, where: str) -> float:
+    """The stamp in `text`, seconds: whole numbers of 13, 16 and 19 digits are a Unix time in ms, us and ns."""
+    return number_of(text, where) * (UNITS_S.get(len(text), 1.0) if text.isdigit() else 1.0)
+
+
 @dataclass(frozen=True)
 class Truth:
     """True poses world_from_camera (N, 4, 4) at ascending stamps (N,), seconds."""
@@ -158,9 +165,9 @@ def read_tum_truth(path, settings) -> Truth:
     stamps, poses, unknown = [], [], 0
     for number, words in rows(path):
         where = f"{path.name}:{number}"
-        if len(words) < 8:
+        if len(words) != 8:
             raise ConfigError(f"{where}: found {len(words)} columns; expected stamp tx ty tz qx qy qz qw")
-        values = [number_of(w, where) for w in words[:8]]
+        values = [seconds_of(words[0], where), *(number_of(w, where) for w in words[1:])]
         if not np.all(np.isfinite(values)):  # how some systems write that they saw nothing
             unknown += 1
             continue

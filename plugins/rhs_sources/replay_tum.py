@@ -6,6 +6,7 @@ calls its lists color.txt and aligned_depth.txt, and its 1000 is 1 m.
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -22,8 +23,9 @@ from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
 from .replay_mounts import placed_camera
 from .replay_register import DepthCamera
-from .replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
+from .replay_stamps import Truth, associate, in_order, read_tum_truth, rows, seconds_of, typed_file
 
+log = logging.getLogger("rhs.replay")
 ALIGNED = "aligned_depth.txt"
 COLORS, DEPTHS = ("rgb.txt", "color.txt"), (ALIGNED, "depth.txt")
 
@@ -59,8 +61,17 @@ def open_tum(path: Path, settings) -> Recording:
     truth = None if truth_file is None else read_tum_truth(truth_file, settings)
     if truth is not None:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
+        _say_apart(truth, pairs, truth_file)
     scale = 1000.0 if (path / ALIGNED).is_file() else 5000.0
     return open_pairs(pairs, settings, truth=truth, default_scale=scale, rejected=rejected)
+
+
+def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path]], file: Path | None) -> None:
+    """Says so where no view lies within the time of the true poses: another clock, or another recording's."""
+    first, last = pairs[0][0], pairs[-1][0]
+    if len(truth.stamps_s) and (truth.stamps_s[0] > last or truth.stamps_s[-1] < first):
+        log.warning("%s: its poses, of %.3f to %.3f s, are of none of the views, of %.3f to %.3f s; no error is known",
+                    file, truth.stamps_s[0], truth.stamps_s[-1], first, last)
 
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,
@@ -71,7 +82,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     it saw them; None: they are registered to colour."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     first = _read(pairs[0], scale, settings)
-    checked = _check_scale(pairs[0][2], scale)
+    checked = _check_scale(pairs[0][2], scale, settings)
     size = (first[0].shape[1], first[0].shape[0])
     recorded = intrinsics_beside(folder, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
@@ -89,7 +100,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             pair = stamp, *(Path(file) for file in files)
             try:
                 color, depth = _read(pair, scale, settings)
-                sound = sound or _check_scale(pair[2], scale)
+                sound = sound or _check_scale(pair[2], scale, settings)
             except UnreadableImage as error:
                 unreadable += 1
                 lost[:] = [f"{unreadable} of {len(listed)} views cannot be read, the last: {error}"]
@@ -104,14 +115,16 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     return Recording(camera, views(), len(listed), rejected, lost=lost)
 
 
-def _check_scale(path: Path, scale: float) -> bool:
+def _check_scale(path: Path, scale: float, settings) -> bool:
     """Whether the image shows that the scale is right. Raises ConfigError where it shows that it is not."""
-    return check_depth(read_depth(path, scale=scale, max_depth_m=np.inf), scale=scale, where=path.name)
+    typed = bool(settings.depth_scale)
+    depth = read_depth(path, scale=scale, max_depth_m=np.inf, typed=typed)
+    return check_depth(depth, scale=scale, where=path.name, typed=typed)
 
 
 def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray]:
     color = read_color(pair[1])
-    depth = read_depth(pair[2], scale=scale, max_depth_m=settings.max_depth_m)
+    depth = read_depth(pair[2], scale=scale, max_depth_m=settings.max_depth_m, typed=bool(settings.depth_scale))
     check_pair(color, depth, pair[1].name)
     return color, depth
 
@@ -138,7 +151,7 @@ def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
         where = f"{path.name}:{number}"
         if len(words) < 2:
             raise ConfigError(f"{where}: found {len(words)} column(s); expected stamp and file name")
-        stamps.append(number_of(words[0], where))
+        stamps.append(seconds_of(words[0], where))
         files.append(inside(path.parent, words[1], where))
     if not stamps:
         raise ConfigError(f"{path}: the list is empty; expected lines of stamp and file name")
@@ -166,7 +179,7 @@ def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path]],
         if "depth" in color.lower() and "depth" not in depth.lower():
             stamp, color, depth = other, depth, color
         entries.append(
-            (number_of(stamp, where), inside(path.parent, color, where), inside(path.parent, depth, where))
+            (seconds_of(stamp, where), inside(path.parent, color, where), inside(path.parent, depth, where))
         )
     kept, rejected = in_order([e[0] for e in entries], settings.max_jump_s)
     return [entries[i] for i in kept], rejected

@@ -14,6 +14,8 @@ from .errors import ConfigError, RhsError
 
 INTERRUPTED = 130
 LONGEST = 190  # characters of a complaint
+POINTER = b"version https://git-lfs"
+_FOLDERS = re.compile(r"^([\w.]*=)?[^:]*/([^/:]+)(?=:)")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]+")
 
 
@@ -41,9 +43,16 @@ def answered(work: Callable[[], int]) -> int:
 
 def complain(text: str, code: int) -> int:
     """Write one line of text to stderr; returns the code."""
-    text = plain(text)
-    sys.stderr.write(f"{text if len(text) <= LONGEST else text[:LONGEST - 3] + '...'}\n")
+    sys.stderr.write(f"{shortened(plain(text))}\n")
     return code
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """Text of at most that many characters. Where it is too long and begins with a file, the file's folders go first: what
+    to type stands at the end."""
+    if len(text) > most:
+        text = _FOLDERS.sub(r"\1.../\2", text)
+    return text if len(text) <= most else f"{text[:most - 3]}..."
 
 
 def plain(text: str) -> str:
@@ -59,3 +68,10 @@ def check_regular(path: Path | str) -> None:
         return
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise ConfigError(f"{path} is a device, pipe or socket; expected a file or a folder")
+
+
+def check_whole(path: Path) -> None:
+    """Refuse the few lines that Git LFS leaves in the place of a large file that was not fetched."""
+    with path.open("rb") as file:
+        if file.read(len(POINTER)) == POINTER:
+            raise ConfigError(f"{path}: a pointer of Git LFS, not the file itself; type `git lfs pull` where it lies")

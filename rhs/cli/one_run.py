@@ -7,7 +7,7 @@ import traceback
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rhs.base.commands import plain
+from rhs.base.commands import LONGEST, plain, shortened
 from rhs.base.errors import RhsError
 
 from . import first_run
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from rhs.config.compose import RunConfig
 
 COMPILES = "compiling inner loops, once for this installation: 10 to 60 s"
-LONGEST = 190  # characters of a complaint
 
 
 class Terminated(KeyboardInterrupt):
@@ -73,6 +72,6 @@ def complain(error: BaseException | None, code: int, debug: bool, text: str = ""
         text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
     text = plain(text)
     if len(text) > LONGEST and not debug:
-        text = f"{text[: LONGEST - 23]}... (--debug: all of it)"
+        text = f"{shortened(text, LONGEST - 20)} (--debug: all of it)"
     print(f"rhs: {text}", file=sys.stderr)
     return code

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
@@ -38,6 +39,7 @@ from .sentinel import Sentinel
 from .sights import Sights
 from .tasks import Patrol, Survey, explores
 
+logger = logging.getLogger("rhs.patrol")
 START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
 
 
@@ -74,6 +76,9 @@ class PatrolJob(StepJob):
         else:
             survey = yield from lead_survey(self.parts, self.context, settings, log, sights=sights)
         if isinstance(settings, Patrol) and self.world is not None:
+            if not self.parts.source.facts.places:
+                logger.warning("%s names no places, so nothing is patrolled after the survey; write places: {desk: [x, y]} "
+                               "in its file", self.world.name)
             yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
 
 

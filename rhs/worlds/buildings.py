@@ -15,15 +15,15 @@ from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser
-from .map_walls import Building, no_room, room_of, roomiest_m, walls_of
-from .maps import load_map
+from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
+from .maps import advice_on, is_shaded, load_map
 from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .robot import shape_of
 from .scene_files import SCENES
 from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
 from .world_checks import walk_fault
-from .world_yaml import Section
+from .world_yaml import FAR_M, Section
 
 log = logging.getLogger("rhs.worlds")
 
@@ -33,6 +33,7 @@ MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
 APART_M = 0.5  # places that are proposed
 LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
+LEAST_ROUTE_M = 0.5  # less is no patrol: the robot has room where it stands and nowhere else
 LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
 
 
@@ -41,17 +42,22 @@ def read_building(path: Path, file: Section) -> Building:
     if not path.is_file():
         raise ConfigError(f"{file.where('building')}: building: there is no file {path}")
     radius_m, _ = shape_of(file, RADIUS_M)
-    start_m = np.array(file.numbers("start", count=3)[:2]) if "start" in file.nodes else None
+    start_m = np.array(file.numbers("start", count=3, low=-FAR_M, high=FAR_M)[:2]) if "start" in file.nodes else None
     if path.suffix.lower() in (*MESHES, *SCENES):
         return read_solid(path, file, radius_m, start_m)
     if path.suffix.lower() in PICTURES:
         path = _yaml_of(path)
     if path.suffix.lower() == ".xacro":
-        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > {path.stem}")
+        raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > "
+                          f"{Path(path.stem).stem}.urdf")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
-    return building_of(load_map(path, origin=(0.0, 0.0, 0.0)), radius_m, start_m, str(path))
+    grid = load_map(path, origin=(0.0, 0.0, 0.0))
+    if is_shaded(path):
+        log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its "
+                    "walls black on white", path.name)
+    return building_of(known_part(grid), radius_m, start_m, path)
 
 
 def _yaml_of(picture: Path) -> Path:
@@ -63,16 +69,33 @@ def _yaml_of(picture: Path) -> Path:
     return path
 
 
-def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, name: str) -> Building:
+def known_part(grid: OccupancyGrid) -> OccupancyGrid:
+    """The grid without the unknown round what is known, where that is most of it: maps are saved on large grey sheets."""
+    known = ~np.isnan(grid.probability)
+    rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return grid
+    (top, left), (bottom, right) = (max(0, rows[0] - 1), max(0, columns[0] - 1)), (rows[-1] + 2, columns[-1] + 2)
+    part = grid.probability[top:bottom, left:right]
+    if 2 * part.size > grid.probability.size:
+        return grid
+    x, y = grid.origin_m
+    return OccupancyGrid(part.copy(), grid.resolution_m, (x + left * grid.resolution_m, y + top * grid.resolution_m))
+
+
+def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, path: Path) -> Building:
     """The room of a flat map that holds the start, or the roomiest one. Raises ConfigError where the robot does not fit."""
     room = room_of(grid, radius_m, start_m)
     if not room.any():
-        raise no_room(name, grid, radius_m, start_m)
+        raise no_room(str(path), grid, radius_m, start_m, advice_on(path))
+    stand = roomiest_m(grid, room, radius_m + MARGIN_M + SPARE_M)
+    if said := shut_words(shut_m2(grid, stand if start_m is None else start_m, radius_m)):
+        log.warning("%s: %s", path.name, said)
     walls = walls_of(grid, room)
     pieces = sum(len(wall.points_m) - 1 for wall in walls)
     if pieces > MOST_PIECES:
-        raise ConfigError(f"{name}: {pieces} pieces of wall, at most {MOST_PIECES} are pulled up; clean the map of specks")
-    return Building(walls, roomiest_m(grid, room))
+        raise ConfigError(f"{path}: {pieces} pieces of wall, at most {MOST_PIECES} are pulled up; clean the map of specks")
+    return Building(walls, stand)
 
 
 def settled(world: World, building: Building, file: Section) -> World:
@@ -95,6 +118,11 @@ def settled(world: World, building: Building, file: Section) -> World:
         tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name)
     except ConfigError as error:
         raise ConfigError(f"{world.path}: {error}") from error
+    if length_m(tour.route_m) < LEAST_ROUTE_M:
+        x, y = tour.start[:2]
+        raise ConfigError(f"{world.path}: a robot of radius {world.robot_radius_m:g} m has nowhere to go from ({x:.2f}, "
+                          f"{y:.2f}); try negate: 1 for a dark floor, another resolution, fewer specks, or "
+                          "source.robot_radius_m=")
     if left:
         log.warning("%s: the route leaves out %d room%s of %.0f m2 in all, with no door of %.2f m to it; a smaller robot: "
                     "source.robot_radius_m=", world.name, len(left), "s" if len(left) > 1 else "", sum(left),

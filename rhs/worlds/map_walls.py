@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.floorplan import Mesh, Person, Wall
-from rhs.api.grid import OccupancyGrid, configuration_space
+from rhs.api.grid import OccupancyGrid, configuration_space, inflate
 from rhs.base.errors import ConfigError
 
 TOLERANCE_CELLS = 0.99  # a straight wall drawn in cells strays from its line by less than one
 HEIGHT_M = 2.6
+LEAK_M = 0.1  # a gap in a wall, a cell of the true plan; no door
+LEAST_SHUT_M2 = 2.0  # of a room that is spoken of; inside the outline of a bed a small robot's middle has less
 INDOORS = 0.1  # least share of the roomiest room that one indoors must have to be preferred: no cupboard
 
 
@@ -56,6 +58,30 @@ def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = N
     indoors = ~np.isin(owner[1:], edge)
     ranked = np.where(indoors, sizes, 0) if np.any(sizes[indoors] >= INDOORS * sizes.max()) else sizes
     return np.asarray(rooms == owner[1 + int(np.argmax(ranked))])
+
+
+def shut_m2(grid: OccupancyGrid, at_m: np.ndarray, radius_m: float) -> list[float]:
+    """Square metres where a robot of that radius would have room, in each part that nothing wider than LEAK_M leads to from
+    at_m (2,) and that does not reach the border; parts of less than LEAST_SHUT_M2 are furniture."""
+    from scipy.ndimage import label
+
+    solid = ~grid.free()
+    rooms, _ = label(~inflate(solid, 0.5 * LEAK_M / grid.resolution_m))
+    fits = ~configuration_space(solid, radius_m / grid.resolution_m)
+    edge = np.unique(np.concatenate([rooms[0], rooms[-1], rooms[:, 0], rooms[:, -1]]))
+    here = rooms[tuple(grid.cells(at_m)[0])]
+    areas = np.bincount(rooms[fits], minlength=1) * grid.resolution_m**2
+    return [float(area) for number, area in enumerate(areas)
+            if area >= LEAST_SHUT_M2 and number != here and number not in edge]
+
+
+def shut_words(areas_m2: list[float]) -> str:
+    """What is said of parts that are shut off; empty: there are none."""
+    if not areas_m2:
+        return ""
+    return (f"left out, as nothing leads there: {len(areas_m2)} part{'s' if len(areas_m2) > 1 else ''} of "
+            f"{sum(areas_m2):.0f} m2 in all (rooms whose doors are drawn shut, or solid blocks; open the doors, or give "
+            "start in a world file)")
 
 
 def outlines(room: np.ndarray) -> list[np.ndarray]:
@@ -120,18 +146,23 @@ def walls_of(grid: OccupancyGrid, room: np.ndarray) -> tuple[Wall, ...]:
                  for number, loop in enumerate(loops, 1))
 
 
-def no_room(name: str, grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None) -> ConfigError:
-    """What to say of a building in which the robot does not fit."""
+def no_room(name: str, grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None,
+            advice: str = "") -> ConfigError:
+    """What to say of a building in which the robot does not fit; advice: what may be wrong with the picture."""
     if start_m is not None:
         return ConfigError(f"{name}: no free space at the start ({start_m[0]:g}, {start_m[1]:g})")
     return ConfigError(f"{name}: no room for a robot of radius {radius_m:g} m (found {int(grid.free().sum())} free cells of "
-                       f"{grid.resolution_m:g} m); correct the scale, or give robot_radius_m in a world file")
+                       f"{grid.resolution_m:g} m); {advice or 'correct the scale, or type source.robot_radius_m='}")
 
 
-def roomiest_m(grid: OccupancyGrid, room: np.ndarray) -> np.ndarray:
-    """(2,) the middle of the cell of a room that is furthest from its edge."""
-    from scipy.ndimage import distance_transform_edt
+def roomiest_m(grid: OccupancyGrid, room: np.ndarray, need_m: float = 0.0) -> np.ndarray:
+    """(2,) the middle of the cell of a room that is furthest from its edge, in the largest part of the room that keeps
+    need_m from the edge: a robot that needs so much is not put where it cannot get out."""
+    from scipy.ndimage import distance_transform_edt, label
 
     space = distance_transform_edt(np.pad(room, 1))[1:-1, 1:-1]
+    parts, count = label(space * grid.resolution_m >= need_m + 0.5 * grid.resolution_m, structure=np.ones((3, 3)))
+    if count > 1:
+        space = np.where(parts == 1 + int(np.argmax(np.bincount(parts.ravel())[1:])), space, 0.0)
     middle: np.ndarray = grid.centres(np.array([np.unravel_index(np.argmax(space), room.shape)]))[0]
     return middle

@@ -21,12 +21,15 @@ import numpy as np
 from rhs.api.files import replacing
 from rhs.api.grid import OccupancyGrid
 from rhs.api.pictures import declared_size, head_of
+from rhs.base.commands import check_whole
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
 log = logging.getLogger("rhs.worlds")
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 MOST_CELLS = 25_000_000  # 250 m x 250 m at 5 cm; the head of a small file could ask for all the memory there is
+SHADED = 0.2  # share of a picture in greys between wall and floor from which it is taken for a photograph
+_LOOKED_AT = 1_000_000  # pixels of a picture from which is told what is wrong with it
 _BAND_CELLS = 1_000_000  # of a map that are turned at a time
 _FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map_server reads `negate: no`
 
@@ -145,12 +148,14 @@ def _number(path: FilePath, keys: dict[Any, Any], name: str, default: float, *, 
     return float(value)
 
 
-def _read_image(path: FilePath) -> np.ndarray:
-    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG, BMP and JPEG."""
+def _read_image(path: FilePath, most: int = MOST_CELLS) -> np.ndarray:
+    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG, BMP and JPEG. most: pixels; of
+    a larger image every second, third, ... row and column."""
     import cv2
 
     if not path.is_file():
         raise ConfigError(f"map image {path} does not exist; correct the key `image` of its YAML")
+    check_whole(path)
     size = declared_size(head_of(path))
     if size is None:
         raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG, BMP or JPEG")
@@ -162,7 +167,8 @@ def _read_image(path: FilePath) -> np.ndarray:
     log.setLogLevel(before)
     if image is None:
         raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG, BMP or JPEG")
-    image = image[:, :, None] if image.ndim == 2 else image
+    step = int(np.ceil(np.sqrt(size[0] * size[1] / most)))
+    image = (image[:, :, None] if image.ndim == 2 else image)[::step, ::step]
     return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
 
 
@@ -187,6 +193,40 @@ def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:
     if header.mode == "scale" and has_alpha:
         out[image[:, :, -1] < 1.0] = np.nan
     return out
+
+
+def advice_on(yaml_path: str | FilePath) -> str:
+    """What may be wrong with a picture that has no floor to speak of; empty where nothing is seen."""
+    header = read_header(yaml_path, origin=(0.0, 0.0, 0.0))
+    image = _read_image(header.image, most=_LOOKED_AT)
+    if header.mode == "raw":
+        return "in mode raw 0 is free and 100 a wall; write mode: trinary for black walls on white"
+    if image.shape[2] in (2, 4) and (image[:, :, -1] < 1.0).mean() > 0.2:
+        return "much of the picture is transparent, which is unknown; save it on a white ground"
+    shade = image[:, :, : 3 if image.shape[2] >= 3 else 1].mean(axis=2)
+    levels = np.bincount(np.rint(100.0 * (1.0 - shade if header.negate else shade)).astype(int).ravel(), minlength=101)
+    floor = int(np.argmax(levels))
+    if floor < 35:
+        return f"most of the picture is dark; for a dark floor write negate: {int(not header.negate)}"
+    if floor <= 100.0 * (1.0 - header.free_thresh):
+        return (f"most of it is {floor} % bright and free is above {100.0 * (1.0 - header.free_thresh):.0f} %; if that is "
+                f"floor write free_thresh: {1.02 - 0.01 * floor:.2f}")
+    return ""
+
+
+def is_shaded(yaml_path: str | FilePath) -> bool:
+    """Whether much of the picture is of many greys that are neither wall nor floor, as in a photograph: the one grey that
+    stands for unknown does not count."""
+    header = read_header(yaml_path, origin=(0.0, 0.0, 0.0))
+    image = _read_image(header.image, most=_LOOKED_AT)
+    if header.mode != "trinary" or image.shape[2] == 2:
+        return False
+    shade = image[:, :, :3].mean(axis=2)
+    occupancy = shade if header.negate else 1.0 - shade
+    between = np.rint(255.0 * shade[(occupancy <= header.occupied_thresh) & (occupancy >= header.free_thresh)]).astype(int)
+    levels = np.bincount(between, minlength=256)
+    unknown = int(np.argmax(levels))
+    return bool(levels.sum() - levels[max(0, unknown - 8):unknown + 9].sum() > SHADED * shade.size)
 
 
 def _turned(probability: np.ndarray, header: MapHeader) -> OccupancyGrid:

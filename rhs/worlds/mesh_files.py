@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import logging
 import re
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from rhs.base.commands import check_regular
+from rhs.base.commands import check_regular, check_whole
 from rhs.base.errors import ConfigError
 
 from .soup import MOST_TRIANGLES, Part, part
@@ -48,6 +49,9 @@ def read_mesh(path: Path) -> MeshFile:
         parts, missing = _parts(path)
     except ConfigError:
         raise
+    except ImportError as error:  # trimesh guesses at an encoding where text or numbers were expected
+        kind = path.suffix[1:].upper()
+        raise ConfigError(f"{path}: found {path.stat().st_size} bytes that are no whole {kind} file (cut off?)") from error
     except Exception as error:  # trimesh and its parsers raise anything about a broken file
         said = " ".join(str(error).split())[:120] or type(error).__name__
         raise ConfigError(f"{path}: trimesh cannot read this mesh ({said})") from error
@@ -65,6 +69,7 @@ def check_readable(path: Path, most_bytes: int = MOST_BYTES) -> None:
     if not path.is_file():
         raise ConfigError(f"{path}: there is no such file")
     check_regular(path)
+    check_whole(path)
     if path.stat().st_size > most_bytes:
         raise ConfigError(f"{path}: {path.stat().st_size >> 20} MB are more than the {most_bytes >> 20} MB allowed")
 
@@ -98,7 +103,7 @@ def _parts(path: Path) -> tuple[list[Part], list[str]]:
     before = log.level
     log.setLevel(logging.CRITICAL)  # what it says of broken files is said better below
     try:
-        with path.open("rb") as file:
+        with io.BytesIO(from_one(path.read_bytes())) if path.suffix.lower() == ".obj" else path.open("rb") as file:
             scene = trimesh.load_scene(file, file_type=path.suffix[1:].lower(), resolver=wanted, process=False)
     finally:
         log.setLevel(before)
@@ -114,6 +119,26 @@ def _parts(path: Path) -> tuple[list[Part], list[str]]:
             raise ConfigError(f"{path}: more than {MOST_TRIANGLES} triangles; make the mesh coarser")
         parts.append(_part(geometry).moved(np.asarray(matrix, float)))
     return parts, wanted.missing
+
+
+def from_one(text: bytes) -> bytes:
+    """An OBJ whose faces count its vertices from 1: those that count back from the last one so far are written anew, as
+    trimesh takes them to count back from the last of the file."""
+    if not re.search(rb"^\s*f\b.*[\s/]-\d", text, re.MULTILINE):
+        return text
+    so_far, out = {b"v": 0, b"vt": 0, b"vn": 0}, []
+
+    def counted(corner: bytes) -> bytes:
+        numbers = zip(corner.split(b"/"), so_far.values(), strict=False)
+        return b"/".join(b"%d" % (total + 1 + int(number)) if number.startswith(b"-") else number
+                         for number, total in numbers)
+
+    for line in text.splitlines():
+        word, *rest = line.split() or [b""]
+        if word in so_far:
+            so_far[word] += 1
+        out.append(b" ".join([word, *map(counted, rest)]) if word == b"f" else line)
+    return b"\n".join(out)
 
 
 def _resolver(path: Path) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ from rhs.api.floorplan import Mesh, Person, Wall
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.base.errors import ConfigError
 
-from .map_walls import HEIGHT_M, Building, no_room, room_of, roomiest_m
+from .map_walls import HEIGHT_M, Building, no_room, room_of, roomiest_m, shut_m2, shut_words
 from .mesh_files import MESHES, Y_UP, MeshFile, read_mesh
 from .scene_files import read_scene
 from .soup import Part, dressed, sound
+from .tour import MARGIN_M, SPARE_M
 from .world_yaml import Section
 
 log = logging.getLogger("rhs.worlds")
@@ -23,10 +25,14 @@ DOORS_M, LEAST_INDOORS_M2 = 1.4, 2.0  # wider than most doors; smaller than most
 STEP_M = 0.04  # what is lower than this is driven over: carpets, thresholds
 PAD_M = 1.0  # free ground round a building that is open to the outside
 LEAST_M, MOST_M = 2.0, 300.0  # of a building's longer side in metres
+LOW_M, STOREY_M, TALL_STOREY_M = 1.8, (2.2, 4.5), 5.0  # walls too low for a building; as high as in a house; perhaps in feet
+LYING = 1.5  # so many times higher than deep: perhaps it lies on its side
+MOST_STEP_M = 0.02  # between two coordinates that a file can hold
 WIDEST_M = 1000.0  # with the ground it stands on
 LEVEL, UPRIGHT = 0.99, 0.3  # least |z| of a level face's normal, most of a wall's
 BIN_M, SPOT_M = 0.02, 0.25  # heights of one floor differ by less; squares in which its area is counted
 TALL_M = 0.3  # of a wall's triangle; the rim of a slab is lower
+PLINTH_M = 0.5  # of a house whose floor lies higher than the ground that its scene stands on
 MOST_LEVELS = 40  # heights that are looked at, the largest first: a floor is among them
 COVERED_M = 1.0  # what has so little room above it is no floor: the underside of a slab, the ground below it
 CAMERA_M = 0.25  # of a household robot: it sees what is taller, also a coffee table, and drives under what is higher
@@ -46,8 +52,13 @@ def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray |
     floor = floor_m(corners, on_ground)
     corners[..., 2] -= floor
     height = file.number("camera_height_m", camera_m(corners), low=0.1, high=3.0)
+    if STEP_M < corners[..., 2].max() <= height:
+        raise ConfigError(f"{file.where('camera_height_m')}: a robot {height:g} m high looks over this building of "
+                          f"{corners[..., 2].max():.2f} m; write a lower camera_height_m (or another unit_m)")
     solid = solid_of(corners, height, path)
-    walls, stand = _enclosed(solid, radius_m, start_m, path)
+    walls, stand, shut = _enclosed(solid, radius_m, start_m, path)
+    if shut:
+        said.append(shut)
     if walls:
         said.append(f"open to the outside: a fence is put up {PAD_M:g} m from it")
     if abs(floor) > BIN_M:
@@ -73,8 +84,9 @@ def _upright(path: Path, file: Section, said: list[str]) -> tuple[list[Part], tu
         said.append(f"left out, as missing: {len(set(mesh.missing))} files ({', '.join(sorted(set(mesh.missing))[:3])})")
     low, high = _extent(mesh.parts)
     size = high - low
-    up = file.text("up", mesh.up or _thinnest(size, said), choices=("y", "z"))
+    up = file.text("up", "" if "up" in file.nodes else _up(mesh, size, said), choices=("y", "z"))
     unit_m = file.number("unit_m", _unit_m(mesh, size, path, said, given="unit_m" in file.nodes), low=1e-6, high=1e3)
+    _check_steps(mesh.parts, unit_m, path)
     matrix = (Y_UP if up == "y" else np.eye(4)) @ np.diag([unit_m, unit_m, unit_m, 1.0])
     return [one.moved(matrix) for one in mesh.parts], (), False
 
@@ -87,24 +99,49 @@ def _extent(parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
     return corners.min(axis=0), corners.max(axis=0)
 
 
-def _thinnest(size: np.ndarray, said: list[str]) -> str:
-    """The axis that points up where the format does not say: buildings are wider than high."""
-    up = "y" if size[1] < size[2] else "z"
-    if up == "y":
+def _up(mesh: MeshFile, size: np.ndarray, said: list[str]) -> str:
+    """The axis that points up: the format's, or the thinner of y and z, as buildings are wider than high. Said where the
+    format does not tell, and where a building would be higher than deep: programs write z up into formats whose y is up."""
+    thin = "y" if size[1] < size[2] else "z"
+    up = mesh.up or thin
+    if up not in ("y", "z"):
+        return up
+    if mesh.up is None and up == "y":
         said.append("taken with y up (for another write up: z in a world file)")
+    height, other = (size[1], size[2]) if up == "y" else (size[2], size[1])
+    if mesh.up is not None and height > LYING * other:
+        said.append(f"the format's {up} is up: {height:.4g} high, {size[0]:.4g} x {other:.4g} wide; if it lies on its side "
+                    f"write up: {thin} in a world file")
     return up
+
+
+def _check_steps(parts: Iterable[Part], unit_m: float, path: Path) -> None:
+    """Refuse numbers of 32 bits so far from the origin that walls are off by what lies between two of them."""
+    for one in parts:
+        corners = one.corners_m[np.isfinite(one.corners_m)]
+        if not corners.size:
+            continue
+        far = float(np.abs(corners).max())
+        step_m = float(np.spacing(np.float32(far))) * unit_m
+        if step_m > MOST_STEP_M and (corners.astype(np.float32) == corners).all():
+            raise ConfigError(f"{path}: stands {far:.3g} from the origin, where the 32-bit numbers of this file are "
+                              f"{step_m:.2g} m apart: its walls are off by that; move it to the origin where it was written")
 
 
 def _unit_m(mesh: MeshFile, size: np.ndarray, path: Path, said: list[str], *, given: bool) -> float:
     """Metres of the file's unit: as it says; else metres, or the smaller of millimetre and centimetre that makes a
-    building."""
+    building; inches where its walls are too low in centimetres and as high as a storey in inches."""
     unit = mesh.unit_m or 1.0
     longest = float(size.max()) * unit
     found = f"its extents are {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g}"
     if given or LEAST_M <= longest <= MOST_M:
+        if not given and mesh.unit_m is None and min(size[1], size[2]) > TALL_STOREY_M:
+            said.append(f"{found}: taken as metres (feet? write unit_m: 0.3048 in a world file)")
         return unit
     if mesh.unit_m is None and longest > MOST_M:
-        for guess, name in ((0.001, "millimetres"), (0.01, "centimetres")):
+        low_m = 0.01 * min(size[1], size[2])
+        inches = 0.01 * longest <= MOST_M and low_m < LOW_M and STOREY_M[0] <= 2.54 * low_m <= STOREY_M[1]
+        for guess, name in ((0.001, "millimetres"), (0.0254, "inches") if inches else (0.01, "centimetres")):
             if LEAST_M + 1.0 <= longest * guess <= MOST_M:
                 said.append(f"{found}: taken as {name} (for another unit write unit_m in a world file)")
                 return guess
@@ -121,12 +158,11 @@ def _normals_z(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def floor_m(corners: np.ndarray, on_ground: bool) -> float:
     """z of the floor: the lowest of the heights at which much of the building is level, and that has room above it. Zero, by
-    convention, for what stands on the ground (on_ground)."""
+    convention, for what stands on the ground (on_ground), unless a slab up to PLINTH_M above it lies under half of it."""
     low, high = float(corners[..., 2].min()), float(corners[..., 2].max())
-    if on_ground and low <= 0.1 and high >= 0.3:
-        return 0.0
+    standing = on_ground and low <= 0.1 and high >= 0.3
     steep, area = _normals_z(corners)
-    tall = (steep < UPRIGHT) & (np.ptp(corners[..., 2], axis=1) > TALL_M)
+    tall, tops = (steep < UPRIGHT) & (np.ptp(corners[..., 2], axis=1) > TALL_M), corners[..., 2].max(axis=1)
     walls = corners[tall] if tall.any() else corners
     (x0, y0), (x1, y1) = walls[..., :2].min(axis=(0, 1)).tolist(), walls[..., :2].max(axis=(0, 1)).tolist()
     shape = (max(1, int(np.ceil((y1 - y0) / SPOT_M))), max(1, int(np.ceil((x1 - x0) / SPOT_M))))
@@ -138,9 +174,13 @@ def floor_m(corners: np.ndarray, on_ground: bool) -> float:
     for b in sorted(spots):
         above = [s for c, s in spots.items() if STEP_M < (c - b) * BIN_M < COVERED_M]
         roofed = spots[b] & np.logical_or.reduce(above) if above else np.zeros(shape, bool)
+        if tall.any() and area[tall & (tops > b * BIN_M + TALL_M)].sum() < 0.1 * area[tall].sum():
+            continue  # the tops of walls
+        if standing and (not STEP_M < b * BIN_M <= PLINTH_M or spots[b].mean() < 0.5):
+            continue
         if spots[b].sum() >= 0.25 * most and roofed.sum() < 0.5 * spots[b].sum():
             return float(np.median(flat[level == b, 0, 2]))
-    return low
+    return 0.0 if standing else low
 
 
 def _spots(triangles: np.ndarray, shape: tuple[int, int], origin: tuple[float, float]) -> np.ndarray:
@@ -177,8 +217,8 @@ def solid_of(corners: np.ndarray, height_m: float, path: Path) -> np.ndarray:
 
 
 def _enclosed(solid: np.ndarray, radius_m: float, start_m: np.ndarray | None,
-              path: Path) -> tuple[tuple[Wall, ...], np.ndarray]:
-    """A fence if the robot could leave, and a point with room round it."""
+              path: Path) -> tuple[tuple[Wall, ...], np.ndarray, str]:
+    """A fence if the robot could leave, a point with room round it, and what to say of rooms that nothing leads to."""
     from rhs.api.footprints import touch
 
     (x0, y0), (x1, y1) = (solid.min(axis=(0, 1)) - PAD_M).tolist(), (solid.max(axis=(0, 1)) + PAD_M).tolist()
@@ -193,9 +233,9 @@ def _enclosed(solid: np.ndarray, radius_m: float, start_m: np.ndarray | None,
     outside = room[0].any() or room[-1].any() or room[:, 0].any() or room[:, -1].any()
     x0, y0, x1, y1 = np.floor(10 * x0) / 10, np.floor(10 * y0) / 10, np.ceil(10 * x1) / 10, np.ceil(10 * y1) / 10
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]])
-    if not outside:
-        return (), roomiest_m(grid, room)
-    return (Wall("fence", corners, HEIGHT_M),), roomiest_m(grid, _indoors(grid, room))
+    fence = (Wall("fence", corners, HEIGHT_M),) if outside else ()
+    stand = roomiest_m(grid, _indoors(grid, room) if outside else room, radius_m + MARGIN_M + SPARE_M)
+    return fence, stand, shut_words(shut_m2(grid, stand if start_m is None else start_m, radius_m))
 
 
 def _indoors(grid: OccupancyGrid, room: np.ndarray) -> np.ndarray:

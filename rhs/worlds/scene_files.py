@@ -12,6 +12,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -64,6 +65,8 @@ def read_scene(path: Path) -> Scene:
         raise ConfigError(f"{path}: the file begins with <{str(root.tag)[:40]}>; expected <sdf> or <robot>")
     if not scene.parts:
         left_out = f"; missing: {scene.missing[0]}" if scene.missing else ""
+        if "ros.org/wiki/xacro" in path.read_text("utf-8", "replace"):
+            raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > robot.urdf")
         raise ConfigError(f"{path}: nothing to see in this file{left_out}")
     return scene
 
@@ -87,7 +90,7 @@ def _children(scene: Scene, parent: Element, placed: np.ndarray, path: Path, dep
         raise ConfigError(f"{path}: models include one another more than {DEEPEST} deep; expected no circle")
     if parent.tag == "world":
         as_saved(parent)
-    poses = _poses(parent)
+    poses = _poses(parent, path)
     for child in parent:
         if child.tag == "world":
             _children(scene, child, placed, path, depth + 1)
@@ -104,13 +107,13 @@ def _children(scene: Scene, parent: Element, placed: np.ndarray, path: Path, dep
 
 def _actor(scene: Scene, actor: Element, placed: np.ndarray, path: Path) -> None:
     """Somebody who walks in the frame of the world, or stands."""
-    person = person_of(actor, _pose, path)
+    person = person_of(actor, partial(_pose, path=path), path)
     if person is not None:
         scene.people.append(person)
         return
     up = np.eye(4)
     up[2, 3] = 0.5 * ACTOR_M[1]
-    feet = placed @ _pose(actor)
+    feet = placed @ _pose(actor, path)
     feet[2, 3] = 0.0
     scene.parts.append(cylinder(*ACTOR_M).moved(feet @ up))
 
@@ -134,7 +137,8 @@ def _include(scene: Scene, element: Element, at: np.ndarray, path: Path, depth: 
         return
     root = _xml(found)
     models = root.findall("model")
-    own = _pose(models[0]) if models and element.find("pose") is not None else np.eye(4)  # the include's pose replaces it
+    posed = models and element.find("pose") is not None  # the include's pose replaces the model's
+    own = _pose(models[0], found) if posed else np.eye(4)
     _children(scene, root, at @ np.linalg.inv(own), found, depth + 1)
 
 
@@ -149,7 +153,7 @@ def _model_file(folder: Path) -> Path | None:
     return next(iter(sorted(folder.glob("*.sdf"))), None)
 
 
-def _poses(parent: Element) -> dict[int, np.ndarray]:
+def _poses(parent: Element, path: Path) -> dict[int, np.ndarray]:
     """id of each child -> where it stands in its parent; `relative_to` names a sibling."""
     named = {child.get("name"): child for child in parent if child.get("name")}
 
@@ -157,8 +161,8 @@ def _poses(parent: Element) -> dict[int, np.ndarray]:
         pose = child.find("pose")
         base = named.get((pose.get("relative_to") or pose.get("frame") or "") if pose is not None else "")
         if base is None or base is child or above > DEEPEST:
-            return _pose(child)
-        own: np.ndarray = stands(base, above + 1) @ _pose(child)
+            return _pose(child, path)
+        own: np.ndarray = stands(base, above + 1) @ _pose(child, path)
         return own
 
     return {id(child): stands(child, 0) for child in parent if child.tag in ("model", "link", "include", "frame")}
@@ -173,7 +177,7 @@ def _link(scene: Scene, link: Element, placed: np.ndarray, path: Path, depth: in
 
 def _shape(scene: Scene, shape: Element, placed: np.ndarray, path: Path) -> Iterator[Part]:
     """A visual or collision of SDF."""
-    geometry, at = shape.find("geometry"), placed @ _pose(shape)
+    geometry, at = shape.find("geometry"), placed @ _pose(shape, path)
     for kind in geometry if geometry is not None else ():
         if kind.tag == "plane":
             scene.ground = True
@@ -340,13 +344,13 @@ def _found(uri: str, folder: Path) -> Path | None:
     return next((place.resolve() for place in places if place.exists()), None)
 
 
-def _pose(element: Element) -> np.ndarray:
+def _pose(element: Element, path: Path) -> np.ndarray:
     """(4, 4) of the <pose> of an SDF element: x y z roll pitch yaw, or x y z and a quaternion x y z w."""
     pose = element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
     quaternion = pose.get("rotation_format") == "quat_xyzw"
-    values = _values(pose.text, 7 if quaternion else 6, "pose", None)
+    values = _values(pose.text, 7 if quaternion else 6, "pose", path)
     if quaternion:
         x, y, z, w = values[3:] / max(float(np.linalg.norm(values[3:])), 1e-12)
         angles = np.array([math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
@@ -372,14 +376,13 @@ def _numbers(element: Element, key: str, count: int, path: Path) -> np.ndarray:
     return _values(element.findtext(key), count, key, path)
 
 
-def _values(text: str | None, count: int, key: str, path: Path | None) -> np.ndarray:
-    where = "" if path is None else f"{path}: "
+def _values(text: str | None, count: int, key: str, path: Path) -> np.ndarray:
     try:
         values = np.array([float(word) for word in (text or "").split()])
     except ValueError:
         values = np.empty(0)
     if len(values) != count or not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 1e6:
-        raise ConfigError(f"{where}<{key}> is {(text or '').strip()[:60]!r}; expected {count} finite numbers")
+        raise ConfigError(f"{path}: <{key}> is {(text or '').strip()[:60]!r}; expected {count} finite numbers")
     return values
 
 

@@ -34,7 +34,7 @@ from .random.names import FAMILIES, PREFIX, is_random
 from .robot import inherit, put_robot, shape_of
 from .world_checks import check_extent, check_world
 from .world_moving import moving_of
-from .world_yaml import Section, no_keys, read_yaml
+from .world_yaml import FAR_M, Section, no_keys, read_yaml
 
 __all__ = ["Box", "Paintings", "Surface", "Wall", "World", "load_world", "mapping_grid_frame", "truth_grid",
            "world_names"]
@@ -114,7 +114,7 @@ def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
 
 def _world(path: Path, file: Section, building: Building | None = None) -> World:
     """What the file says. With a building it need name neither walls nor start nor route: `settled` finds them."""
-    x_m, y_m, yaw_deg = file.numbers("start", None if building is None else (0.0, 0.0, 0.0), count=3)
+    x_m, y_m, yaw_deg = file.numbers("start", None if building is None else (0.0, 0.0, 0.0), count=3, low=-FAR_M, high=FAR_M)
     walls_and_pilasters = [_wall(section) for section in file.sections("walls", required=building is None)]
     if building is None and not walls_and_pilasters:
         raise ConfigError(f"{file.where('walls')}: walls is empty; a world needs walls around its start")
@@ -228,7 +228,7 @@ def _changes(section: Section, boxes: list[str]) -> Changes:
 
 
 def _point(section: Section, key: str) -> tuple[float, float]:
-    x, y = section.numbers(key, count=2)
+    x, y = section.numbers(key, count=2, low=-FAR_M, high=FAR_M)
     return x, y
 
 

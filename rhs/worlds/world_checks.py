@@ -64,7 +64,7 @@ def check_extent(world: World, file: Located) -> None:
     x_min, y_min, x_max, y_max = world.bounds_m
     if (x_max - x_min) * (y_max - y_min) > MAX_AREA_M2:
         raise ConfigError(f"{file.where('walls')}: the walls span {x_max - x_min:g} x {y_max - y_min:g} m; "
-                          f"expected at most {MAX_AREA_M2:g} square metres")
+                          f"expected at most {MAX_AREA_M2:g} square metres (another unit, or a map's resolution?)")
 
 
 def _check_moving(world: World, file: Located) -> None:

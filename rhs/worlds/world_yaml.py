@@ -19,6 +19,7 @@ from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import one_line, read_text
 
 MAX_BYTES = 1_000_000
+FAR_M = 1e7  # a place on a map grid, such as UTM
 _NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]*)?([eE][-+]?[0-9]+)?|[-+]?\.[0-9]+([eE][-+]?[0-9]+)?")
 
 
@@ -135,7 +136,7 @@ class Section:
         for item in self._items(key, node):
             if not isinstance(item, yaml.SequenceNode) or len(item.value) != 2:
                 raise ConfigError(f"{_where(item)}: {key}: expected points such as [2.0, 1.0], found {_kind(item)}")
-            rows.append([_number(key, value, (-1e4, 1e4)) for value in item.value])
+            rows.append([_number(key, value, (-FAR_M, FAR_M)) for value in item.value])
         if len(rows) < least:
             raise ConfigError(f"{self.where(key)}: {key} has {len(rows)} points; expected at least {least}")
         return np.array(rows, float).reshape(-1, 2)

@@ -43,11 +43,13 @@ END_LEAST, END_SHARE, END_TIMES = 100, 0.002, 10.0
 
 
 class Log(NamedTuple):
-    """Scans in the order of the file, the odometry (x, y, theta) at each; lines of true poses and where they stand."""
+    """Scans in the order of the file, the odometry (x, y, theta) at each; lines of true poses and where they stand; what a
+    cut file no longer holds, in words."""
 
     readings: list[Reading]
     odometry: list[Pose]
     true: list[tuple[str, bytes]]
+    cut: list[str]
 
 
 def is_carmen(path: Path) -> bool:
@@ -83,7 +85,7 @@ def open_carmen(path: Path, settings) -> Recording:
 
     facts = _facts(path, [poses[i] for i in kept], log.readings[0].max_m)
     provides = frozenset({"scan", *(["wheel"] if wheels else []), *(["log_stamp_s"] if repaired else [])})
-    return Recording(NO_CAMERA, views(), len(kept), Counter(), facts, provides, repaired=repaired)
+    return Recording(NO_CAMERA, views(), len(kept), Counter(), facts, provides, lost=log.cut, repaired=repaired)
 
 
 def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFacts:
@@ -98,6 +100,7 @@ def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFact
 def _read(path: Path, settings) -> Log:
     """What a log holds. Raises ConfigError with file and line."""
     readings: list[Reading] = []
+    cut: list[str] = []
     beside: dict[bytes, list[tuple[str, bytes]]] = {ODOM: [], TRUE: []}
     kind, fov = b"", float(np.radians(settings.laser_fov_deg))
     with opened(path) as file:
@@ -114,12 +117,17 @@ def _read(path: Path, settings) -> Log:
             words = _words(line)
             if found != kind:  # scans that carry their pose are better than those that do not
                 kind, readings = found, []
-            readings.append(flaser(words, where, fov, settings.max_laser_m) if found == FLASER
-                            else robotlaser(words, where, settings.max_laser_m))
+            try:
+                readings.append(flaser(words, where, fov, settings.max_laser_m) if found == FLASER
+                                else robotlaser(words, where, settings.max_laser_m))
+            except ConfigError:
+                if line.endswith(b"\n") or not readings:
+                    raise
+                cut.append(f"the log is cut: its last line, {number}, is not whole")
     most_m = end_of_range(readings)
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
-    return Log(readings, odometry, beside[TRUE])
+    return Log(readings, odometry, beside[TRUE], cut)
 
 
 def end_of_range(readings: list[Reading]) -> float:

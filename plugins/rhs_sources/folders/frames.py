@@ -28,6 +28,7 @@ from .views import Listed, led, moved, numbered, stamps_by_name, truth_of
 COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results")
 DEPTHS = ("depth", "depths", "depth_images")
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm")
+DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".jpg", ".jpeg")  # the last two are refused by name
 RATE_HZ = 30.0
 DEPTH_SCALE = 1000.0
 SAME_SHAPE = 0.02  # by which width to height of two images of one scene may differ
@@ -56,10 +57,13 @@ def open_frames(path: Path, settings) -> Recording:
 
 def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]:
     """(number, file) of the images of colour and of depth: in a folder each, or named depth000001.png in one for both."""
-    colors, within = _folder(path, COLORS), _folder(path, DEPTHS)
+    colors, within = _folder(path, COLORS), _folder(path, DEPTHS, DEEP_IMAGES)
+    if within is None and (strange := _folder(path, DEPTHS, ("",))) is not None:
+        log.warning("%s: no depth is read from %s; expected numbered %s", path.name, strange.name,
+                    ", ".join(DEEP_IMAGES[:5]))
     together = _images(colors or path)
     if within is not None:
-        return together, _images(within)
+        return together, _images(within, DEEP_IMAGES)
     deep = [file.stem.lower().startswith("depth") for _, file in together]
     return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
             [one for one, is_deep in zip(together, deep, strict=True) if is_deep])
@@ -100,7 +104,8 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(path)), settings)
     deep = files[0][1] is not None
-    smaller = _first_depth(first, files[0][1], scale) if deep else None
+    typed = bool(settings.depth_scale or depth_scale_beside(path))
+    smaller = _first_depth(first, files[0][1], scale, typed=typed) if deep else None
     if smaller is not None:
         log.warning("%s: colour of %dx%d is made as small as its depth, %dx%d", path.name, *size, *smaller)
         camera = resized(camera, smaller)
@@ -112,7 +117,7 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
                                   f"{size[0]}x{size[1]} as in the first view")
         if not deep:
             return {"image": image}
-        depth = read_depth(files[i][1], scale=scale, max_depth_m=settings.max_depth_m)
+        depth = read_depth(files[i][1], scale=scale, max_depth_m=settings.max_depth_m, typed=typed)
         image = image if smaller is None else shrunk(image, smaller)
         check_pair(image, depth, files[i][0].name)
         return {"image": image, "depth": depth}
@@ -127,24 +132,25 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     return led(Listed(str(path), stamps, read, camera, provides, pose, rejected + counts), settings)
 
 
-def _first_depth(color: np.ndarray, file: Path, scale: float) -> tuple[int, int] | None:
+def _first_depth(color: np.ndarray, file: Path, scale: float, *, typed: bool) -> tuple[int, int] | None:
     """(width, height) of depth that shows all of the colour image in fewer pixels (ScanNet); None: in as many. Raises
     ConfigError where they do not fit each other, or the scale is wrong."""
-    depth = read_depth(file, scale=scale, max_depth_m=np.inf)
+    depth = read_depth(file, scale=scale, max_depth_m=np.inf, typed=typed)
     (height, width), (deep_height, deep_width) = color.shape[:2], depth.shape[:2]
     same_shape = abs(deep_width * height / (deep_height * width) - 1.0) < SAME_SHAPE
     smaller = (deep_width, deep_height) if same_shape and deep_width < width else None
     if smaller is None:
         check_pair(color, depth, file.name)
-    check_depth(depth, scale=scale, where=file.name)
+    check_depth(depth, scale=scale, where=file.name, typed=typed)
     return smaller
 
 
-def _folder(path: Path, names: tuple[str, ...]) -> Path | None:
+def _folder(path: Path, names: tuple[str, ...], kinds: tuple[str, ...] = IMAGES) -> Path | None:
     """The folder of that name, the first of the names first; any case."""
     inner = {p.name.lower(): p for p in path.iterdir() if p.is_dir()}
-    return next((inner[name] for name in names if name in inner and _images(inner[name])), None)
+    return next((inner[name] for name in names if name in inner and _images(inner[name], kinds)), None)
 
 
-def _images(folder: Path) -> list[tuple[str, Path]]:
-    return numbered(p for p in folder.iterdir() if p.suffix.lower() in IMAGES)
+def _images(folder: Path, kinds: tuple[str, ...] = IMAGES) -> list[tuple[str, Path]]:
+    """Numbered files of these kinds; of any kind where one of them is empty."""
+    return numbered(p for p in folder.iterdir() if p.suffix.lower() in kinds or "" in kinds)

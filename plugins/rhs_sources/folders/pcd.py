@@ -45,7 +45,19 @@ def _bin(path: Path) -> np.ndarray:
     if size == 0 or size % 16:
         raise ValueError("its size is no multiple of 16, four float32 a point")
     _check_count(size // 16)
-    return np.fromfile(path, "<f4").reshape(-1, 4)[:, :3]
+    numbers = np.fromfile(path, "<f4")
+    unlike = {width: _unlike(numbers.reshape(-1, width)) for width in (3, 4, 5, 6) if len(numbers) % width == 0}
+    likely = next(width for width, much in unlike.items() if much >= 0.8 * max(unlike.values()))  # 6 is 3 twice
+    if unlike[4] < 0.3 * unlike[likely]:
+        raise ValueError(f"it looks like {likely} float32 a point; four are read, x, y, z, intensity")
+    return numbers.reshape(-1, 4)[:, :3]
+
+
+def _unlike(table: np.ndarray) -> float:
+    """How much the columns of (N, C) differ in spread: hardly at all where a table is cut into rows of another length, for
+    then each column holds some of everything."""
+    good = table[np.isfinite(table).all(axis=1)].astype(float)
+    return float(np.log(np.std(good, axis=0) + 1e-3).std()) if len(good) > 100 else 0.0
 
 
 def _pcd(path: Path) -> np.ndarray:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..replay_stamps import number_of, rows
 
 FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log")
 FOLDERS = ("pose", "poses")
+_NUMBER = re.compile(r"(\d+)(?:\.pose)?$")  # 12, frame_0012, frame-000012.pose
 Poses = dict[int, np.ndarray | None]  # by line from 0, or by the number in the name
 
 
@@ -45,8 +47,9 @@ def poses_by_line(path: Path) -> Poses | None:
 
 def poses_by_number(folder: Path) -> Poses:
     """Of a folder of 4x4 matrices, by the number in their names."""
-    return {int(path.stem): _pose([number_of(word, f"{path.name}:{line}") for line, words in rows(path) for word in words],
-                                  path.name) for path in sorted(folder.glob("*.txt")) if path.stem.isdigit()}
+    named = ((_NUMBER.search(path.stem), path) for path in sorted(folder.glob("*.txt")))
+    return {int(found[1]): _pose([number_of(word, f"{path.name}:{line}") for line, words in rows(path) for word in words],
+                                 path.name) for found, path in named if found}
 
 
 def _logged(table: list[tuple[int, list[str]]], path: Path) -> Poses:

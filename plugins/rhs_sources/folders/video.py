@@ -25,6 +25,7 @@ from .intrinsics import intrinsics_beside
 from .views import moved, truth_of
 
 SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
+CUT_SHARE = 0.9  # of the pictures a container tells of; it may guess at their number
 RATE_HZ = 30.0  # where the container names none
 
 
@@ -45,21 +46,24 @@ def open_video(path: Path, settings) -> Recording:
     if 0 < total <= settings.start:
         raise ConfigError(f"{path}: source.start={settings.start} but the recording has {total} views")
     repaired: Counter = Counter()
+    lost: list[str] = []
     true, rejected = truth_of(None, settings)
     camera_from_body = inverse(camera.body_from_camera)
 
     def views():
         try:
-            for index, (line, stamp, image) in enumerate(_frames(video, settings, rate_hz, repaired)):
+            for index, (line, stamp, image) in enumerate(_frames(video, settings, rate_hz, repaired, lost)):
                 yield Capture(index, stamp, image=image, sensed=True), moved(true(line, stamp), camera_from_body)
         finally:
             video.release()
 
     expected = len(range(total)[settings.start :: settings.stride][: settings.count or None]) if total > 0 else None
-    return Recording(camera, views(), expected, rejected, provides=frozenset({"image", "gray"}), repaired=repaired)
+    return Recording(camera, views(), expected, rejected, provides=frozenset({"image", "gray"}), lost=lost,
+                     repaired=repaired)
 
 
-def _frames(video, settings, rate_hz: float, repaired: Counter) -> Iterator[tuple[int, float, np.ndarray]]:
+def _frames(video, settings, rate_hz: float, repaired: Counter,
+            lost: list[str]) -> Iterator[tuple[int, float, np.ndarray]]:
     """(number, stamp, RGB image) of the views that start, stride and count choose."""
     import cv2
 
@@ -75,6 +79,9 @@ def _frames(video, settings, rate_hz: float, repaired: Counter) -> Iterator[tupl
                 taken += 1
                 yield number, stamp, np.ascontiguousarray(image[:, :, ::-1])
         number += 1
+    told = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
+    if not (settings.count and taken == settings.count) and number < CUT_SHARE * told:
+        lost[:] = [f"the video is cut: {number} of {told} pictures"]
 
 
 def _video(path: Path):

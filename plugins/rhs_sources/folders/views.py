@@ -16,12 +16,11 @@ from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
 from ..replay_images import UnreadableImage
-from ..replay_stamps import read_tum_truth, typed_file
+from ..replay_stamps import UNITS_S, read_tum_truth, typed_file
 from ..replay_tum import Recording
 from .poses import poses_by_line, poses_by_number
 
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
-_UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
 Pose = Callable[[int], np.ndarray | None]
 At = Callable[[int, float], np.ndarray | None]
 
@@ -75,9 +74,9 @@ def numbered(files: Iterable[Path]) -> list[tuple[str, Path]]:
 def stamps_by_name(numbers: list[str], rate_hz: float, usual_hz: float) -> tuple[np.ndarray, bool]:
     """(N,) seconds of files by the numbers in their names, and whether these are times: seconds with a fraction, or the 10,
     13, 16 or 19 digits of a Unix time. Else, or where a rate was typed, files come at that rate."""
-    whole = [_UNITS_S.get(len(number)) for number in numbers if "." not in number]
+    whole = [UNITS_S.get(len(number)) for number in numbers if "." not in number]
     if rate_hz == 0.0 and numbers and all(whole):
-        return np.array([float(n) * (1.0 if "." in n else _UNITS_S[len(n)]) for n in numbers]), True
+        return np.array([float(n) * (1.0 if "." in n else UNITS_S[len(n)]) for n in numbers]), True
     return np.arange(len(numbers)) / (rate_hz or usual_hz), False
 
 

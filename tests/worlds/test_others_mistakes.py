@@ -1,0 +1,202 @@
+"""Buildings as people really have them: what is wrong with the file is said, in words that tell what to type."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from rhs.api.errors import ConfigError
+from rhs.base.commands import shortened
+from rhs.cli.main import main
+from rhs.worlds.world import load_world
+
+# x0, y0, x1, y1: a room of 5 x 4 m and one of 3 x 4 m behind a wall with a door of 1 m; metres.
+WALLS = ((-0.1, -0.1, 8.1, 0), (-0.1, 4, 8.1, 4.1), (-0.1, -0.1, 0, 4.1), (8, -0.1, 8.1, 4.1), (5, 0, 5.1, 1),
+         (5, 2, 5.1, 4))
+SHUT = (5, 1, 5.1, 2)
+
+
+def plan(folder: Path, image: np.ndarray, keys: str = "") -> Path:
+    """A plan of 5 cm pixels beside its YAML."""
+    cv2.imwrite(str(folder / "plan.png"), image)
+    (folder / "plan.yaml").write_text(f"image: plan.png\nresolution: 0.05\n{keys}", "utf-8")
+    return folder / "plan.png"
+
+
+def drawn(walls=WALLS) -> np.ndarray:
+    """(H, W) white paper with black walls, a metre of paper round them."""
+    image = np.full((124, 204), 255, np.uint8)
+    for x0, y0, x1, y1 in walls:
+        left, low, right, high = (round((v + 1.1) / 0.05) for v in (x0, y0, x1, y1))
+        image[124 - high:124 - low, left:right] = 0
+    return image
+
+
+def obj(folder: Path, walls=WALLS, *, relative: bool = False, unit: float = 1.0) -> Path:
+    """Boxes 2.5 m high, each with its vertices before its faces."""
+    text, count = "", 0
+    for x0, y0, x1, y1 in walls:
+        text += "".join(f"v {x * unit} {y * unit} {z * unit}\n" for z in (0, 2.5)
+                        for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+        count += 8
+        for face in ((1, 2, 6, 5), (2, 3, 7, 6), (3, 4, 8, 7), (4, 1, 5, 8), (5, 6, 7, 8)):
+            text += "f " + " ".join(str(corner - 9 if relative else count - 8 + corner) for corner in face) + "\n"
+    (folder / "house.obj").write_text(text)
+    return folder / "house.obj"
+
+
+def sdf(folder: Path, walls=WALLS, *, z: float = 0.0, more: str = "") -> Path:
+    boxes = "".join(f"<link name='l{k}'><pose>{(x0 + x1) / 2} {(y0 + y1) / 2} {1.25 + z} 0 0 0</pose><visual name='v'>"
+                    f"<geometry><box><size>{x1 - x0} {y1 - y0} 2.5</size></box></geometry></visual></link>"
+                    for k, (x0, y0, x1, y1) in enumerate(walls))
+    (folder / "house.sdf").write_text(f"<sdf version='1.6'><model name='house'>{boxes}{more}</model></sdf>")
+    return folder / "house.sdf"
+
+
+def test_a_room_whose_door_is_shut_is_left_out_and_that_is_said(tmp_path, caplog):
+    world = load_world(plan(tmp_path, drawn((*WALLS, SHUT))))
+    assert world.bounds_m[2] - world.bounds_m[0] == pytest.approx(5.0)
+    assert "nothing leads there: 1 part of 9 m2" in caplog.text
+    caplog.clear()
+    load_world(sdf(tmp_path, (*WALLS, SHUT)))
+    assert "nothing leads there: 1 part of" in caplog.text
+    caplog.clear()
+    load_world(plan(tmp_path, drawn()))
+    load_world(sdf(tmp_path))
+    assert "nothing leads there" not in caplog.text
+
+
+def test_a_plan_that_is_dark_or_pale_or_transparent_says_which_key_helps(tmp_path):
+    with pytest.raises(ConfigError, match="negate: 1"):
+        load_world(plan(tmp_path, np.where(drawn() == 255, 0, 80).astype(np.uint8)))
+    with pytest.raises(ConfigError, match=r"70 % bright.*free_thresh: 0\.32") as told:
+        load_world(plan(tmp_path, np.where(drawn() == 255, 178, 0).astype(np.uint8)))
+    keys = str(told.value).rsplit("write ", 1)[1]
+    assert load_world(plan(tmp_path, np.where(drawn() == 255, 178, 0).astype(np.uint8), keys)).places  # what it says to type
+    clear = np.dstack([drawn()] * 3 + [np.where(drawn() == 255, 0, 255).astype(np.uint8)])
+    with pytest.raises(ConfigError, match="transparent"):
+        load_world(plan(tmp_path, clear))
+
+
+def test_a_robot_with_nowhere_to_go_is_refused(tmp_path):
+    """White walls on black: the block that is drawn white holds the robot, and nothing else does."""
+    image = 255 - drawn()
+    image[60:90, 60:90] = 255
+    image[:20] = image[-20:] = 0
+    with pytest.raises(ConfigError, match="nowhere to go.*negate: 1"):
+        load_world(plan(tmp_path, image[20:-20, 22:-22], "occupied_thresh: 0.65\n"))
+
+
+def test_it_does_not_start_in_the_roomiest_corner_that_it_cannot_leave(tmp_path):
+    image = drawn((*WALLS, (5, 1, 5.1, 1.7), (0, 1.5, 5, 1.6)))  # 5 x 2.4 m behind a door of 0.3 m, and 3 x 4 m
+    image[40:44, 60:64] = image[52:56, 90:94] = 0
+    world = load_world(plan(tmp_path, image))
+    assert world.start[0] > 5.1 or len(world.places) > 1
+
+
+def test_a_photograph_is_said_to_be_one(tmp_path, caplog):
+    shade = np.linspace(0.5, 1.0, 204)[None]
+    load_world(plan(tmp_path, (drawn() * shade).astype(np.uint8)))
+    assert "a photograph?" in caplog.text
+
+
+def test_a_map_on_a_large_grey_sheet_is_where_its_origin_says(tmp_path):
+    sheet = np.full((1000, 1000), 205, np.uint8)
+    sheet[400:524, 300:504] = np.where(drawn() == 255, 254, drawn())
+    world = load_world(plan(tmp_path, sheet, "origin: [-16.1, -24.9, 0]\n"))  # of the sheet's lower left corner
+    assert world.bounds_m == pytest.approx((0.0, 0.0, 8.0, 4.0), abs=1e-6)
+
+
+def test_faces_that_count_back_from_the_last_vertex_are_where_they_stand(tmp_path):
+    pytest.importorskip("trimesh")
+    plain, back = load_world(obj(tmp_path)), load_world(obj(tmp_path, relative=True))
+    assert back.bounds_m == plain.bounds_m == pytest.approx((-0.1, -0.1, 8.1, 4.1))
+    assert back.mesh is not None and plain.mesh is not None and np.array_equal(back.mesh.corners_m, plain.mesh.corners_m)
+
+
+@pytest.mark.parametrize("unit, name", [(1000.0, "millimetres"), (100.0, "centimetres"), (1 / 0.0254, "inches")])
+def test_a_house_in_another_unit_is_as_large_as_it_is(tmp_path, caplog, unit, name):
+    pytest.importorskip("trimesh")
+    world = load_world(obj(tmp_path, unit=unit))
+    assert world.bounds_m == pytest.approx((-0.1, -0.1, 8.1, 4.1), abs=1e-4) and f"taken as {name}" in caplog.text
+
+
+def test_numbers_too_coarse_for_where_a_mesh_stands_are_refused(tmp_path):
+    """32-bit numbers of 5.6 million are half a metre apart; those of an OBJ are text, and whole."""
+    trimesh = pytest.importorskip("trimesh")
+    far = [(x0 + 350_000, y0 + 5_600_000, x1 + 350_000, y1 + 5_600_000) for x0, y0, x1, y1 in WALLS]
+    path = obj(tmp_path, far)
+    assert load_world(path).bounds_m == pytest.approx((349_999.9, 5_599_999.9, 350_008.1, 5_600_004.1))
+    trimesh.load(path).export(tmp_path / "house.stl")
+    with pytest.raises(ConfigError, match=r"32-bit numbers of this file are 0\.5 m apart"):
+        load_world(tmp_path / "house.stl")
+
+
+def test_a_mesh_that_lies_on_its_side_by_its_formats_word_is_pointed_at(tmp_path, caplog):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.load(obj(tmp_path)).export(tmp_path / "house.glb")  # z up, in a format whose y is up
+    load_world(tmp_path / "house.glb")
+    assert "write up: z in a world file" in caplog.text
+    caplog.clear()
+    (tmp_path / "told.yaml").write_text("building: house.glb\nup: z\n")
+    assert load_world(tmp_path / "told.yaml").bounds_m == pytest.approx((-0.1, -0.1, 8.1, 4.1), abs=1e-4)
+    assert "lies on its side" not in caplog.text
+
+
+def test_a_house_on_a_plinth_is_entered(tmp_path, caplog):
+    slab = "<link name='s'><pose>4 2 0.1 0 0 0</pose><visual name='v'><geometry><box><size>8.2 4.2 0.1</size></box>"
+    world = load_world(sdf(tmp_path, z=0.15, more=f"{slab}</geometry></visual></link>"))
+    assert "floor found at z = 0.15 m" in caplog.text and 0 < world.start[0] < 8 and 0 < world.start[1] < 4
+    table = slab.replace("0.1 0 0 0", "0.4 0 0 0").replace("8.2 4.2", "2 2")
+    caplog.clear()
+    load_world(sdf(tmp_path, more=f"{table}</geometry></visual></link>"))
+    assert "floor found" not in caplog.text
+
+
+def test_a_robot_that_looks_over_the_walls_is_refused(tmp_path):
+    sdf(tmp_path)
+    (tmp_path / "tall.yaml").write_text("building: house.sdf\ncamera_height_m: 2.8\n")
+    with pytest.raises(ConfigError, match=r"tall\.yaml:2: a robot 2\.8 m high looks over this building of 2\.50 m"):
+        load_world(tmp_path / "tall.yaml")
+
+
+def test_a_world_without_places_says_that_nothing_is_patrolled(tmp_path, caplog):
+    outer = "[[0, 0], [3, 0], [3, 3], [0, 3], [0, 0]]"
+    (tmp_path / "bare.yaml").write_text("start: [1, 1, 0]\nroute_m: [[1, 1], [1.5, 1]]\n"
+                                        f"walls: [{{name: o, points_m: {outer}}}]")
+    words = [f"world={tmp_path / 'bare.yaml'}", "source.image_width=64", "pictures=off", "recording=off", "ahead=off"]
+    assert main([*words, f"output={tmp_path / 'run'}"]) == 0
+    assert "names no places, so nothing is patrolled" in caplog.text
+
+
+def test_a_broken_pose_names_its_file(tmp_path):
+    with pytest.raises(ConfigError, match=r"house\.sdf: <pose> is '1 2'"):
+        load_world(sdf(tmp_path, more="<link name='x'><pose>1 2</pose></link>"))
+
+
+@pytest.mark.parametrize("name", ["house.stl", "house.sdf", "plan.png"])
+def test_a_file_that_git_lfs_has_not_fetched_says_what_to_type(tmp_path, name):
+    plan(tmp_path, drawn())
+    (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n")
+    with pytest.raises(ConfigError, match="git lfs pull"):
+        load_world(tmp_path / name)
+
+
+def test_a_cut_stl_is_called_so(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.load(obj(tmp_path)).export(tmp_path / "house.stl")
+    whole = (tmp_path / "house.stl").read_bytes()
+    (tmp_path / "house.stl").write_bytes(whole[:1500])
+    with pytest.raises(ConfigError, match="no whole STL file|cannot read this mesh"):
+        load_world(tmp_path / "house.stl")
+
+
+def test_a_long_complaint_keeps_the_files_name_and_what_to_type():
+    told = shortened(f"/home/my own {'long/' * 60}house.obj: found nothing; type source.robot_radius_m=", 200)
+    assert told == ".../house.obj: found nothing; type source.robot_radius_m="
+    assert shortened(f"world=/{'long/' * 60}a.obj: no such file", 200) == "world=.../a.obj: no such file"
+    assert shortened("a b " * 100, 20) == "a b a b a b a b a..."
+    assert shortened("short", 200) == "short"
