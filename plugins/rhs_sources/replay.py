@@ -59,9 +59,10 @@ class ReplaySource(Source):
         self._ahead = self._reader.submit(next, self._views, None)
         if self._ahead.exception() is None and self._ahead.result() is None:
             self._reader.shutdown()
+            hint = "; type source.max_difference_s=SECONDS for colour and depth that never meet" if self.rejected[
+                "unpaired"] else ""
             raise ConfigError(f"source.path={settings.path} holds no whole view "
-                              f"({_counted(self.rejected) or 'nothing rejected'}); "
-                              "colour and depth that never meet: type source.max_difference_s=SECONDS")
+                              f"({_counted(+self.rejected) or 'nothing rejected'}){hint}")
         self._truth: np.ndarray | None = None
         self._told = self._begun = False
 

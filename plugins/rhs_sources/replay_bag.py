@@ -265,6 +265,8 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
         last[topic] = stamp
         if topic == topics.wheel:
             wheel = ros.pose_of(message, topic)
+        elif topic == topics.scan and len(message.ranges) == 0:
+            counts["empty"] += 1
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic), placed.scan, topic)
             if not topics.color and not topics.around:

@@ -94,8 +94,8 @@ def scan_of(message, topic: str) -> Scan:
     if not np.all(np.isfinite(bearings)) or not message.range_max > 0:
         raise ConfigError(f"{topic}: the scan's angles or range_max are not finite numbers above zero")
     around = abs(message.angle_increment) * (len(ranges) - 1)
-    if len(ranges) == 0 or around > MOST_RAD or (len(ranges) > 1 and around == 0.0):
-        raise ConfigError(f"{topic}: a scan of {len(ranges)} ranges, {message.angle_increment:g} rad apart; expected some, "
+    if around > MOST_RAD or (len(ranges) > 1 and around == 0.0):
+        raise ConfigError(f"{topic}: a scan of {len(ranges)} ranges, {message.angle_increment:g} rad apart; expected them "
                           "over at most a turn, in radians")
     known = np.where((ranges >= message.range_min) & (ranges > 0.0), ranges, np.nan)  # 0: many drivers' word for nothing
     seen = known[np.isfinite(known)]

@@ -137,11 +137,24 @@ def test_a_range_of_zero_is_no_wall_where_the_scanner_stands(tmp_path):
 
 
 @pytest.mark.parametrize("ranges, changes, words", [
-    ([], {}, "a scan of 0 ranges"), ([2.0] * 9, {"angle_increment": 0.0}, "0 rad apart"),
+    ([2.0] * 9, {"angle_increment": 0.0}, "0 rad apart"),
     ([2.0] * 181, {"angle_increment": 1.0}, "in radians"), ([2000.0] * 9, {"range_max": 3e4}, "2000 m typically")])
-def test_scans_in_degrees_or_millimetres_or_without_beams_are_refused(tmp_path, ranges, changes, words):
+def test_scans_in_degrees_or_millimetres_are_refused(tmp_path, ranges, changes, words):
     with pytest.raises(ConfigError, match=words):
         next(opened(bag(tmp_path, scans(ranges, **changes))).views)
+
+
+def test_scans_without_beams_are_left_out_and_counted(tmp_path):
+    """Drivers send some while a scanner starts."""
+    def fill(made):
+        scans([])(made)
+        made.put("/scan", STAMPS[3], made.make(
+            "sensor_msgs/msg/LaserScan", header=made.header(STAMPS[3], "laser"), angle_min=-1.0, angle_max=1.0,
+            angle_increment=1.0, range_min=0.0, range_max=30.0, time_increment=0.0, scan_time=0.1, ranges=np.full(3, 2.0, np.float32),
+            intensities=np.zeros(0, np.float32)))
+
+    recording = opened(bag(tmp_path, fill))
+    assert len(list(recording.views)) == 1 and recording.rejected == {"empty": 3}
 
 
 def images(made, color="/camera/rgb/image_raw", *, late_s=0.0, infos=("/camera/rgb/camera_info",), lens=(0.0,) * 5):
