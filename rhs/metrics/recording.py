@@ -12,7 +12,7 @@ FILE = "recording"  # recording.json: {"rejected": {reason: count}}
 THROWN = ("duplicate", "backward", "outlier", "not_finite", "empty")  # why a view goes; a `jump` of the clock is kept
 _SOURCE = "rhs.metrics.recording"
 _COLUMNS = (
-    ("stamps_rejected", "", "views of a recording left out: stamps equal, backward, far off, no number; scans without beams", _SOURCE),
+    ("stamps_rejected", "", "views of a recording left out: stamps equal, backward, far off, no number; no beams", _SOURCE),
     ("stamps_jumped", "", "jumps of a recording's clock; the views are kept", _SOURCE),
     ("views_unpaired", "", "images of a recording left out because their partner (depth, second camera) is not there",
      _SOURCE),

@@ -150,7 +150,8 @@ def test_scans_without_beams_are_left_out_and_counted(tmp_path):
         scans([])(made)
         made.put("/scan", STAMPS[3], made.make(
             "sensor_msgs/msg/LaserScan", header=made.header(STAMPS[3], "laser"), angle_min=-1.0, angle_max=1.0,
-            angle_increment=1.0, range_min=0.0, range_max=30.0, time_increment=0.0, scan_time=0.1, ranges=np.full(3, 2.0, np.float32),
+            angle_increment=1.0, range_min=0.0, range_max=30.0, time_increment=0.0, scan_time=0.1,
+            ranges=np.full(3, 2.0, np.float32),
             intensities=np.zeros(0, np.float32)))
 
     recording = opened(bag(tmp_path, fill))
