@@ -32,7 +32,7 @@ WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
 WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 MOST_BARRED = 6  # commands refused on end after which a gap hardly wider than the robot is not tried again
-MOST_BACK, MOST_BACK_TO_SEE = 2, 5  # times on the way to one place that the robot goes back: to find a way, or to see
+MOST_BACK, MOST_BACK_TO_SEE, MOST_RETURNS = 2, 5, 3  # times a place: back to find a way, to see, to what barred a way before
 LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)  # forth and back
 
 
@@ -77,7 +77,7 @@ class Sentinel:
         self.looked_again = False
         self.seen_obstacles: list[np.ndarray] = []
         self.progress, self.aside = Progress(), Aside()
-        self.waited = self.views_spent = self.lost_steps = self.contacts = self.barred = self.backed = 0
+        self.waited = self.views_spent = self.lost_steps = self.contacts = self.barred = self.backed = self.returned = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -285,11 +285,13 @@ class Sentinel:
         return goes
 
     def _may_have_gone(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
-        """Where something moves: whether anything that was seen before may have gone, and is forgotten. Who is seen to come
-        and stands in the way here is waited for first."""
-        if not self.guard.moves or (self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))):
+        """Whether anything that was seen before may have gone, and is forgotten: where something moves, and else a few times
+        a place. Who is seen to come and stands in the way here is waited for first."""
+        comes = self.guard.moves and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
+        if comes or not self.guard.moves and (self.contacts or self.returned >= MOST_RETURNS):
             return False
-        return self.watch.forget_gone(self.guard.around.now_s)
+        self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s))
+        return gone
 
     def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
         """Stand for a view before what is in the way; the plan that failed is tried again."""
