@@ -20,8 +20,10 @@ PLACES = (("a", 4.0, 1.0), ("b", 7.0, 4.0), ("c", 4.0, 7.0), ("home", 1.0, 1.0))
 def patrol(world: Flatland, *, localiser=None, settings=None, limit=2000):
     grid = world.grid()
     oracle = Oracle(world)
-    sentinel = Sentinel(parts(localiser or oracle), grid, (), places=world.facts.places,
-                        radius_m=world.radius, settings=settings or MissionSettings())
+    given = parts(localiser or oracle)
+    given.planner.corners = False
+    sentinel = Sentinel(given, grid, (), places=world.facts.places, radius_m=world.radius,
+                        settings=settings or MissionSettings())
     out = []
     for step in steps(world, Through(world.camera), oracle, sentinel):
         out.append(step)

@@ -89,10 +89,16 @@ def test_a_place_that_stays_blocked_is_put_off_so_often_and_then_given_up():
 
 def test_a_place_with_no_way_past_what_was_seen_is_tried_once_more_when_the_others_are_done():
     """Both ways to a are closed until the robot is on its way home; or for good."""
-    order = [one for one in told(patrol(NewMission(), hidden=barrier((25, 28)), leaves=70)[0]) if one[1] != "aborted"]
+    order = [one for one in told(patrol(NewMission(), hidden=barrier((25, 28)), leaves=100)[0]) if one[1] != "aborted"]
     assert order == [("a", "skipped"), ("home", "arrived"), ("a", "arrived")]
     order = [one for one in told(patrol(NewMission(), hidden=barrier((25, 28)))[0]) if one[1] != "aborted"]
     assert order == [("a", "skipped"), ("home", "arrived"), ("a", "gave_up")]
+
+
+def test_what_barred_a_way_is_looked_at_again_before_the_last_place_is_given_up():
+    """Both ways to the only place are closed; both open while the robot is under way between them, or never."""
+    assert told(patrol(NewMission(), hidden=barrier((25, 28)), leaves=70, places=PLACES[:1])[0])[-1] == ("a", "arrived")
+    assert told(patrol(NewMission(), hidden=barrier((25, 28)), places=PLACES[:1])[0])[-1] == ("a", "gave_up")
 
 
 def test_without_a_way_round_go_round_waits():
