@@ -18,15 +18,16 @@ import os
 import socket
 import time
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rhs.base.errors import RhsError
 
 from .row import encoded
 
+Value = TypeVar("Value")
 FOLDER = "rows"
 PLAIN = (str, int, float, bool)
 SYNC_ROWS, SYNC_S = 1000, 1.0  # the disk is told after so many rows, or so long
@@ -144,12 +145,20 @@ def last_texts(paths: Sequence[Path], broken: list[str]) -> dict[str, str]:
     return {key_of(text): text for path in paths for text in lines_of(path, broken)}
 
 
-def read_lines(paths: Sequence[Path], broken: list[str]) -> dict[str, Line]:
-    """The same as rows; complaints go into `broken`."""
-    found: dict[str, Line] = {}
-    for key, text in last_texts(paths, broken).items():
-        try:
-            found[key] = parsed(text)
-        except (ValueError, KeyError, RecursionError, RhsError) as error:
-            broken.append(f"a row of {paths[0].parent}: {error}"[:180])
+def from_rows(paths: Sequence[Path], broken: list[str], of: Callable[[Line], Value]) -> dict[str, Value]:
+    """Key of the words -> what `of` takes from the last whole line of it. One line is in memory at a time; complaints go
+    into `broken`."""
+    found: dict[str, Value] = {}
+    for path in paths:
+        for text in lines_of(path, broken):
+            try:
+                found[key_of(text)] = of(parsed(text))
+            except (ValueError, KeyError, RecursionError, RhsError) as error:
+                found.pop(key_of(text), None)
+                broken.append(f"a row of {path.parent}: {error}"[:180])
     return found
+
+
+def read_lines(paths: Sequence[Path], broken: list[str]) -> dict[str, Line]:
+    """The same as whole rows."""
+    return from_rows(paths, broken, lambda line: line)

@@ -28,7 +28,7 @@ from rhs.config.loose import loose_names
 from rhs.config.overrides import Combinations, Word, parse, sweep_words, swept_keys
 from rhs.runfolder.folders import set_aside
 from rhs.runfolder.row import read_row
-from rhs.runfolder.shards import key_of, lines_of, read_lines, shards, words_key
+from rhs.runfolder.shards import from_rows, key_of, lines_of, shards, words_key
 
 from .choice import Choice, choose, split
 from .jobs import Job
@@ -224,8 +224,9 @@ def finished(folder: Path) -> Done:
                 words |= {named[path.parent.name]} if path.parent.name in named else set()
         except RhsError:
             continue
-    lines = {key: str(line.row.get("config_hash")) for key, line in read_lines(shards(folder), []).items()
-             if line.row.get("status") == "ok"}
+    hashes = from_rows(shards(folder), [],
+                       lambda line: str(line.row.get("config_hash")) if line.row["status"] == "ok" else "")
+    lines = {key: config for key, config in hashes.items() if config}
     return Done(frozenset(configs | {*lines.values()}), frozenset(words | {*lines}), lines)
 
 
@@ -239,7 +240,7 @@ def _named(folder: Path) -> dict[str, str]:
 
 def status_of(plan: Plan, folder: Path) -> dict[str, str]:
     """What the rows say became of each job of a sweep that was planned whole; jobs without a row are missing."""
-    lines = {line.run: str(line.row["status"]) for line in read_lines(shards(folder), []).values()}
+    lines = dict(from_rows(shards(folder), [], lambda line: (line.run, str(line.row["status"]))).values())
     found: dict[str, str] = {}
     for job in plan.first:
         try:
