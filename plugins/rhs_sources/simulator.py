@@ -258,7 +258,7 @@ def judge_of(world: World) -> Solid | None:
         from .simulator_solid import Solid
     except ModuleNotFoundError:
         log.warning("nothing judges collisions and the robot cannot be driven: the package pybullet is not installed; "
-                    "type: pip install pybullet")
+                    "type: pip install pybullet, or pybullet-arm64, its fork with wheels for more systems")
         return None
     return Solid(world)
 

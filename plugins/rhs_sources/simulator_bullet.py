@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 
 @contextmanager
@@ -20,7 +20,8 @@ def quiet() -> Iterator[None]:
         os.dup2(nowhere, 1)
         os.dup2(nowhere, 2)
         yield
-        ctypes.CDLL(None).fflush(None)  # the C libraries keep their words in buffers of their own
+        with suppress(AttributeError, OSError, TypeError):  # not on Windows
+            ctypes.CDLL(None).fflush(None)  # the C libraries keep their words in buffers of their own
     finally:
         os.dup2(kept[0], 1)
         os.dup2(kept[1], 2)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from rhs.base.errors import RhsError
+from rhs.base.system import free_space_mb
 
 
 def is_unfinished(path: Path) -> bool:
@@ -48,7 +49,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
     partial = path.with_name(f"{path.stem}.tmp-{os.getpid()}{path.suffix}")
     try:
         write(partial)
-        with partial.open("rb") as file:
+        with partial.open("r+b") as file:
             os.fsync(file.fileno())
         os.replace(partial, path)
     except OSError as error:
@@ -62,7 +63,6 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
 def free_space(path: Path) -> str:
     """Words for the space left where `path` would be."""
     try:
-        stat = os.statvfs(Path(path).parent)
+        return f"{free_space_mb(Path(path).parent):.0f} MB free"
     except OSError:
         return "free space unknown"
-    return f"{stat.f_bavail * stat.f_frsize / 1e6:.0f} MB free"

@@ -13,12 +13,13 @@ import signal
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from .system import CAN_FORK, ENDINGS, KILL, PAGE_BYTES
+
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 # Environment of a process whose sums must not depend on how many threads share them; read when numpy is imported.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
            "OPENCV_FOR_THREADS_NUM")
 SWEEP_PATH = "RHS_SWEEP_PATH"  # in the environment of the server of a sweep: where it looks for modules
-PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
 def adopt_orphans() -> None:
@@ -28,7 +29,7 @@ def adopt_orphans() -> None:
 
 def die_with_parent() -> None:
     """This process is killed when the one that forked it ends."""
-    _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    _prctl(PR_SET_PDEATHSIG, KILL)
 
 
 def _prctl(option: int, value: int) -> None:
@@ -45,11 +46,12 @@ def raises(error: type[BaseException], *, once: bool = False) -> Callable[[int, 
         raise error()
 
     def as_usual() -> None:
-        for number in (signal.SIGTERM, signal.SIGHUP):
+        for number in ENDINGS:
             if signal.getsignal(number) is handle:
                 signal.signal(number, signal.SIG_DFL)
 
-    os.register_at_fork(after_in_child=as_usual)
+    if CAN_FORK:
+        os.register_at_fork(after_in_child=as_usual)
     return handle
 
 
@@ -83,15 +85,15 @@ def kill(pids: Iterable[int]) -> None:
     """SIGKILL to each that is still there."""
     for pid in pids:
         with contextlib.suppress(OSError):
-            os.kill(pid, signal.SIGKILL)
+            os.kill(pid, KILL)
 
 
 def kill_group(pid: int) -> None:
     """SIGKILL to the process, its descendants and its process group."""
     kill(descendants(pid))
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, AttributeError):
         if os.getpgid(pid) == pid:
-            os.killpg(pid, signal.SIGKILL)
+            os.killpg(pid, KILL)
     kill([pid])
 
 
@@ -110,11 +112,3 @@ def _is_zombie(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
     except (OSError, IndexError):
         return True
-
-
-def total_memory_mb() -> float:
-    """Memory of the machine, MB; infinity where it cannot be told."""
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * PAGE_BYTES / 2**20
-    except (ValueError, OSError):
-        return float("inf")

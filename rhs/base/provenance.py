@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pybullet", "ompl", "hydra-core")
+FORKS = {"pybullet": "pybullet-arm64"}  # the same module by another name, where the first has no wheels (pyproject.toml)
 
 
 @cache
@@ -46,7 +47,7 @@ def _version(name: str) -> str:
     try:
         return version(name)
     except PackageNotFoundError:
-        return "absent"
+        return f"{_version(fork)} ({fork})" if (fork := FORKS.get(name)) else "absent"
 
 
 def peak_memory_mb() -> float:
@@ -55,6 +56,8 @@ def peak_memory_mb() -> float:
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM:")) / 1024.0
     except (OSError, StopIteration):
-        import resource
-
+        try:
+            import resource
+        except ImportError:  # Windows
+            return float("nan")
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

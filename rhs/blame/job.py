@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.randomness import generator
 from rhs.api.task import Value
+from rhs.base.system import processors
 from rhs.config.degraded import Degraded
 from rhs.metrics.blame import ALONE, MEASURES, WORTH, judged, losses_of, measure_of, off_since
 from rhs.metrics.shares import (
@@ -71,7 +71,7 @@ class BlameJob:
         if any(truth is None for _, truth, _ in chain.source.taken):
             raise ConfigError("task=blame needs a source that knows the truth")
         chain.folder.mkdir()
-        columns = self._driven(Trials(chain, settings.processes or len(os.sched_getaffinity(0))))
+        columns = self._driven(Trials(chain, settings.processes or processors()))
         shutil.rmtree(chain.folder)
         write_table(folder / "counterfactuals.csv", columns)
         for known, found in columns.items():

@@ -34,7 +34,7 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps.atlas import read_atlas
-    from rhs.sweeps.jobs import Limits, processes
+    from rhs.sweeps.jobs import Limits, processors
 
     chosen = _arguments().parse_intermixed_args(list(words))
     files = [Path(word) for word in chosen.words if not word.startswith("output=")]
@@ -46,7 +46,7 @@ def main(words: Sequence[str]) -> int:
     atlas = read_atlas(files[0], chosen.runs)
     output = next((word.partition("=")[2] for word in chosen.words if word.startswith("output=")), "")
     with claim_sweep(output or str(HOME / f"atlas_{files[0].stem}")) as claim:
-        _searched(atlas, claim.folder, Limits(chosen.jobs or processes(), chosen.timeout))
+        _searched(atlas, claim.folder, Limits(chosen.jobs or processors(), chosen.timeout))
         sys.stdout.write(f"files: {claim.folder}\n")
     return 0
 

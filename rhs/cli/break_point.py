@@ -27,14 +27,14 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import break_point
-    from rhs.sweeps.jobs import Limits, processes
+    from rhs.sweeps.jobs import Limits, processors
 
     chosen = _arguments().parse_intermixed_args(list(words))
     check_range("", "--runs", chosen.runs, low=4, high=10_000)
     check_range("", "--jobs", chosen.jobs, low=0, high=1024)
     check_range("", "--timeout", chosen.timeout, low=0.0, high=1e7, unit="s")
     plan = break_point.plan(chosen.overrides)
-    limits = Limits(chosen.jobs or processes(), chosen.timeout)
+    limits = Limits(chosen.jobs or processors(), chosen.timeout)
     with claim_sweep(plan.output) as claim:
         accounts = _searched(plan, claim.folder, limits, chosen.runs)
         _publish(accounts, plan.dial, claim.folder)

@@ -47,7 +47,8 @@ def begin() -> None:
 def compile_ahead(parent: int) -> None:
     """Compile what is listed, or read it where it is compiled already. parent: the process that this is done for."""
     die_with_parent()
-    os.nice(STANDS_BACK)
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(STANDS_BACK)
     from numba.core.sigutils import normalize_signature
 
     for module, function, signature in listed():

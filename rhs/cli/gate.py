@@ -36,7 +36,7 @@ Row = Mapping[str, object]
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processes
+    from rhs.sweeps.jobs import Limits, processors
 
     chosen = _arguments().parse_intermixed_args(list(words))
     check_range("", "--pairs", chosen.pairs, low=4, high=100_000)
@@ -49,7 +49,7 @@ def main(words: Sequence[str]) -> int:
     output = next((word.partition("=")[2] for word in change if word.startswith("output=")), "")
     pairs = _pairs(Path(folders[0]), [word for word in change if not word.startswith("output=")], chosen.pairs)
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
-    limits = Limits(chosen.jobs or processes())
+    limits = Limits(chosen.jobs or processors())
     with claim_sweep(output) as claim:
         found = _compared(pairs, claim.folder, limits, measure, chosen.margin)
         told = {"measure": measure, "margin": chosen.margin, **asdict(found)}

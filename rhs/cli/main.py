@@ -22,6 +22,7 @@ from pathlib import Path  # noqa: E402
 
 from rhs.base.commands import plain  # noqa: E402
 from rhs.base.errors import ConfigError, EngineError, RhsError  # noqa: E402
+from rhs.base.system import ENDINGS  # noqa: E402
 
 from . import first_run  # noqa: E402
 from .commands import command, plugin_files  # noqa: E402
@@ -42,7 +43,7 @@ def main(words: list[str] | None = None) -> int:
     words = sys.argv[1:] if words is None else words
     debug = "--debug" in words
     warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
-    ends = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
+    ends = [number for number in ENDINGS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
     terminate = raises(Terminated)
     before = {number: signal.signal(number, terminate) for number in ends}
     try:
@@ -208,14 +209,14 @@ def _run_sweep(plan, folder: Path, limits) -> int:
 
 def _limits(arguments: argparse.Namespace):
     from rhs.base.errors import check_range
-    from rhs.sweeps.jobs import Limits, processes
+    from rhs.sweeps.jobs import Limits, processors
 
     check_range("", "--jobs", arguments.jobs, low=0, high=1024)
     check_range("", "--timeout", arguments.timeout, low=0.0, high=1e7, unit="s")
     check_range("", "--fail-fast", arguments.fail_fast, low=0, high=1_000_000)
     check_range("", "--memory-mb", arguments.memory_mb, low=0.0, high=1e7, unit="MB")
     check_range("", "--retries", arguments.retries, low=0, high=100)
-    return Limits(arguments.jobs or processes(), arguments.timeout, arguments.fail_fast, arguments.memory_mb,
+    return Limits(arguments.jobs or processors(), arguments.timeout, arguments.fail_fast, arguments.memory_mb,
                   arguments.retries)
 
 

@@ -25,7 +25,7 @@ class Terminated(KeyboardInterrupt):
 def one_run(config: RunConfig, debug: bool) -> int:
     """Run it under a progress bar, say what came of it; the exit code."""
     from rhs.api.jit import on_compile
-    from rhs.patrol.ahead import processors
+    from rhs.base.system import processors
     from rhs.patrol.observers import bar
     from rhs.patrol.run import run_config
     from rhs.runfolder.folders import claim_run

@@ -38,7 +38,7 @@ COLUMNS = ("setting", "default", "value", "change_pct", "low_pct", "high_pct", "
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processes
+    from rhs.sweeps.jobs import Limits, processors
     from rhs.sweeps.kept import kept_rows
     from rhs.sweeps.sensitivity import ask, effects, in_words
 
@@ -52,7 +52,7 @@ def main(words: Sequence[str]) -> int:
     asked = ask(typed, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
     with claim_sweep(output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
         with running(len(asked.jobs)) as tell:
-            limits = Limits(chosen.jobs or processes(), chosen.timeout)
+            limits = Limits(chosen.jobs or processors(), chosen.timeout)
             rows = kept_rows(asked.jobs, claim.folder, limits, tell=tell, keep="none")
         found = effects(asked, rows)
         _publish(asked, found, claim.folder)

@@ -25,7 +25,7 @@ Table = tuple[list[dict[str, str]], dict[str, dict[str, Any]]]  # rows, and how 
 def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     """The command. Exit code 0; 3 when a run of it left no row."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processes
+    from rhs.sweeps.jobs import Limits, processors
     from rhs.sweeps.suite import SUITES
 
     check_range("", "--jobs", chosen.jobs, low=0, high=1024)
@@ -38,7 +38,7 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     jobs = {name: _jobs(typed, suite, data) for name, typed in combinations.items()}
     combinations = {name: typed for name, typed in combinations.items() if jobs[name]}
     with claim_sweep(folder) as claim:
-        limits = Limits(chosen.jobs or processes(), chosen.timeout)
+        limits = Limits(chosen.jobs or processors(), chosen.timeout)
         rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
         for name, told in made.items():
             told |= {"words": combinations[name], "command": _shown(words)}

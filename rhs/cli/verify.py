@@ -27,7 +27,7 @@ from rhs.base.errors import ConfigError, PluginError, check_range
 from rhs.base.strict_yaml import load_yaml
 from rhs.config.compose import RunConfig, compose_config, config_hash, from_plain
 from rhs.runfolder.row import machine_dependent, read_row, write_row
-from rhs.sweeps.jobs import Job, Limits, processes, run_jobs
+from rhs.sweeps.jobs import Job, Limits, processors, run_jobs
 from rhs.sweeps.runs import rows_of, values_of
 
 CLASSES = ("equal", "within 1e-6", "other")
@@ -149,7 +149,7 @@ def again(configs: Mapping[str, RunConfig], jobs: int) -> dict[str, dict[str, ob
                        ahead="off")
         planned[config_hash(config)] = Job(f"again_{config_hash(config)}", bare, ())
     with tempfile.TemporaryDirectory(prefix="rhs-verify-") as folder:
-        run_jobs(list(planned.values()), Path(folder), Limits(jobs or processes()), tell=lambda job, status: None)
+        run_jobs(list(planned.values()), Path(folder), Limits(jobs or processors()), tell=lambda job, status: None)
         rows = {key: read_row(Path(folder) / job.name / "row.json") for key, job in planned.items()}
     return {name: rows[config_hash(config)] for name, config in configs.items()}
 

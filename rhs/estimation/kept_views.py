@@ -6,7 +6,6 @@ looked at one after the other, and each is made anew from the file, the same to 
 
 from __future__ import annotations
 
-import os
 import pickle
 import tempfile
 import weakref
@@ -21,6 +20,7 @@ from rhs.api.frozen import freeze
 from rhs.api.geometry import Camera
 from rhs.api.records import Features, View
 from rhs.base.errors import RhsError
+from rhs.base.system import read_at, write_at
 
 
 class LazyViews(Sequence[View]):
@@ -106,7 +106,7 @@ class KeptViews(LazyViews):
 
     def _put(self, data: bytes, at: int) -> int:
         try:
-            os.pwrite(self._file.fileno(), data, at)
+            write_at(self._file.fileno(), data, at)
         except OSError as error:
             raise RhsError(f"cannot keep the views in a file in {self._folder}: {error.strerror or error} "
                            f"({free_space(self._folder / 'views')})") from error
@@ -114,4 +114,4 @@ class KeptViews(LazyViews):
         return at
 
     def _get(self, at: int, size: int) -> Any:
-        return pickle.loads(os.pread(self._file.fileno(), size, at))  # noqa: S301 (nobody else can write to this file)
+        return pickle.loads(read_at(self._file.fileno(), size, at))  # noqa: S301 (nobody else can write to this file)

@@ -8,7 +8,6 @@ met it.
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,6 +17,7 @@ from typing import TypeVar
 
 from rhs.api.contracts import Sensor, Source
 from rhs.api.records import Capture
+from rhs.base.system import processors
 
 from .eyes import Eyes, Looked
 
@@ -84,11 +84,3 @@ def looks_ahead(wanted: str, source: Source, sensor: Sensor) -> bool:
     """Whether to look ahead. wanted: on, off, or auto, which wants two processors. Parts must allow it."""
     allowed: bool = source.leads_ahead and sensor.senses_ahead
     return allowed and (wanted == "on" or (wanted == "auto" and processors() > 1))
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not Linux
-        return os.cpu_count() or 1

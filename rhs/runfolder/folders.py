@@ -11,7 +11,6 @@ there before; until then, and whenever the attempt is killed, the earlier run st
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import re
 import shutil
@@ -20,9 +19,11 @@ import time
 from pathlib import Path
 
 from rhs.base.errors import ConfigError, RhsError
+from rhs.base.system import lock_file
 
 ROOT = Path("results")
 LOCK, ROW = ".lock", "row.json"
+NONBLOCK = getattr(os, "O_NONBLOCK", 0)  # not on Windows
 PATIENCE_S = 0.2  # somebody may be looking at the lock just now
 
 
@@ -147,13 +148,13 @@ def job_folder(sweep: Path, name: str) -> Path:
 def lock(folder: Path) -> int:
     """The open lock of a folder. Raises ConfigError when somebody else has it, or nobody can."""
     try:
-        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NONBLOCK, 0o644)
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | NONBLOCK, 0o644)
     except OSError as error:
         raise _unwritable(folder, error) from error
     end = time.monotonic() + PATIENCE_S
     while True:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(descriptor)
             return descriptor
         except OSError:
             if time.monotonic() > end:
@@ -165,11 +166,11 @@ def lock(folder: Path) -> int:
 def is_in_use(folder: Path) -> bool:
     """Whether a process has claimed this folder and still lives."""
     try:
-        descriptor = os.open(folder / LOCK, os.O_RDONLY | os.O_NONBLOCK)
+        descriptor = os.open(folder / LOCK, os.O_RDONLY | NONBLOCK)
     except OSError:
         return False
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        lock_file(descriptor, shared=True)
         return False
     except OSError:
         return True

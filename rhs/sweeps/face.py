@@ -12,7 +12,7 @@ from rhs.patrol.face import known_as
 from rhs.runfolder.folders import claim_sweep
 
 from . import running, sweep
-from .jobs import Limits, processes
+from .jobs import Limits, processors
 
 if TYPE_CHECKING:
     import pandas
@@ -29,7 +29,7 @@ def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, time
     plan = sweep.plan(typed)
     with claim_sweep(plan.output) as claim:
         sweep.remember(plan, claim.folder)
-        running.run_plan(plan, claim.folder, Limits(jobs or processes(), timeout_s), tell=lambda status, outcome: None)
+        running.run_plan(plan, claim.folder, Limits(jobs or processors(), timeout_s), tell=lambda status, outcome: None)
         return rows([claim.folder])
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rhs.base.processes import total_memory_mb
+from rhs.base.errors import ConfigError
+from rhs.base.system import CAN_FORK, total_memory_mb
 from rhs.config.compose import RunConfig
 
 MEMORY_MB = 4096.0  # of one job, where the machine has as much for each
@@ -30,16 +30,12 @@ class Job:
         return self.name.rpartition("_")[2]
 
 
-def processes() -> int:
-    """Processes at a time when nothing is said: one per core this process may use."""
-    return len(os.sched_getaffinity(0))
-
-
 @dataclass(frozen=True)
 class Limits:
     """jobs: processes at a time. timeout_s: per job, 0 for none. same_failures: stop after so many alike, 0 never.
     memory_mb: of a job and what it starts, 0 for 4096 or its share of the machine. retries: of a job that was killed.
-    share: jobs that begin with the same survey lead it once (its time counts for the first of them)."""
+    share: jobs that begin with the same survey lead it once (its time counts for the first of them). Raises ConfigError
+    where no process can fork: jobs do."""
 
     jobs: int = 1
     timeout_s: float = 3600.0
@@ -47,6 +43,11 @@ class Limits:
     memory_mb: float = 0.0
     retries: int = 1
     share: bool = True
+
+    def __post_init__(self) -> None:
+        if not CAN_FORK:
+            raise ConfigError("the jobs of a sweep are processes that fork, which this system cannot do; run them one by "
+                              "one, or under Linux (on Windows: in WSL)")
 
     @property
     def memory_bytes(self) -> float:

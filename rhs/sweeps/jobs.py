@@ -24,17 +24,18 @@ from types import ModuleType
 
 from rhs.base.errors import RhsError
 from rhs.base.processes import SWEEP_PATH, THREADS
+from rhs.base.system import processors
 from rhs.config.compose import identity, to_plain
 from rhs.config.loose import carried
 from rhs.runfolder.folders import job_folder
 
 from .ending import GRACE_S, LOST, TOO_MUCH, Running, ended, over, row_of
-from .job import Job, Limits, Outcome, alike, processes
+from .job import Job, Limits, Outcome, alike
 from .leader import Forked, lead
 from .turns import Group, Turns
 from .worker import COMPILING, JOB_LOG, Task, work
 
-__all__ = ["PRELOAD", "Job", "Limits", "Outcome", "asked_for", "processes", "run_jobs"]
+__all__ = ["PRELOAD", "Job", "Limits", "Outcome", "asked_for", "processors", "run_jobs"]
 
 NOT_SHARED = "not_shared.log"  # in the sweep's folder: surveys that each job had to lead itself, and why
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
