@@ -13,7 +13,6 @@ Old and new run have the same world, seed and settings but for the change. Exit 
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -22,8 +21,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rhs.base.commands import Arguments
-from rhs.base.errors import ConfigError, RhsError, check_range
+from rhs.base.errors import ConfigError, RhsError
+
+from .arguments import JOBS, Number, limits, parse
 
 if TYPE_CHECKING:
     from rhs.reports.gate import Verdict
@@ -36,37 +36,21 @@ Row = Mapping[str, object]
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processes
 
-    chosen = _arguments().parse_intermixed_args(list(words))
-    check_range("", "--pairs", chosen.pairs, low=4, high=100_000)
-    check_range("", "--margin", chosen.margin, low=0.0, high=1.0)
-    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
-    change = [word for word in chosen.overrides if "=" in word]
-    folders = [word for word in chosen.overrides if "=" not in word]
-    if len(folders) != 1 or not any(not word.startswith("output=") for word in change):
+    chosen = parse("gate", __doc__, words, measure="", margin=Number(0.02, low=0.0, high=1.0),
+                   pairs=Number(20, low=4, high=100_000), jobs=JOBS)
+    change = [word for word in chosen.words if "=" in word]
+    folders = [word for word in chosen.words if "=" not in word]
+    if len(folders) != 1 or not change:
         raise ConfigError("gate: expected one folder of runs and a change: python -m rhs gate FOLDER planner=my_planner")
-    output = next((word.partition("=")[2] for word in change if word.startswith("output=")), "")
-    pairs = _pairs(Path(folders[0]), [word for word in change if not word.startswith("output=")], chosen.pairs)
+    pairs = _pairs(Path(folders[0]), change, chosen.pairs)
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
-    limits = Limits(chosen.jobs or processes())
-    with claim_sweep(output) as claim:
-        found = _compared(pairs, claim.folder, limits, measure, chosen.margin)
+    with claim_sweep(chosen.output) as claim:
+        found = _compared(pairs, claim.folder, limits(chosen), measure, chosen.margin)
         told = {"measure": measure, "margin": chosen.margin, **asdict(found)}
         (claim.folder / "gate.json").write_text(json.dumps(told) + "\n", encoding="utf-8")
         sys.stdout.write(f"{in_words(found, measure, chosen.margin)}\nfiles: {claim.folder}\n")
     return found.exit_code
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = Arguments(prog="python -m rhs gate", description=__doc__, allow_abbrev=False,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--measure", default="")
-    parser.add_argument("--margin", type=float, default=0.02)
-    parser.add_argument("--pairs", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=0)
-    return parser
 
 
 def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:

@@ -17,7 +17,6 @@ not succeed. Killed, the same command goes on. Files: sensitivity.csv, .json, .p
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -25,8 +24,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rhs.base.commands import Arguments
-from rhs.base.errors import check_range
+from .arguments import JOBS, TIMEOUT, limits, parse
 
 if TYPE_CHECKING:
     from rhs.sweeps.sensitivity import Effect, Question
@@ -38,37 +36,20 @@ COLUMNS = ("setting", "default", "value", "change_pct", "low_pct", "high_pct", "
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processes
     from rhs.sweeps.kept import kept_rows
     from rhs.sweeps.sensitivity import ask, effects, in_words
 
     from .progress import running
 
-    chosen = _arguments().parse_intermixed_args(list(words))
-    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
-    check_range("", "--timeout", chosen.timeout, low=0.0, high=1e7, unit="s")
-    output = next((word.partition("=")[2] for word in chosen.overrides if word.startswith("output=")), "")
-    typed = [word for word in chosen.overrides if not word.startswith("output=")]
-    asked = ask(typed, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
-    with claim_sweep(output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
+    chosen = parse("sensitivity", __doc__, words, only="", recording="", jobs=JOBS, timeout=TIMEOUT)
+    asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
+    with claim_sweep(chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
         with running(len(asked.jobs)) as tell:
-            limits = Limits(chosen.jobs or processes(), chosen.timeout)
-            rows = kept_rows(asked.jobs, claim.folder, limits, tell=tell, keep="none")
+            rows = kept_rows(asked.jobs, claim.folder, limits(chosen), tell=tell, keep="none")
         found = effects(asked, rows)
         _publish(asked, found, claim.folder)
         sys.stdout.write("\n".join([*table(found), "", *in_words(found, asked), f"files: {claim.folder}", ""]))
     return 0
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = Arguments(prog="python -m rhs sensitivity", description=__doc__, allow_abbrev=False,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--only", default="")
-    parser.add_argument("--recording", default="")
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--timeout", type=float, default=3600.0)
-    return parser
 
 
 def cells(one: Effect) -> list[str]:
