@@ -45,7 +45,7 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.base.provenance import commit
     from rhs.card import bench
-    from rhs.card.apart import Heard, apart
+    from rhs.card.forked import ForkResult, run_forked
 
     chosen = parse("bench", __doc__, words, positional=["set"], mine="", only=False, quick=False, ours="", entry="",
                    held_out="", data="", blame=False, jobs=JOBS, timeout=TIMEOUT)
@@ -62,14 +62,14 @@ def main(words: Sequence[str]) -> int:
     questions = bench.frozen_questions()
     if (digest := bench.digest(questions)) != bench.FROZEN:
         raise ConfigError(f"bench {chosen.set}: found questions {digest}, expected {bench.FROZEN}: its maps have changed")
-    found: dict[str, Heard] = {}
+    found: dict[str, ForkResult] = {}
     for name, settings in planners.items():
         say(name)
-        found[name] = apart(partial(bench.work, name, settings, questions), patience_s=bench.PATIENCE_S)
+        found[name] = run_forked(partial(bench.work, name, settings, questions), patience_s=bench.PATIENCE_S)
     say("")
     command = " ".join(["python -m rhs bench", *words])
     page = bench.page(found, len(questions) * len(bench.SEEDS), command=command, made_at=commit() or "unknown")
-    _publish(folder, {"md": page, "csv": bench.csv_of([row for heard in found.values() for row in heard.items])})
+    _publish(folder, {"md": page, "csv": bench.csv_of([row for result in found.values() for row in result.items])})
     sys.stdout.write(f"{page}\nfiles: {folder}\n")
     mine = found.get(next(reversed(planners))) if chosen.mine else None
     return int(mine is not None and (bool(mine.ended) or any(row["fault"] for row in mine.items)))
