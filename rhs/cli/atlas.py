@@ -65,12 +65,12 @@ def _publish(atlas: Atlas, folder: Path) -> None:
     from rhs.reports.dial_pictures import atlas_picture
     from rhs.sweeps.atlas import accounts, csv_of
 
-    if not (told := accounts(atlas)):
+    if not (results := accounts(atlas)):
         return
-    for name, text in {"atlas.json": json.dumps(told, indent=1) + "\n", "atlas.csv": csv_of(told)}.items():
+    for name, text in {"atlas.json": json.dumps(results, indent=1) + "\n", "atlas.csv": csv_of(results)}.items():
         with replacing(folder / name) as file:
             file.write(text)
-    atlas_picture(told, folder / "atlas.png")
-    width = max(len(one["combination"]) for one in told)
-    for one in told:
+    atlas_picture(results, folder / "atlas.png")
+    width = max(len(one["combination"]) for one in results)
+    for one in results:
         sys.stdout.write(f"{one['combination']:<{width}}  {one['dial']}: {one['says']}  ({one['runs']} runs)\n")

@@ -31,9 +31,10 @@ def main(words: Sequence[str]) -> int:
     with claim_sweep(plan.output) as claim:
         accounts = _searched(plan, claim.folder, limits(chosen), chosen.runs)
         _publish(accounts, plan.dial, claim.folder)
-        width = max(len(told["combination"]) for told in accounts)
-        for told in accounts:
-            sys.stdout.write(f"{told['combination']:<{width}}  {plan.dial.key}: {told['says']}  ({told['runs']} runs)\n")
+        width = max(len(account["combination"]) for account in accounts)
+        for account in accounts:
+            sys.stdout.write(f"{account['combination']:<{width}}  {plan.dial.key}: {account['says']}  "
+                             f"({account['runs']} runs)\n")
         sys.stdout.write(f"files: {claim.folder}\n")
     return 0
 

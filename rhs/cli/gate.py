@@ -14,7 +14,6 @@ Old and new run have the same world, seed and settings but for the change. Exit 
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -47,8 +46,8 @@ def main(words: Sequence[str]) -> int:
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
     with claim_sweep(chosen.output) as claim:
         found = _compared(pairs, claim.folder, limits(chosen), measure, chosen.margin)
-        told = {"measure": measure, "margin": chosen.margin, **asdict(found)}
-        (claim.folder / "gate.json").write_text(json.dumps(told) + "\n", encoding="utf-8")
+        content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
+        (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         sys.stdout.write(f"{in_words(found, measure, chosen.margin)}\nfiles: {claim.folder}\n")
     return found.exit_code
 
@@ -80,7 +79,7 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
     from tqdm import tqdm
 
     from rhs.reports.gate import error_parts, judge, looks
-    from rhs.runfolder.row import read_row
+    from rhs.runfolder.row import number_in, read_row
     from rhs.sweeps.jobs import run_jobs
 
     planned, done = looks(len(pairs)), 0
@@ -96,7 +95,7 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
                     new.append({})
             done = until
             old = [row for row, _ in pairs[:done]]
-            found = judge([_number(row, measure) for row in old], [_number(row, measure) for row in new],
+            found = judge([number_in(row, measure) for row in old], [number_in(row, measure) for row in new],
                           [(a.get("success") == 1.0, b.get("success") == 1.0) for a, b in zip(old, new, strict=True)],
                           margin=margin, level=level)
             if found.word != "needs more runs":
@@ -104,17 +103,12 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
     return found
 
 
-def _number(row: Row, name: str) -> float:
-    value = row.get(name)
-    return float(value) if isinstance(value, int | float) else math.nan
-
-
 def in_words(found: Verdict, measure: str, margin: float) -> str:
     """One line: the verdict, the change with its interval, the successes."""
     word = f"no worse than {100 * margin:g} %" if found.word == "no worse" else found.word
-    told = (f"{measure} {100 * found.change:+.3g} % ({100 * found.low:+.3g} to {100 * found.high:+.3g} %), "
+    text = (f"{measure} {100 * found.change:+.3g} % ({100 * found.low:+.3g} to {100 * found.high:+.3g} %), "
             f"{found.pairs} pairs")
     if found.pairs < 4:
-        told = f"{measure} is known in {found.pairs} pairs"
+        text = f"{measure} is known in {found.pairs} pairs"
     more = f"; about {found.needed} pairs would settle it" if found.needed else ""
-    return f"{word}: {told}; successes lost {found.lost}, won {found.won}{more}"
+    return f"{word}: {text}; successes lost {found.lost}, won {found.won}{more}"

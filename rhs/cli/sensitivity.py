@@ -24,6 +24,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rhs.base.commands import aligned
+
 from .arguments import JOBS, TIMEOUT, limits, parse
 
 if TYPE_CHECKING:
@@ -61,9 +63,7 @@ def cells(one: Effect) -> list[str]:
 
 def table(found: Sequence[Effect]) -> list[str]:
     """Lines, the largest effects first; those that change nothing are left to a sentence."""
-    rows = [list(COLUMNS), *(cells(one) for one in found if not one.same)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return aligned([list(COLUMNS), *(cells(one) for one in found if not one.same)])
 
 
 def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
@@ -71,19 +71,19 @@ def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     from rhs.api.files import replacing
     from rhs.reports.sensitivity_picture import sensitivity_picture
 
-    told: list[dict[str, Any]] = [
+    changes: list[dict[str, Any]] = [
         {"key": one.of.key, "default": one.of.before, "value": one.of.value, "factor": one.of.factor,
          "change": _known(one.change), "low": _known(one.low), "high": _known(one.high), "pairs": one.pairs,
          "lost": one.lost, "won": one.won, "same": one.same, "says": one.says} for one in found]
-    content = {"part": asked.part, "measure": asked.measure, "worlds": [world for world, _ in asked.pairs], "effects": told,
-               "left_out": dict(asked.left_out)}
+    content = {"part": asked.part, "measure": asked.measure, "worlds": [world for world, _ in asked.pairs],
+               "effects": changes, "left_out": dict(asked.left_out)}
     lines = [",".join(row) for row in [list(COLUMNS), *map(cells, found)]]
     for name, text in {"sensitivity.json": json.dumps(content, indent=1), "sensitivity.csv": "\n".join(lines)}.items():
         with replacing(folder / name) as file:
             file.write(text + "\n")
-    moved = [one for one in told if not one["same"]]
+    moved = [one for one in changes if not one["same"]]
     title = f"{asked.part}: {asked.measure}, new over old, {len(asked.pairs)} pairs (less is better)"
-    sensitivity_picture(moved or told, title, folder / "sensitivity.png")
+    sensitivity_picture(moved or changes, title, folder / "sensitivity.png")
 
 
 def _known(value: float) -> float | None:

@@ -39,8 +39,8 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     with claim_sweep(folder) as claim:
         limits = limits_of(chosen)
         rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
-        for name, told in made.items():
-            told |= {"words": combinations[name], "command": _shown(words)}
+        for name, record in made.items():
+            record |= {"words": combinations[name], "command": _shown(words)}
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
         folders = [claim.folder, *([HOME] if whole and not chosen.output else [])]
@@ -151,7 +151,7 @@ def _more(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
     from rhs.api.files import replacing
     from rhs.sweeps import suite_more
     from rhs.sweeps.kept import any_row, kept_rows
-    from rhs.sweeps.suite import jobs_of
+    from rhs.sweeps.suite import csv_of, jobs_of
 
     from .progress import running
 
@@ -168,7 +168,7 @@ def _more(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
             for name, building, row, folder in runs]
     text = suite_more.page(suite.name, rows)
     for folder in folders:
-        for suffix, content in {"csv": suite_more.csv_of(rows), "md": text}.items():
+        for suffix, content in {"csv": csv_of(rows, suite_more.CELLS), "md": text}.items():
             with replacing(folder / f"{suite.name}_more.{suffix}") as file:
                 file.write(content)
     return text
@@ -209,8 +209,8 @@ def _published(suite: Suite, table: Table, folders: Sequence[Path], note: str, m
     text = page(suite, rows, made, note=note, mine=mine)
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
-        told = {"csv": csv_of(rows, suite.cells), "json": json.dumps(made, indent=1) + "\n", "md": text}
-        for suffix, content in told.items():
+        files = {"csv": csv_of(rows, suite.cells), "json": json.dumps(made, indent=1) + "\n", "md": text}
+        for suffix, content in files.items():
             with replacing(folder / f"{suite.name}.{suffix}") as file:
                 file.write(content)
     return text

@@ -1,4 +1,4 @@
-"""Pictures of knowing: what followed each kidnap, how reliable the stated chances were, precision against recall."""
+"""Pictures of calibration: what followed each kidnap, how reliable the stated chances were, precision against recall."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 SURE, UNSURE = "#1f6fb4", "#bbbbbb"
 
 
-def knowing_picture(folder: Path) -> Path | None:
-    """knowing.png of a run folder: its kidnaps and its reliability; None where nobody knows the truth. Of task=localise
+def calibration_picture(folder: Path) -> Path | None:
+    """calibration.png of a run folder: its kidnaps and its reliability; None where nobody knows the truth. Of task=localise
     every start is shown as a kidnap is."""
     path = Path(folder) / "steps.csv"
     if not path.exists():
@@ -37,7 +37,7 @@ def knowing_picture(folder: Path) -> Path | None:
     begins, within_m = beliefs.kidnapped | beliefs.started, FOUND_WITHIN_M if started else WITHIN_M
     draw_kidnaps(left, searches(beliefs, begins, within_m), what="start" if started else "kidnap")
     draw_reliability(right, {"this drive" if started else "this patrol": (beliefs.probability, beliefs.right)})
-    return write_whole(Path(folder) / "knowing.png", lambda partial: save(figure, partial))
+    return write_whole(Path(folder) / "calibration.png", lambda partial: save(figure, partial))
 
 
 def draw_kidnaps(axes: Axes, happened: Sequence[Kidnap], *, what: str = "kidnap") -> None:
