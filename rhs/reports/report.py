@@ -58,8 +58,8 @@ def pictures(folder: Path) -> list[Path]:
 
 
 def overview(folder: Path) -> Path:
-    """overview.png: the map, the true walls, those one eye found, the survey as driven, believed and corrected, the patrol,
-    the places."""
+    """overview.png: the map, the true walls, those a monocular odometry found, the survey as driven, believed and corrected,
+    the patrol, the places."""
     folder = Path(folder)
     figure = new_figure(10.5, 8.0)
     axes = figure.add_subplot()
