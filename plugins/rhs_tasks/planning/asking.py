@@ -91,8 +91,8 @@ def checked(answer: Any, who: str, *, most_points: int) -> Path:
                 _details(answer.details, who), bool(answer.keep_shape), advice)
 
 
-def _details(details_: Any, who: str) -> dict[str, float]:
-    details = {str(key): _number(value) for key, value in dict(details_).items()}
+def _details(given: Any, who: str) -> dict[str, float]:
+    details = {str(key): _number(value) for key, value in dict(given).items()}
     wrong = next((key for key in details if not key.isidentifier() or len(key) > 60), None)
     if wrong is not None or len(details) > _MOST_DETAILS:
         raise ContractError(f"{who}: details has {len(details)} entries, one is named {str(wrong)[:60]!r}; "
@@ -100,10 +100,10 @@ def _details(details_: Any, who: str) -> dict[str, float]:
     return details
 
 
-def _number(value_: Any) -> float:
+def _number(given: Any) -> float:
     """A number of the planner's own, NaN if it is none."""
     try:
-        value = float(value_)
+        value = float(given)
     except (TypeError, ValueError):
         return NAN
     return value if math.isfinite(value) else NAN
