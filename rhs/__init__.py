@@ -8,7 +8,7 @@
     rhs.evaluate("estimate.tum", "truth.tum")                              # ATE, RPE and completeness
     rhs.register("planner", "mine", MyPlanner)                             # a plugin without packaging
 
-Names here and in `rhs.api`, `rhs.estimation` and `rhs.testing` are the public surface: README, "Public names".
+Names here and in `rhs.api`, `rhs.estimation` and `rhs.testing` are the public surface: rhs/README.md, "Public names".
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -85,9 +86,18 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
+
+
 MODULES = {module_of(path): path for path in CORE}
+FILES = {room: [path for path in [*CORE, *PLUGINS] if room_of_any(path) == room]  # of rooms and of plugins' folders
+         for room in sorted({room_of_any(path) for path in [*CORE, *PLUGINS]})}
+every_room = pytest.mark.parametrize("room", FILES)
 
 
+@cache
 def core_imports(path: Path) -> set[str]:
     """Modules of the core that a file imports, wherever in it, but for `build`: settings import the part they build."""
     package = module_of(path) if path.stem == "__init__" else module_of(path).rpartition(".")[0]
@@ -101,7 +111,7 @@ def core_imports(path: Path) -> set[str]:
 
 
 def rooms_used(path: Path) -> set[str]:
-    own = {f"rhs.{node.name}" for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.FunctionDef)}
+    own = {f"rhs.{node.name}" for node in ast.walk(tree_of(path)) if isinstance(node, ast.FunctionDef)}
     return {room_of(MODULES[name]) for name in core_imports(path) - own if name != "rhs"}
 
 
@@ -114,11 +124,11 @@ def test_the_guide_to_the_core_names_every_room():
     assert {room for room in FLOOR if f"`{room}`" not in guide} == set()
 
 
-@pytest.mark.parametrize("path", CORE, ids=module_of)
-def test_a_room_imports_from_lower_floors_only(path):
-    own = room_of(path)
-    upward = {room for room in rooms_used(path) - {own} if FLOOR[room] >= FLOOR[own]}
-    assert not upward, f"{module_of(path)} (floor {FLOOR[own]}) imports from {upward}"
+@pytest.mark.parametrize("room", FLOOR)
+def test_a_room_imports_from_lower_floors_only(room):
+    upward = {(module_of(path), used) for path in FILES[room] for used in rooms_used(path) - {room}
+              if FLOOR[used] >= FLOOR[room]}
+    assert not upward, f"of floor {FLOOR[room]}: {sorted(upward)}"
 
 
 def test_no_two_modules_import_each_other():
@@ -136,21 +146,20 @@ def test_a_folder_holds_at_most_thirty_modules_of_at_most_four_hundred_lines(fol
     assert {path.name for path in modules if len(path.read_text("utf-8").splitlines()) > 400} == set()
 
 
-@pytest.mark.parametrize("path", CORE, ids=module_of)
-def test_the_core_knows_no_plugin_by_name(path):
-    used = set(modules_used(ast.parse(path.read_text("utf-8")), module_of(path).rpartition(".")[0]))
-    assert not {name for name in used if name.startswith("rhs_")}
+def test_the_core_knows_no_plugin_by_name():
+    assert not {(module_of(path), name) for path in CORE
+                for name in modules_used(tree_of(path), module_of(path).rpartition(".")[0]) if name.startswith("rhs_")}
 
 
-@pytest.mark.parametrize("path", [*PLUGINS, *STRANGERS], ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_a_plugin_uses_only_what_any_stranger_may_use(path):
-    own = module_of(path).split(".")[0] if path in PLUGINS else path.parent.name
-    package = module_of(path).rpartition(".")[0] if path in PLUGINS else own
-    used = set(modules_used(ast.parse(path.read_text("utf-8")), package))
-    others = {name for name in used if name.startswith("rhs_") and name.split(".")[0] != own}
-    assert not others, f"{own} imports {others}"
-    private = {room_of(MODULES[name]) for name in used if name in MODULES and name != "rhs"} - PUBLIC
-    assert not private, f"{path} imports from {private}; plugins may import {sorted(PUBLIC)}"
+def test_a_plugin_uses_only_what_any_stranger_may_use():
+    for path in [*PLUGINS, *STRANGERS]:
+        own = module_of(path).split(".")[0] if path in PLUGINS else path.parent.name
+        package = module_of(path).rpartition(".")[0] if path in PLUGINS else own
+        used = set(modules_used(tree_of(path), package))
+        others = {name for name in used if name.startswith("rhs_") and name.split(".")[0] != own}
+        assert not others, f"{path} imports {others}"
+        private = {room_of(MODULES[name]) for name in used if name in MODULES and name != "rhs"} - PUBLIC
+        assert not private, f"{path} imports from {private}; plugins may import {sorted(PUBLIC)}"
 
 
 def test_types_are_strict_in_the_public_rooms_and_checked_in_every_package():
@@ -160,13 +169,12 @@ def test_types_are_strict_in_the_public_rooms_and_checked_in_every_package():
     assert set(mypy["packages"]) == {"rhs", *(path.parent.name for path in (ROOT / "plugins").glob("rhs_*/__init__.py"))}
 
 
-@pytest.mark.parametrize("path", [*CORE, *PLUGINS], ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_nobody_draws_from_a_generator_that_others_share(path):
+@every_room
+def test_nobody_draws_from_a_generator_that_others_share(room):
     """numpy's and Python's global generators, and OpenCV's, are shared by everything in the process."""
-    if path.stem == "shared_state":  # of rhs.testing, which looks whether others did
-        return
     allowed = {"Generator", "default_rng", "SeedSequence", "PCG64", "BitGenerator"}
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    looked_at = [path for path in FILES[room] if path.stem != "shared_state"]  # which looks whether others did
+    for path, node in ((file, found) for file in looked_at for found in ast.walk(tree_of(file))):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Attribute) and node.value.attr == "random":
             assert node.attr in allowed, f"{path}:{node.lineno}: np.random.{node.attr}"
         if isinstance(node, ast.Attribute) and path.stem != "retrieval":  # it seeds right before its own kd-trees
@@ -177,16 +185,17 @@ def test_nobody_draws_from_a_generator_that_others_share(path):
             assert node.module != "random", f"{path}:{node.lineno}"
 
 
-@pytest.mark.parametrize("path", [*CORE, *PLUGINS], ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_nothing_but_a_command_line_ends_the_process(path):
-    if path.stem == "__main__" or room_of_any(path) == "cli":
-        return
-    tree = ast.parse(path.read_text("utf-8"))
-    scripts = [node for node in tree.body if isinstance(node, ast.If) and "__main__" in ast.unparse(node.test)]
-    inside = {id(inner) for node in scripts for inner in ast.walk(node)}
-    for node in ast.walk(tree):
-        if id(node) not in inside and isinstance(node, ast.Call):
-            assert ast.unparse(node.func) not in ("sys.exit", "exit", "quit", "os._exit"), f"{path}:{node.lineno}"
+@every_room
+def test_nothing_but_a_command_line_ends_the_process(room):
+    for path in FILES[room]:
+        if path.stem == "__main__" or room == "cli":
+            continue
+        tree = tree_of(path)
+        scripts = [node for node in tree.body if isinstance(node, ast.If) and "__main__" in ast.unparse(node.test)]
+        inside = {id(inner) for node in scripts for inner in ast.walk(node)}
+        for node in ast.walk(tree):
+            if id(node) not in inside and isinstance(node, ast.Call):
+                assert ast.unparse(node.func) not in ("sys.exit", "exit", "quit", "os._exit"), f"{path}:{node.lineno}"
 
 
 def test_importing_every_settings_class_loads_nothing_heavy():
@@ -201,7 +210,7 @@ def test_a_short_module_that_one_other_imports_has_a_reason():
     importers = {module_of(path): set() for path in CORE if path.stem != "__init__"}
     for path in CORE + PLUGINS:
         package = ".".join(path.relative_to(ROOT if path in CORE else ROOT / "plugins").parent.parts)
-        for used in modules_used(ast.parse(path.read_text(encoding="utf-8")), package):
+        for used in modules_used(tree_of(path), package):
             if used in importers and path != ROOT / (used.replace(".", "/") + ".py"):
                 importers[used].add(path)
     short = {name.removeprefix("rhs.") for name, who in importers.items() if len(who) <= 1 and is_short(name)}

@@ -6,8 +6,6 @@ Start and goal stand where they are within their cells; all other points are cel
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numba as nb
 import numpy as np
 
@@ -24,17 +22,16 @@ _RESULT = nb.types.Tuple((NEW_POINTS, nb.int64, nb.types.Array(nb.int64, 1, "C")
 
 
 class GridSearch:
-    """search(grid, ends, budget) gives the path (N, 2) in cells, empty for none, the number of cells taken up, and every
-    cell's predecessor."""
+    """rhs.api.contracts.Planner. Settings: grid_search_config.AStar or ThetaStar."""
 
-    def __init__(self, settings, search: Callable):
-        self._settings, self._search, self._ground = settings, search, Ground()
+    def __init__(self, settings):
+        self._settings, self._ground = settings, Ground()
 
     def plan(self, problem: PlanningProblem) -> Path:
         task = begin(problem, self._ground, self._settings.start_radius_m)
         if isinstance(task, Path):
             return task
-        cells, expanded, parent = self._search(task.grid, task.ends, self._settings.expansions)
+        cells, expanded, parent = search(task.grid, task.ends, self._settings.expansions, self._settings.any_angle)
         raw = cells if len(cells) else None
         return finish(task, raw, extras={"expanded": float(expanded)},
                       knob=("expansions", self._settings.expansions), sketch=lambda: branches(parent, task.grid.shape[1]))
@@ -71,41 +68,6 @@ def _trace(parent, last, columns, ends):
     return out
 
 
-@typed(_RESULT(GRID, POINTS, nb.int64))
-def astar(grid, ends, budget):
-    """A* with the octile distance, between the cells of ends (2, 2)."""
-    rows, columns = grid.shape
-    si, sj, gi, gj = int(ends[0, 0]), int(ends[0, 1]), int(ends[1, 0]), int(ends[1, 1])
-    cost, parent = np.full(rows * columns, np.inf), np.full(rows * columns, -1)
-    closed = np.zeros(rows * columns, np.uint8)
-    keys, items = np.empty(256), np.empty(256, np.int64)
-    start, goal = sj * columns + si, gj * columns + gi
-    cost[start], parent[start] = 0.0, start
-    size, expanded = push(keys, items, 0, octile(si, sj, gi, gj), start), 0
-    while size and expanded < budget:
-        u = items[0]
-        size = pop(keys, items, size)
-        if closed[u]:
-            continue
-        closed[u] = 1
-        expanded += 1
-        if u == goal:
-            return _trace(parent, u, columns, ends), expanded, parent
-        i, j = u % columns, u // columns
-        if size + 8 > len(keys):
-            keys, items = np.append(keys, np.empty(len(keys))), np.append(items, np.empty(len(items), np.int64))
-        for b in range(j - 1, j + 2):
-            for a in range(i - 1, i + 2):
-                v = b * columns + a
-                if grid[b, a] or closed[v] or grid[b, i] or grid[j, a]:
-                    continue
-                through = cost[u] + (1.0 if a == i or b == j else 1.0 + _DIAGONAL)
-                if through < cost[v]:
-                    cost[v], parent[v] = through, u
-                    size = push(keys, items, size, through + octile(a, b, gi, gj), v)
-    return np.empty((0, 2)), expanded, parent
-
-
 @typed(nb.types.UniTuple(nb.float64, 2)(nb.int64, nb.int64, nb.int64, nb.int64, POINTS))
 def _place(node, columns, start, goal, ends):
     """Where a node stands: the start and the goal where they are, other cells at their centre."""
@@ -116,15 +78,16 @@ def _place(node, columns, start, goal, ends):
     return node % columns + 0.5, node // columns + 0.5
 
 
-@typed(_RESULT(GRID, POINTS, nb.int64))
-def theta_star(grid, ends, budget):
-    """Theta* with the straight distance, between the points ends (2, 2)."""
+@typed(_RESULT(GRID, POINTS, nb.int64, nb.boolean))
+def search(grid, ends, budget, any_angle):
+    """A* with the octile distance between the cells of ends (2, 2); any_angle: Theta* with the straight distance between the
+    points themselves. The path (N, 2) in cells, empty for none, the number of cells taken up, every cell's predecessor."""
     rows, columns = grid.shape
     cost, parent = np.full(rows * columns, np.inf), np.full(rows * columns, -1)
     closed = np.zeros(rows * columns, np.uint8)
     keys, items = np.empty(256), np.empty(256, np.int64)
-    start = int(ends[0, 1]) * columns + int(ends[0, 0])
-    goal = int(ends[1, 1]) * columns + int(ends[1, 0])
+    gi, gj = int(ends[1, 0]), int(ends[1, 1])
+    start, goal = int(ends[0, 1]) * columns + int(ends[0, 0]), gj * columns + gi
     cost[start], parent[start] = 0.0, start
     size, expanded = push(keys, items, 0, 0.0, start), 0
     while size and expanded < budget:
@@ -146,13 +109,19 @@ def theta_star(grid, ends, budget):
                 v = b * columns + a
                 if grid[b, a] or closed[v] or grid[b, i] or grid[j, a]:
                     continue
-                vx, vy = _place(v, columns, start, goal, ends)
-                straight = cost[above] + np.hypot(vx - px, vy - py)
-                if straight < cost[v] and segment_free(grid, px, py, vx, vy):
-                    through, via = straight, above
+                via = u
+                if any_angle:
+                    vx, vy = _place(v, columns, start, goal, ends)
+                    left = np.hypot(vx - ends[1, 0], vy - ends[1, 1])
+                    through = cost[above] + np.hypot(vx - px, vy - py)
+                    if through < cost[v] and segment_free(grid, px, py, vx, vy):
+                        via = above
+                    else:
+                        through = cost[u] + np.hypot(vx - ux, vy - uy)
                 else:
-                    through, via = cost[u] + np.hypot(vx - ux, vy - uy), u
+                    left = octile(a, b, gi, gj)
+                    through = cost[u] + (1.0 if a == i or b == j else 1.0 + _DIAGONAL)
                 if through < cost[v]:
                     cost[v], parent[v] = through, via
-                    size = push(keys, items, size, through + np.hypot(vx - ends[1, 0], vy - ends[1, 1]), v)
+                    size = push(keys, items, size, through + left, v)
     return np.empty((0, 2)), expanded, parent

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import check_range
 
@@ -18,34 +18,25 @@ class AStar(PlannerSettings):
     """A* over eight neighbours without cutting corners (Hart, Nilsson, Raphael 1968): complete, shortest on the grid."""
 
     preload = ("rhs_planners.grid_search",)
+    word: ClassVar[str] = "astar"
+    any_angle: ClassVar[bool] = False
 
     expansions: int = 100_000_000
     """cells taken up before the budget is spent; above any map's number of cells"""
 
     def __post_init__(self):
-        self.check("planner.astar")
-        check_range("planner.astar", "expansions", self.expansions, low=1, high=10**12)
+        self.check(f"planner.{self.word}")
+        check_range(f"planner.{self.word}", "expansions", self.expansions, low=1, high=10**12)
 
     def build(self, context: Context) -> Planner:
-        from .grid_search import GridSearch, astar
+        from .grid_search import GridSearch
 
-        return GridSearch(self, astar)
+        return GridSearch(self)
 
 
 @dataclass
-class ThetaStar(PlannerSettings):
+class ThetaStar(AStar):
     """Theta* (Nash, Daniel, Koenig, Felner 2007): A* whose paths may leave the grid's directions. Complete."""
 
-    preload = ("rhs_planners.grid_search",)
-
-    expansions: int = 100_000_000
-    """cells taken up before the budget is spent; above any map's number of cells"""
-
-    def __post_init__(self):
-        self.check("planner.theta_star")
-        check_range("planner.theta_star", "expansions", self.expansions, low=1, high=10**12)
-
-    def build(self, context: Context) -> Planner:
-        from .grid_search import GridSearch, theta_star
-
-        return GridSearch(self, theta_star)
+    word: ClassVar[str] = "theta_star"
+    any_angle: ClassVar[bool] = True

@@ -32,4 +32,21 @@ def quiet() -> Iterator[None]:
 with quiet():
     import pybullet
 
-__all__ = ["pybullet", "quiet"]
+
+
+class Client:
+    """A PyBullet world of its own. `close` it."""
+
+    def __init__(self) -> None:
+        with quiet():
+            self.client = pybullet.connect(pybullet.DIRECT)
+
+    def close(self) -> None:
+        """Let PyBullet forget the world; safe to call twice."""
+        if self.client >= 0:
+            with quiet():
+                pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+
+
+__all__ = ["Client", "pybullet", "quiet"]

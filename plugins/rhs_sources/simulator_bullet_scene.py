@@ -21,7 +21,7 @@ from rhs.api.geometry import Camera, inverse, se3
 from rhs.api.records import Scan
 from rhs.worlds.live import Stand
 
-from .simulator_bullet import pybullet, quiet
+from .simulator_bullet import Client, pybullet, quiet
 from .simulator_laser import LaserScanner
 from .simulator_mesh import Quad, building, lit
 from .simulator_scene import Look, Scene
@@ -35,13 +35,13 @@ NUDGES_M = (0.0, 3e-5, -3e-5, 6e-5, -6e-5, 9e-5, -9e-5)
 SHADELESS = {"lightAmbientCoeff": 1.0, "lightDiffuseCoeff": 0.0, "lightSpecularCoeff": 0.0, "shadow": 0}
 
 
-class BulletScene(Scene):
+class BulletScene(Client, Scene):
     """A PyBullet client showing one world. `close` it."""
 
     def __init__(self, world: World, camera: Camera, look: Look) -> None:
+        super().__init__()
         self.world, self.camera, self.look = world, camera, look
         with quiet():
-            self.client = pybullet.connect(pybullet.DIRECT)
             self.renderer = look.renderer if look.renderer != "egl" or self._load_egl() else "tinyrenderer"
         self.vertices = np.zeros((0, 3))
         self.projection = projection(camera, half=0.0 if self.renderer == "tinyrenderer" else 1.0)
@@ -118,13 +118,6 @@ class BulletScene(Scene):
 
     def scan(self, laser: LaserScanner, world_from_body: np.ndarray) -> Scan:
         raise NotImplementedError(f"source.renderer={self.renderer} has no laser scanner")  # Simulator refuses it
-
-    def close(self) -> None:
-        """Let PyBullet forget the world; safe to call twice."""
-        if self.client >= 0:
-            with quiet():
-                pybullet.disconnect(physicsClientId=self.client)
-            self.client = -1
 
 
 def projection(camera: Camera, *, half: float) -> np.ndarray:

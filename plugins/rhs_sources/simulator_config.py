@@ -12,6 +12,22 @@ if TYPE_CHECKING:
     from rhs.api.contracts import Source, SourceContext
 
 
+# setting -> least, most, unit; null is allowed where it is a setting's default
+RANGES: dict[str, tuple[float, float, str]] = {
+    "image_width": (32, 4096, "px"), "hfov_deg": (10, 120, "degrees"), "robot_radius_m": (0.05, 2.0, "m"),
+    "camera_height_m": (0.1, 3.0, "m"), "camera_pitch_deg": (-45, 60, "degrees"), "baseline_m": (0.0, 1.0, "m"),
+    "laser_beams": (0, 10_000, ""), "laser_fov_deg": (1.0, 360.0, "degrees"), "laser_height_m": (0.02, 3.0, "m"),
+    "laser_range_m": (0.1, 1000.0, "m"), "anisotropy": (1, 16, ""), "texture_px_per_m": (10, 1000, "px/m"),
+    "step_m": (0.01, 2.0, "m"), "turn_step_deg": (0.5, 90, "degrees"), "arc_radius_m": (0.05, 10, "m"),
+    "speed_mps": (0.01, 5, "m/s"), "turn_rate_dps": (1, 360, "degrees/s"), "wobble_m": (0, 0.3, "m"),
+    "wobble_deg": (0, 15, "degrees"), "pitch_roll_deg": (0, 15, "degrees"), "command_bias_percent": (0, 30, "%"),
+    "command_noise_percent": (0, 30, "%"), "paintings_unique": (1, 100_000, ""), "paintings_density": (0, 1, ""),
+    "wall_roughness": (0, 100, "grey levels"), "texture_seed": (0, 2**31 - 1, ""),
+}
+CHOICES = {"renderer": ("raster", "tinyrenderer", "egl"), "sampling": ("anisotropic", "nearest"), "direction": ("ccw", "cw"),
+           "turn": ("pivot", "arc")}
+
+
 @dataclass
 class Simulator:
     """A PyBullet world seen by a camera on a robot: led along the survey route, then driven by commands."""
@@ -92,55 +108,23 @@ class Simulator:
     preload: ClassVar[tuple[str, ...]] = ("rhs_sources.raster.renderer",)
 
     def __post_init__(self) -> None:
-        check_range("source", "image_width", self.image_width, low=32, high=4096, unit="px")
-        check_range("source", "hfov_deg", self.hfov_deg, low=10, high=120, unit="degrees")
-        if self.robot_radius_m is not None:
-            check_range("source", "robot_radius_m", self.robot_radius_m, low=0.05, high=2.0, unit="m")
-            if self.footprint_m:
-                raise ConfigError("source.footprint_m is of a robot that is not round; leave out source.robot_radius_m")
+        for name, (low, high, unit) in RANGES.items():
+            if getattr(self, name) is not None:
+                check_range("source", name, getattr(self, name), low=low, high=high, unit=unit)
+        for name, words in CHOICES.items():
+            check_choice("source", name, getattr(self, name), words)
+        if self.robot_radius_m is not None and self.footprint_m:
+            raise ConfigError("source.footprint_m is of a robot that is not round; leave out source.robot_radius_m")
         footprint_of(self.footprint_m, "source.footprint_m")
-        if self.camera_height_m is not None:
-            check_range("source", "camera_height_m", self.camera_height_m, low=0.1, high=3.0, unit="m")
-        if self.camera_pitch_deg is not None:
-            check_range("source", "camera_pitch_deg", self.camera_pitch_deg, low=-45, high=60, unit="degrees")
         if len(self.distortion) not in (0, 4, 5):
             raise ConfigError(f"source.distortion={list(self.distortion)} has {len(self.distortion)} numbers; expected "
                               "k1, k2, p1, p2 and perhaps k3, or none")
         for value in self.distortion:
             check_range("source", "distortion", value, low=-2.0, high=2.0)
-        check_range("source", "baseline_m", self.baseline_m, low=0.0, high=1.0, unit="m")
-        check_range("source", "laser_beams", self.laser_beams, low=0, high=10_000)
         if self.laser_beams == 1:
             raise ConfigError("source.laser_beams=1 is no scan; expected 0 (none), or 2 and more")
-        check_range("source", "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
-        check_range("source", "laser_height_m", self.laser_height_m, low=0.02, high=3.0, unit="m")
-        check_range("source", "laser_range_m", self.laser_range_m, low=0.1, high=1000.0, unit="m")
         if self.laser_beams and self.renderer != "raster":
             raise ConfigError(f"source.renderer={self.renderer} has no laser scanner; type source.renderer=raster")
-        check_choice("source", "renderer", self.renderer, ("raster", "tinyrenderer", "egl"))
-        check_choice("source", "sampling", self.sampling, ("anisotropic", "nearest"))
-        check_range("source", "anisotropy", self.anisotropy, low=1, high=16)
-        check_range("source", "texture_px_per_m", self.texture_px_per_m, low=10, high=1000, unit="px/m")
-        check_choice("source", "direction", self.direction, ("ccw", "cw"))
-        check_range("source", "step_m", self.step_m, low=0.01, high=2.0, unit="m")
-        check_choice("source", "turn", self.turn, ("pivot", "arc"))
-        check_range("source", "turn_step_deg", self.turn_step_deg, low=0.5, high=90, unit="degrees")
-        check_range("source", "arc_radius_m", self.arc_radius_m, low=0.05, high=10, unit="m")
-        check_range("source", "speed_mps", self.speed_mps, low=0.01, high=5, unit="m/s")
-        check_range("source", "turn_rate_dps", self.turn_rate_dps, low=1, high=360, unit="degrees/s")
-        check_range("source", "wobble_m", self.wobble_m, low=0, high=0.3, unit="m")
-        check_range("source", "wobble_deg", self.wobble_deg, low=0, high=15, unit="degrees")
-        check_range("source", "pitch_roll_deg", self.pitch_roll_deg, low=0, high=15, unit="degrees")
-        check_range("source", "command_bias_percent", self.command_bias_percent, low=0, high=30, unit="%")
-        check_range("source", "command_noise_percent", self.command_noise_percent, low=0, high=30, unit="%")
-        if self.paintings_unique is not None:
-            check_range("source", "paintings_unique", self.paintings_unique, low=1, high=100_000)
-        if self.paintings_density is not None:
-            check_range("source", "paintings_density", self.paintings_density, low=0, high=1)
-        if self.wall_roughness is not None:
-            check_range("source", "wall_roughness", self.wall_roughness, low=0, high=100, unit="grey levels")
-        if self.texture_seed is not None:
-            check_range("source", "texture_seed", self.texture_seed, low=0, high=2**31 - 1)
 
     def build(self, context: SourceContext) -> Source:
         """context: rhs.api.contracts.SourceContext with a world."""

@@ -11,20 +11,19 @@ import numpy as np
 from rhs.api.floorplan import Box, Person, Wall, World
 from rhs.worlds.live import Stand, shapes_of
 
-from .simulator_bullet import pybullet, quiet
+from .simulator_bullet import Client, pybullet
 
 WALL_HALF_THICKNESS_M = 0.001  # solid walls are 2 mm thick, so that distances to them are right to a millimetre
 SLACK_M = 1e-3  # PyBullet's shapes have margins of less than this
 FAR_ENOUGH_M = 3.0  # distances beyond this are not looked for
 
 
-class Solid:
+class Solid(Client):
     """The solid world and the robot in it. `close` it."""
 
     def __init__(self, world: World) -> None:
+        super().__init__()
         self.world = world
-        with quiet():
-            self.client = pybullet.connect(pybullet.DIRECT)
         self.bodies: list[int] = []
         self.rounds: list[tuple[float, float, float]] = []  # of each body: its middle, and how far it reaches from there
         for wall in world.walls:
@@ -123,10 +122,3 @@ class Solid:
         radius_m = self.world.robot_radius_m
         gap_m: float = nearest_m(self.world.mesh.solid_m, x_m, y_m, within_m + radius_m) - radius_m
         return gap_m
-
-    def close(self) -> None:
-        """Let PyBullet forget the world; safe to call twice."""
-        if self.client >= 0:
-            with quiet():
-                pybullet.disconnect(physicsClientId=self.client)
-            self.client = -1

@@ -7,7 +7,7 @@ import os
 import re
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from .errors import ConfigError, RhsError
@@ -53,6 +53,12 @@ def shortened(text: str, most: int = LONGEST) -> str:
     if len(text) > most:
         text = _FOLDERS.sub(r"\1.../\2", text)
     return text if len(text) <= most else f"{text[:most - 3]}..."
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A line for each row of words, in columns as wide as their longest word."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def plain(text: str) -> str:

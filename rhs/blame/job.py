@@ -128,10 +128,10 @@ class BlameJob:
             else:
                 shares[measure] = shapley(middle(known, links), links)
                 errors[measure] = off_by(bounds(known, links), links)
-        told = judged(losses, links, since=since, shares=shares if self.orders else None)
+        verdict = judged(losses, links, since=since, shares=shares if self.orders else None)
         nothing, everything = frozenset[str](), frozenset(links)
         return known_or_none({
-            "links": links, "runs": len(columns), "off_since": since, **told, "shares": shares,
+            "links": links, "runs": len(columns), "off_since": since, **verdict, "shares": shares,
             "standard_errors" if self.orders else "off_by": errors,
             "loss": {name: losses[name][nothing] for name in MEASURES},
             "rest": {name: losses[name][everything] for name in MEASURES},

@@ -93,10 +93,10 @@ class Trials:
                   for state in sorted({links & self.chain.surveyed for links in wanted}, key=sorted)}
         for state, resting in states.items():
             if state not in self.groups:
-                told = OF.SimpleQueue()
-                group = OF.Process(target=_survey, args=(self.chain, state, told, self.at_once))
+                queue = OF.SimpleQueue()
+                group = OF.Process(target=_survey, args=(self.chain, state, queue, self.at_once))
                 group.start()
-                self.groups[state] = group, told
+                self.groups[state] = group, queue
             self.groups[state][1].put(resting)
         while any(self.groups[state][0].is_alive() and not all(map(self._ended, resting))
                   for state, resting in states.items()):
@@ -106,15 +106,15 @@ class Trials:
 
     def close(self) -> None:
         """No more."""
-        for group, told in self.groups.values():
-            told.put(None)
+        for group, queue in self.groups.values():
+            queue.put(None)
             group.join()
 
     def _ended(self, links: frozenset[str]) -> bool:
         return _answer(self.chain, links).exists()
 
 
-def _survey(chain: Chain, state: frozenset[str], told: Any, at_once: Any) -> None:
+def _survey(chain: Chain, state: frozenset[str], queue: Any, at_once: Any) -> None:
     """In a process: estimate the survey once, then a process for each patrol that rests on it."""
     die_with_parent()
     wanted: list[frozenset[str]] | None = None
@@ -124,7 +124,7 @@ def _survey(chain: Chain, state: frozenset[str], told: Any, at_once: Any) -> Non
             log = _log(chain, parts, chain.folder / f"survey_{label(state)}")
             leading = collect(parts, chain.context, chain.settings, log)
             collected = _result(leading)
-        while (wanted := told.get()) is not None:
+        while (wanted := queue.get()) is not None:
             patrols = [OF.Process(target=_patrol, args=(chain, parts, collected, log, links, at_once)) for links in wanted]
             for one in patrols:  # forked when its turn comes: each that waited would count as memory of the run
                 at_once.acquire()
@@ -134,11 +134,11 @@ def _survey(chain: Chain, state: frozenset[str], told: Any, at_once: Any) -> Non
                 if not _answer(chain, links).exists():
                     _write(chain, links, KILLED)
     except BaseException as error:
-        wanted = told.get() if wanted is None else wanted
+        wanted = queue.get() if wanted is None else wanted
         while wanted is not None:
             for links in wanted:
                 _write(chain, links, {"status": "failed", "reason": f"{type(error).__name__}: {error}"})
-            wanted = told.get()
+            wanted = queue.get()
     else:
         log.table.close()
 
@@ -201,8 +201,8 @@ def _patrolling(chain: Chain, parts: Parts, links: frozenset[str]) -> Parts:
         parts.localiser = TrueLocaliser(parts.localiser, parts.source)
     if "plan" in links:
         exact = Chosen("astar", registry.load("planner", "astar")())
-        told = Context(generator(run.seed, "planner"), parts.source.camera, parts.source.facts, run.folder, run.features)
-        parts.planner = build_part("planner", exact, told)
+        context = Context(generator(run.seed, "planner"), parts.source.camera, parts.source.facts, run.folder, run.features)
+        parts.planner = build_part("planner", exact, context)
     if "drive" in links:  # below the degradations, in this process
         chain.source.source = TrueDrive(chain.source.source)  # type: ignore[assignment]
     return parts

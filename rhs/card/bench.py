@@ -22,7 +22,7 @@ from rhs.metrics.planning import above_optimum_pct
 from rhs.worlds.plan_files import question_of
 from rhs.worlds.planning_question import load_arena
 
-from .apart import Heard
+from .forked import ForkResult
 from .planners import ask, exact_m
 from .questions import Question, questions
 
@@ -101,9 +101,9 @@ def work(name: str, settings: Any, asked: Sequence[Question]) -> Iterator[Row]:
                 yield row_of(name, question, seed, ask(settings, question, Path(folder), seed=seed))
 
 
-def row_of(name: str, question: Question, seed: int, told: tuple[Any, Any]) -> Row:
+def row_of(name: str, question: Question, seed: int, answered: tuple[Any, Any]) -> Row:
     """An answer as it stands in the table; figures in 9 digits, nothing where there is none."""
-    answer, path = told
+    answer, path = answered
     step = question.problem.resolution_m
     solved = bool(np.isfinite(answer.length_m))
     tight = shortened(path, question.problem).points_m if solved else np.empty((0, 2))
@@ -124,9 +124,9 @@ def hash_of(rows: Sequence[Row]) -> str:
     return hashlib.sha256(csv_of(rows).encode()).hexdigest()[:16]
 
 
-def scores(heard: Heard, count: int) -> dict[str, float]:
+def scores(result: ForkResult, count: int) -> dict[str, float]:
     """The scores and times of one planner; count: answers that were asked for. What was not answered is not solved."""
-    rows = heard.items
+    rows = result.items
     way = [row for row in rows if row["solvable"] == "1"]
     asked_m = [one.optimal_m for one in frozen_questions()]
     missing = len(SEEDS) * int(np.isfinite(asked_m).sum()) - len(way) if count > len(rows) else 0
@@ -137,27 +137,27 @@ def scores(heard: Heard, count: int) -> dict[str, float]:
     return {"solved_share": len(found) / len(above), "wrong_share": sum(bool(row["fault"]) for row in rows) / len(rows),
             "above_par2_pct": float(np.mean(worth)), "above_pct": _mean(found, "above_pct"),
             "above_short_pct": _mean(found, "above_short_pct"), "plan_ms": float(np.median(plan_ms)),
-            "plan_p95_ms": float(np.percentile(plan_ms, 95)), "memory_mb": heard.memory_mb}
+            "plan_p95_ms": float(np.percentile(plan_ms, 95)), "memory_mb": result.memory_mb}
 
 
 def _mean(rows: Sequence[Row], name: str) -> float:
     return float(np.mean([float(row[name]) for row in rows])) if rows else float("nan")
 
 
-def page(found: Mapping[str, Heard], count: int, *, command: str, made_at: str) -> str:
+def page(found: Mapping[str, ForkResult], count: int, *, command: str, made_at: str) -> str:
     """planning-v1.md: best first."""
-    told = {name: scores(heard, count) for name, heard in found.items() if heard.items}
-    order = sorted(told, key=lambda name: (told[name]["above_par2_pct"], name))
+    scored = {name: scores(result, count) for name, result in found.items() if result.items}
+    order = sorted(scored, key=lambda name: (scored[name]["above_par2_pct"], name))
     lines = [f"# {NAME}", "", f"`{command}` at commit {made_at}: {count // len(SEEDS)} questions ({FROZEN}), seeds "
              f"{', '.join(map(str, SEEDS))}, each of a new planner. `rows`: hash of the planner's rows in {NAME}.csv; the "
              "same everywhere, or something differs.", "",
              f"| planner | {' | '.join(SCORES)} | rows |", f"|---|{'---|' * len(SCORES)}---|"]
-    lines += [f"| {name} | {' | '.join(f'{told[name][one]:.4g}' for one in SCORES)} | {hash_of(found[name].items)} |"
+    lines += [f"| {name} | {' | '.join(f'{scored[name][one]:.4g}' for one in SCORES)} | {hash_of(found[name].items)} |"
               for name in order]
     lines += ["", *(f"- `{name}`: {meaning}" for name, meaning in SCORES.items())]
-    lines += [f"- {name} did not come to its end: {heard.ended}" for name, heard in found.items() if heard.ended]
+    lines += [f"- {name} did not come to its end: {result.ended}" for name, result in found.items() if result.ended]
     lines += ["", "## Times", "", "Of the machine it was made on: compare within this table. CPU time of a question, "
               "learning included.", "", "| planner | median ms | 95 % ms | memory MB |", "|---|---|---|---|"]
-    lines += [f"| {name} | {told[name]['plan_ms']:.3g} | {told[name]['plan_p95_ms']:.3g} | {told[name]['memory_mb']:.0f} |"
-              for name in sorted(told, key=lambda name: told[name]["plan_ms"])]
+    lines += [f"| {name} | {one['plan_ms']:.3g} | {one['plan_p95_ms']:.3g} | {one['memory_mb']:.0f} |"
+              for name, one in sorted(scored.items(), key=lambda item: item[1]["plan_ms"])]
     return "\n".join(lines) + "\n"

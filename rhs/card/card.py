@@ -23,7 +23,7 @@ from rhs.config import registry
 from rhs.testing.checks import checks
 
 from . import localisers, odometries, planners
-from .apart import Heard, apart
+from .forked import ForkResult, run_forked
 
 MEASURED: dict[str, ModuleType] = {"planner": planners, "localiser": localisers, "odometry": odometries}
 REFERENCES = {"planner": ("astar", "prm", "rrt_connect"), "odometry": ("keyframe", "procrustes", "wheel"),
@@ -45,10 +45,10 @@ Tell = Callable[[str], None]
 
 @dataclass
 class Card:
-    """content: what card.json holds. heard: part -> what it did, for the pictures."""
+    """content: what card.json holds. results: part -> what it did, for the pictures."""
 
     content: dict[str, Any]
-    heard: dict[str, Heard] = field(default_factory=dict)
+    results: dict[str, ForkResult] = field(default_factory=dict)
 
     @property
     def passes(self) -> bool:
@@ -88,11 +88,11 @@ def contract(kind: str, settings: Any, tell: Callable[[dict[str, Any]], None] = 
                 except AssertionError as error:
                     yield name, " ".join(str(error).split()) or "it does not hold"
 
-    heard = apart(work, patience_s=CHECK_PATIENCE_S, tell=lambda said: tell(_checked(*said)))
-    left = [_checked(name, "not reached" if k else heard.ended) for k, name in enumerate(names[len(heard.items):])]
+    result = run_forked(work, patience_s=CHECK_PATIENCE_S, tell=lambda said: tell(_checked(*said)))
+    left = [_checked(name, "not reached" if k else result.ended) for k, name in enumerate(names[len(result.items):])]
     for one in left:
         tell(one)
-    return [_checked(*said) for said in heard.items] + left
+    return [_checked(*said) for said in result.items] + left
 
 
 def _checked(name: str, why: str) -> dict[str, Any]:
@@ -114,10 +114,10 @@ def measure(card: Card, kind: str, parts: dict[str, Any], tell: Tell) -> None:
         part = f"{kind}={name}"
         tell(part)
         work = partial(module.work, settings, degraded=part == content["part"])
-        heard = card.heard[part] = apart(work, patience_s=PATIENCE_S[kind])
-        content["figures"][part] = module.figures(heard)
-        content["ended"][part] = heard.ended
-    content |= module.details(card.heard[content["part"]])
+        result = card.results[part] = run_forked(work, patience_s=PATIENCE_S[kind])
+        content["figures"][part] = module.figures(result)
+        content["ended"][part] = result.ended
+    content |= module.details(card.results[content["part"]])
 
 
 def verdict(content: dict[str, Any]) -> list[str]:

@@ -16,15 +16,15 @@ import numpy as np
 from rhs.api.frozen import freeze
 from rhs.api.geometry import inverse
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Capture, FeatureSettings, Motion, Observation, Tracking, View
+from rhs.api.records import Capture, Observation, View
 from rhs.config import registry
+from rhs.testing.localisers import as_survey
 from rhs.testing.room import RATE_HZ, Room, context, drive, empty_grid
 
 AHEAD_M, LEFT_RAD = 0.13, 0.1  # per view of a lap: round a circle of 1.3 m
 MIDDLE_M, RADIUS_M = (0.0, -0.2), 1.3
 LAP = ((0.0, 0.0), *[(AHEAD_M, LEFT_RAD)] * 63)
 STRAIGHT = ((0.0, 0.0), *[(0.15, 0.02)] * 10, *[(0.15, -0.02)] * 20, *[(0.15, 0.02)] * 10)
-FINE = np.diag([1e-3] * 6) ** 2
 BOX_SEEN_AT_M = 1.0  # height of the scan
 
 
@@ -63,17 +63,7 @@ def numbered(stretches: Sequence[list[Seen]]) -> list[Seen]:
 @cache
 def surveyed(room: Room) -> tuple[View, ...]:
     """One lap as a survey with true poses, every second view kept as a place."""
-    from rhs.estimation.views.features import features
-
-    views: list[View] = []
-    lap = stretch(round_room(room), LAP, 0)
-    previous = lap[0].world_from_body
-    for one in lap:
-        motion = Motion(inverse(previous) @ one.world_from_body, FINE, Tracking.OK)
-        seen, previous = one.observation, one.world_from_body
-        kept = features(seen, FeatureSettings()) if seen.index % 2 == 0 else None
-        views.append(freeze(View(seen.index, seen.stamp_s, seen.camera, motion, previous, FINE, seen.scan, kept)))
-    return tuple(views)
+    return as_survey(drive(round_room(room), LAP, 0))
 
 
 def true_grid(room: Room) -> OccupancyGrid:
@@ -118,9 +108,12 @@ def spoiled(views: Sequence[Seen], degradation: Any) -> list[Seen]:
     return out
 
 
-def breaks_at(scores: dict[str, list[tuple[float, float]]], whole: float) -> list[dict[str, Any]]:
+def breaks_at(items: Sequence[Any], whole: float) -> list[dict[str, Any]]:
     """A row for each dial: its levels and scores, and the first level at which less than half is left of the score `whole`
-    without degradation; None where it holds."""
+    without degradation; None where it holds. items: those with a `level` are (dial, level, score)."""
+    scores: dict[str, list[tuple[float, float]]] = {}
+    for dial, *level_and_score in (one.level for one in items if one.level is not None):
+        scores.setdefault(dial, []).append((level_and_score[0], level_and_score[1]))
     out = []
     for dial, found in scores.items():
         below = [level for level, score in found if score < whole / 2]

@@ -17,12 +17,12 @@ from rhs.api.geometry import exp_se3, inverse, log_se3
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.api.validate import check_belief
 from rhs.metrics.calibration import Beliefs, calibration_error, kidnaps
+from rhs.testing.localisers import FINE, PLANE, SIGMA
 from rhs.testing.room import FURNISHED, HALL, Room, context, for_part
 
-from .apart import Heard
+from .forked import ForkResult
 from .laps import (
     AHEAD_M,
-    FINE,
     LEFT_RAD,
     Seen,
     breaks_at,
@@ -37,10 +37,8 @@ from .laps import (
 
 ROOMS = (HALL, FURNISHED)
 SEEDS = (1, 2)
-SIGMA = np.array([0.004, 0.004, 1e-3, 1e-3, 1e-3, 0.004])  # of one motion: metres, radians
 STEPS = ((0.0, 0.0), *[(AHEAD_M, LEFT_RAD)] * 27)
 SHORT = 2 * len(STEPS)  # views of the patrol that is spoiled
-PLANE = [0, 1, 5]
 COLUMNS = {
     "right_share": "views in which the belief is right: 0.25 m, 5 degrees",
     "sure_share": "views in which it says that it tracks",
@@ -134,9 +132,9 @@ def judged(room: str, views: Sequence[Seen], said: Sequence[Belief], cpu_ms: np.
     return Patrolled(room, beliefs, nees[sure], cpu_ms)
 
 
-def figures(heard: Heard) -> dict[str, float]:
+def figures(result: ForkResult) -> dict[str, float]:
     """The columns, over all patrols."""
-    found = [one for one in heard.items if one.beliefs is not None]
+    found = [one for one in result.items if one.beliefs is not None]
     if not found:
         return {}
     probability, right, sure, wrong_m = (np.concatenate([getattr(one.beliefs, name) for one in found])
@@ -151,15 +149,11 @@ def figures(heard: Heard) -> dict[str, float]:
             "recovery_m": float(np.median(metres)) if metres else nan,
             "error_m": float(np.median(wrong_m[sure])) if sure.any() else nan,
             "nees": float(np.median(nees)) if len(nees) else nan,
-            "update_ms": float(np.median(np.concatenate([one.cpu_ms for one in found]))), "memory_mb": heard.memory_mb}
+            "update_ms": float(np.median(np.concatenate([one.cpu_ms for one in found]))), "memory_mb": result.memory_mb}
 
 
-def details(heard: Heard) -> dict[str, Any]:
+def details(result: ForkResult) -> dict[str, Any]:
     """Where it breaks, and the reliability of its chances for the picture."""
-    found = [one for one in heard.items if one.beliefs is not None]
+    found = [one for one in result.items if one.beliefs is not None]
     first = [after_carried(one.beliefs) for one in found[:1]]
-    scores: dict[str, list[tuple[float, float]]] = {}
-    for one in heard.items:
-        if one.level is not None:
-            scores.setdefault(one.level[0], []).append(one.level[1:])
-    return {"breaks": breaks_at(scores, first[0]) if first else []}
+    return {"breaks": breaks_at(result.items, first[0]) if first else []}

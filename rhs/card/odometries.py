@@ -15,15 +15,15 @@ from rhs.api.contracts import complete
 from rhs.api.geometry import inverse, log_se3
 from rhs.api.records import Tracking
 from rhs.api.validate import check_motion
+from rhs.testing.odometry import PLANE
 from rhs.testing.room import CORRIDOR, FURNISHED, HALL, TUBE, Room, context, for_part
 
-from .apart import Heard
+from .forked import ForkResult
 from .laps import LAP, STRAIGHT, Seen, breaks_at, levels, round_room, spoiled, stretch
 
 DRIVES = {"room": (round_room(HALL), LAP), "furnished room": (round_room(FURNISHED), LAP), "corridor": (CORRIDOR, STRAIGHT),
           "tube": (TUBE, STRAIGHT)}
 SHORT = 32  # views of the drive that is spoiled
-PLANE = [0, 1, 5]
 CHI2_95 = 7.8147  # of three dimensions
 GOOD_M, GOOD_RAD = 0.02, np.radians(1.0)  # a motion of 0.13 m
 COLUMNS = {
@@ -97,35 +97,31 @@ def driven(settings: Any, title: str, room: Room, views: Sequence[Seen], folder:
                   float(np.linalg.norm(said[:3, 3] - true[:3, 3])) / way_m, np.array(cpu_ms))
 
 
-def figures(heard: Heard) -> dict[str, float]:
+def figures(result: ForkResult) -> dict[str, float]:
     """The columns, over the drives in which at least half of the motions were ok; NaN where there is none."""
-    every = [one for one in heard.items if one.level is None]
+    every = [one for one in result.items if one.level is None]
     if not every:
         return {}
     found = [one for one in every if one.ok.mean() >= 0.5]
     nan = float("nan")
-    told = dict.fromkeys(COLUMNS, nan) | {"ok_share": float(np.concatenate([one.ok for one in every]).mean()),
-                                          "memory_mb": heard.memory_mb,
+    known = dict.fromkeys(COLUMNS, nan) | {"ok_share": float(np.concatenate([one.ok for one in every]).mean()),
+                                          "memory_mb": result.memory_mb,
                                           "update_ms": float(np.median(np.concatenate([one.cpu_ms for one in every])))}
     if not found:
-        return told
+        return known
     errors, nees = (np.concatenate([getattr(one, name)[one.ok] for one in found]) for name in ("errors", "nees"))
-    return told | {"error_m": float(np.sqrt((errors[:, :2]**2).sum(axis=1).mean())),
+    return known | {"error_m": float(np.sqrt((errors[:, :2]**2).sum(axis=1).mean())),
                    "error_deg": float(np.degrees(np.sqrt((errors[:, 2]**2).mean()))),
                    "drift_pct": 100.0 * float(np.mean([one.drift for one in found])),
                    "nees": float(nees.mean() / len(PLANE)), "within_95_share": float((nees <= CHI2_95).mean())}
 
 
-def details(heard: Heard) -> dict[str, Any]:
+def details(result: ForkResult) -> dict[str, Any]:
     """The drives one by one, and where it breaks."""
-    drives = {one.room: figures(Heard([one], "", float("nan"))) for one in heard.items if one.level is None}
-    scores: dict[str, list[tuple[float, float]]] = {}
-    for one in heard.items:
-        if one.level is not None:
-            scores.setdefault(one.level[0], []).append(one.level[1:])
-    first = [one for one in heard.items if one.level is None and one.room == "room"]
+    drives = {one.room: figures(ForkResult([one], "", float("nan"))) for one in result.items if one.level is None}
+    first = [one for one in result.items if one.level is None and one.room == "room"]
     if not first:
         return {"rooms": drives, "breaks": []}
     errors, nees, ok = (getattr(first[0], name)[:SHORT - 1] for name in ("errors", "nees", "ok"))
     whole = Driven("room", errors, nees, ok, 0.0, first[0].cpu_ms).good
-    return {"rooms": drives, "breaks": breaks_at(scores, whole)}
+    return {"rooms": drives, "breaks": breaks_at(result.items, whole)}

@@ -71,7 +71,7 @@ def pictures(card: Card) -> list[tuple[str, Figure]]:
     """What there is to be seen, by the kind of the part."""
     kind = card.content["part"].partition("=")[0]
     draw = {"planner": _of_planners, "localiser": _of_localisers, "odometry": _of_odometries}.get(kind)
-    return draw(card) if draw is not None and any(heard.items for heard in card.heard.values()) else []
+    return draw(card) if draw is not None and any(result.items for result in card.results.values()) else []
 
 
 def _of_planners(card: Card) -> list[tuple[str, Figure]]:
@@ -79,7 +79,7 @@ def _of_planners(card: Card) -> list[tuple[str, Figure]]:
 
     figure = new_figure(9.0, 3.4)
     left, right = figure.subplots(1, 2)
-    found = {part: plain_ones(heard) for part, heard in card.heard.items()}
+    found = {part: plain_ones(result) for part, result in card.results.items()}
     for axes, values, label in (
             (left, [[one.above_pct for one in each if np.isfinite(one.above_pct)] for each in found.values()],
              "length above the exact shortest path [%]"),
@@ -121,7 +121,8 @@ def _of_localisers(card: Card) -> list[tuple[str, Figure]]:
 
     figure = new_figure(10.0, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
-    patrols = {part: [one.beliefs for one in heard.items if one.beliefs is not None] for part, heard in card.heard.items()}
+    patrols = {part: [one.beliefs for one in result.items if one.beliefs is not None]
+               for part, result in card.results.items()}
     draw_kidnaps(left, [each for one in patrols[card.content["part"]] for each in kidnaps(one)])
     stated = {part: [np.concatenate([getattr(one, name) for one in found]) for name in ("probability", "right")]
               for part, found in patrols.items() if found}
@@ -135,15 +136,15 @@ def _of_odometries(card: Card) -> list[tuple[str, Figure]]:
     figure = new_figure(9.5, 4.0)
     left, right = figure.subplots(1, 2)
     left.plot([0, 1], [0, 1], color="#888888", linestyle="--", linewidth=1)
-    for part, heard in card.heard.items():
-        drives = [one for one in heard.items if one.level is None and one.ok.any()]
+    for part, result in card.results.items():
+        drives = [one for one in result.items if one.level is None and one.ok.any()]
         if drives:
             inside = np.sort(chi2.cdf(np.concatenate([one.nees[one.ok] for one in drives]), 3))
             left.plot(inside, np.arange(1, len(inside) + 1) / len(inside), linewidth=1.3, label=f"{part}: n {len(inside)}")
     left.set_xlabel("share that its ellipse should hold")
     left.set_ylabel("share of errors that it holds")
     left.legend(fontsize=7, frameon=False, loc="lower right")
-    own = [one for one in card.heard[card.content["part"]].items if one.level is None and one.ok.any()]
+    own = [one for one in card.results[card.content["part"]].items if one.level is None and one.ok.any()]
     _scatter(right, own)
     return [("Whether its covariance is honest (above the line: too careful, below: too sure); its errors", figure),
             *_broken(card)]

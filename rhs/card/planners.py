@@ -26,7 +26,7 @@ from rhs.metrics.planning import above_optimum_pct
 from rhs.testing.checks import in_words
 from rhs.testing.shared_state import untouched
 
-from .apart import Heard
+from .forked import ForkResult
 from .questions import Question, questions
 
 NAN = float("nan")
@@ -293,31 +293,31 @@ def work(settings: Any, *, degraded: bool = True) -> Iterator[Answer]:
     return answers(settings, list(asked()))
 
 
-def plain_ones(heard: Heard) -> list[Answer]:
+def plain_ones(result: ForkResult) -> list[Answer]:
     """The first answers to questions that are some."""
     names = {one.name for one in asked()}
-    return [one for one in heard.items if one.name in names]
+    return [one for one in result.items if one.name in names]
 
 
-def figures(heard: Heard) -> dict[str, float]:
+def figures(result: ForkResult) -> dict[str, float]:
     """The columns, over all questions that were answered."""
-    found = plain_ones(heard)
+    found = plain_ones(result)
     if not found:
         return {}
     above, cpu_ms = np.array([one.above_pct for one in found]), np.array([one.cpu_ms for one in found])
     known = above[np.isfinite(above)]
-    return {"faulty": sum(bool(one.faults) for one in heard.items),
+    return {"faulty": sum(bool(one.faults) for one in result.items),
             "solved_share": float(np.mean([np.isfinite(one.length_m) for one in found if one.solvable])),
             "above_optimum_pct": float(known.mean()) if len(known) else NAN,
             "above_optimum_p90_pct": float(np.percentile(known, 90)) if len(known) else NAN,
-            "plan_ms": float(np.median(cpu_ms)), "plan_slowest_ms": float(cpu_ms.max()), "memory_mb": heard.memory_mb}
+            "plan_ms": float(np.median(cpu_ms)), "plan_slowest_ms": float(cpu_ms.max()), "memory_mb": result.memory_mb}
 
 
-def details(heard: Heard) -> dict[str, Any]:
+def details(result: ForkResult) -> dict[str, Any]:
     """Its faults: what, how often, and the questions that show it."""
-    shown = {name: [one.name + (f": {one.raised}" if one.raised else "") for one in heard.items if name in one.faults]
+    shown = {name: [one.name + (f": {one.raised}" if one.raised else "") for one in result.items if name in one.faults]
              for name in FAULTS}
-    if heard.ended:
-        shown["no_answer"] = [f"what follows {heard.items[-1].name}" if heard.items else "the first question"]
-    return {"answers": len(heard.items), "faults": [{"fault": name, "says": FAULTS[name], "times": len(where),
+    if result.ended:
+        shown["no_answer"] = [f"what follows {result.items[-1].name}" if result.items else "the first question"]
+    return {"answers": len(result.items), "faults": [{"fault": name, "says": FAULTS[name], "times": len(where),
                                                      "questions": where[:5]} for name, where in shown.items() if where]}

@@ -13,15 +13,15 @@ dials), atlas.csv, atlas.json, the folders of the runs that failed. Exit code 0,
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rhs.base.commands import Arguments
-from rhs.base.errors import ConfigError, check_range
+from rhs.base.errors import ConfigError
+
+from .arguments import JOBS, TIMEOUT, Number, limits, parse
 
 if TYPE_CHECKING:
     from rhs.sweeps.atlas import Atlas
@@ -34,31 +34,16 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps.atlas import read_atlas
-    from rhs.sweeps.jobs import Limits, processors
 
-    chosen = _arguments().parse_intermixed_args(list(words))
-    files = [Path(word) for word in chosen.words if not word.startswith("output=")]
-    if len(files) != 1:
+    chosen = parse("atlas", __doc__, words, runs=Number(0, low=0, high=10_000), jobs=JOBS, timeout=TIMEOUT)
+    if len(chosen.words) != 1:
         raise ConfigError("atlas: expected one file of combinations and dials: python -m rhs atlas conf/atlas/example.yaml")
-    check_range("", "--runs", chosen.runs, low=0, high=10_000)
-    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
-    check_range("", "--timeout", chosen.timeout, low=0.0, high=1e7, unit="s")
-    atlas = read_atlas(files[0], chosen.runs)
-    output = next((word.partition("=")[2] for word in chosen.words if word.startswith("output=")), "")
-    with claim_sweep(output or str(HOME / f"atlas_{files[0].stem}")) as claim:
-        _searched(atlas, claim.folder, Limits(chosen.jobs or processors(), chosen.timeout))
+    file = Path(chosen.words[0])
+    atlas = read_atlas(file, chosen.runs)
+    with claim_sweep(chosen.output or str(HOME / f"atlas_{file.stem}")) as claim:
+        _searched(atlas, claim.folder, limits(chosen))
         sys.stdout.write(f"files: {claim.folder}\n")
     return 0
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = Arguments(prog="python -m rhs atlas", description=__doc__, allow_abbrev=False,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("words", nargs="*", metavar="FILE.yaml")
-    parser.add_argument("--runs", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--timeout", type=float, default=3600.0)
-    return parser
 
 
 def _searched(atlas: Atlas, folder: Path, limits: Limits) -> None:
@@ -80,12 +65,12 @@ def _publish(atlas: Atlas, folder: Path) -> None:
     from rhs.reports.dial_pictures import atlas_picture
     from rhs.sweeps.atlas import accounts, csv_of
 
-    if not (told := accounts(atlas)):
+    if not (results := accounts(atlas)):
         return
-    for name, text in {"atlas.json": json.dumps(told, indent=1) + "\n", "atlas.csv": csv_of(told)}.items():
+    for name, text in {"atlas.json": json.dumps(results, indent=1) + "\n", "atlas.csv": csv_of(results)}.items():
         with replacing(folder / name) as file:
             file.write(text)
-    atlas_picture(told, folder / "atlas.png")
-    width = max(len(one["combination"]) for one in told)
-    for one in told:
+    atlas_picture(results, folder / "atlas.png")
+    width = max(len(one["combination"]) for one in results)
+    for one in results:
         sys.stdout.write(f"{one['combination']:<{width}}  {one['dial']}: {one['says']}  ({one['runs']} runs)\n")

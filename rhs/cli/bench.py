@@ -31,10 +31,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rhs.base.commands import Arguments
 from rhs.base.errors import ConfigError
 from rhs.config import registry
 
+from .arguments import JOBS, TIMEOUT, parse
 from .card import part_of, say
 
 HOME = Path("results") / "bench"
@@ -45,9 +45,10 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.base.provenance import commit
     from rhs.card import bench
-    from rhs.card.apart import Heard, apart
+    from rhs.card.forked import ForkResult, run_forked
 
-    chosen = _arguments().parse_intermixed_args(list(words))
+    chosen = parse("bench", __doc__, words, positional=["set"], mine="", only=False, quick=False, ours="", entry="",
+                   held_out="", data="", blame=False, jobs=JOBS, timeout=TIMEOUT)
     if chosen.set not in SETS:
         raise ConfigError(f"bench {chosen.set}: there is {', '.join(SETS)}")
     if chosen.set != SETS[0]:
@@ -61,14 +62,14 @@ def main(words: Sequence[str]) -> int:
     questions = bench.frozen_questions()
     if (digest := bench.digest(questions)) != bench.FROZEN:
         raise ConfigError(f"bench {chosen.set}: found questions {digest}, expected {bench.FROZEN}: its maps have changed")
-    found: dict[str, Heard] = {}
+    found: dict[str, ForkResult] = {}
     for name, settings in planners.items():
         say(name)
-        found[name] = apart(partial(bench.work, name, settings, questions), patience_s=bench.PATIENCE_S)
+        found[name] = run_forked(partial(bench.work, name, settings, questions), patience_s=bench.PATIENCE_S)
     say("")
     command = " ".join(["python -m rhs bench", *words])
     page = bench.page(found, len(questions) * len(bench.SEEDS), command=command, made_at=commit() or "unknown")
-    _publish(folder, {"md": page, "csv": bench.csv_of([row for heard in found.values() for row in heard.items])})
+    _publish(folder, {"md": page, "csv": bench.csv_of([row for result in found.values() for row in result.items])})
     sys.stdout.write(f"{page}\nfiles: {folder}\n")
     mine = found.get(next(reversed(planners))) if chosen.mine else None
     return int(mine is not None and (bool(mine.ended) or any(row["fault"] for row in mine.items)))
@@ -85,8 +86,7 @@ def _publish(folder: Path, texts: dict[str, str]) -> None:
 
 def _planners(chosen: argparse.Namespace, ours: Sequence[str]) -> tuple[dict[str, Any], Path]:
     """Name -> settings, mine last; the folder. Raises ConfigError."""
-    words = [word for word in chosen.overrides if not word.startswith("output=")]
-    folder = next((Path(word.partition("=")[2]) for word in chosen.overrides if word.startswith("output=")), HOME)
+    words, folder = chosen.words, Path(chosen.output) if chosen.output else HOME
     if words and not chosen.mine or chosen.only and not chosen.mine:
         raise ConfigError(f"bench: {'--only' if chosen.only else words[0]}: say whose: --mine planner=NAME")
     planners = {} if chosen.only else {name: registry.load("planner", name)() for name in ours
@@ -99,21 +99,3 @@ def _planners(chosen: argparse.Namespace, ours: Sequence[str]) -> tuple[dict[str
         planners.pop(title, None)
         planners[title] = settings
     return planners, folder
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = Arguments(prog="python -m rhs bench", description=__doc__, allow_abbrev=False,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("set")
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--mine", default="")
-    parser.add_argument("--only", action="store_true")
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--ours", default="")
-    parser.add_argument("--entry", default="")
-    parser.add_argument("--held-out", default="")
-    parser.add_argument("--data", default="")
-    parser.add_argument("--blame", action="store_true")
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--timeout", type=float, default=3600.0)
-    return parser

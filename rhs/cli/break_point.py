@@ -12,47 +12,31 @@ for all combinations. Files in the folder: the runs, break.json, break.png. Exit
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rhs.base.commands import Arguments
-from rhs.base.errors import check_range
+from .arguments import JOBS, TIMEOUT, Number, limits, parse
 
 
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import break_point
-    from rhs.sweeps.jobs import Limits, processors
 
-    chosen = _arguments().parse_intermixed_args(list(words))
-    check_range("", "--runs", chosen.runs, low=4, high=10_000)
-    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
-    check_range("", "--timeout", chosen.timeout, low=0.0, high=1e7, unit="s")
-    plan = break_point.plan(chosen.overrides)
-    limits = Limits(chosen.jobs or processors(), chosen.timeout)
+    chosen = parse("break", __doc__, words, runs=Number(40, low=4, high=10_000), jobs=JOBS, timeout=TIMEOUT)
+    plan = break_point.plan(chosen.typed)
     with claim_sweep(plan.output) as claim:
-        accounts = _searched(plan, claim.folder, limits, chosen.runs)
+        accounts = _searched(plan, claim.folder, limits(chosen), chosen.runs)
         _publish(accounts, plan.dial, claim.folder)
-        width = max(len(told["combination"]) for told in accounts)
-        for told in accounts:
-            sys.stdout.write(f"{told['combination']:<{width}}  {plan.dial.key}: {told['says']}  ({told['runs']} runs)\n")
+        width = max(len(account["combination"]) for account in accounts)
+        for account in accounts:
+            sys.stdout.write(f"{account['combination']:<{width}}  {plan.dial.key}: {account['says']}  "
+                             f"({account['runs']} runs)\n")
         sys.stdout.write(f"files: {claim.folder}\n")
     return 0
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = Arguments(prog="python -m rhs break", description=__doc__, allow_abbrev=False,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--runs", type=int, default=40)
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--timeout", type=float, default=3600.0)
-    return parser
 
 
 def _searched(plan: Any, folder: Path, limits: Any, runs: int) -> list[dict[str, Any]]:

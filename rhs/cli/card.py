@@ -17,6 +17,7 @@ from pathlib import Path
 
 from rhs.api import settings
 from rhs.api.contracts import PLUGIN_KINDS
+from rhs.base.commands import aligned
 from rhs.base.errors import ConfigError
 from rhs.config import registry
 from rhs.config.overrides import parse, plain_words
@@ -44,9 +45,7 @@ def main(words: Sequence[str]) -> int:
         sys.stdout.write(f"{line}\n")
     names, rows = table(card.content)
     if rows:
-        widths = [max(len(row[k]) for row in (names, *rows)) for k in range(len(names))]
-        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in (names, *rows)]
-        sys.stdout.write("\n" + "\n".join(lines) + "\n")
+        sys.stdout.write("\n" + "\n".join(aligned([names, *rows])) + "\n")
     sys.stdout.write(f"files: {folder}\n")
     return 0 if card.passes else 1
 

@@ -24,10 +24,10 @@ def main(words: Sequence[str]) -> int:
     def tell(one: dict[str, Any]) -> None:
         why, began = one["why"], clock.pop()
         clock.append(time.perf_counter())
-        told = f"as before ({before[why]})" if before.get(why) else why
+        reason = f"as before ({before[why]})" if before.get(why) else why
         before.setdefault(why, one["check"])
         sys.stdout.write(f"{'ok   ' if one['holds'] else 'FAILS'}{clock[0] - began:7.1f} s  {one['check']}"
-                         f"{f': {told}' if why else ''}\n")
+                         f"{f': {reason}' if why else ''}\n")
         sys.stdout.flush()
 
     failed = sum(not one["holds"] for one in contract(kind, chosen, tell))

@@ -1,4 +1,4 @@
-"""`python -m rhs COMMAND ...`: what is not a run."""
+"""`python -m rhs COMMAND ...`: everything but runs and sweeps."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ COMMANDS = {
     "compare": ("rhs.cli.commands", "paired differences between the values of a part or setting: compare planner FOLDER"),
     "report": ("rhs.reports.report", "pictures and pages of run and sweep folders"),
     "evaluate": ("rhs.cli.evaluate", "the figures of a run again, or ATE and RPE of two trajectories"),
-    "convert": ("rhs.cli.convert", "recordings: recover a cut one, to and from TUM folders"),
-    "blame": ("rhs.cli.blame", "which link of the chain cost what: blame RUN"),
-    "break": ("rhs.cli.break_point", "at which level of a setting half of the runs fail: break sensor.KEY=1..16 ..."),
-    "atlas": ("rhs.cli.atlas", "several dials over several combinations, one picture: atlas combos.yaml"),
-    "sensitivity": ("rhs.cli.sensitivity", "which settings of a part matter, halved and doubled: sensitivity odometry=x"),
-    "gate": ("rhs.cli.gate", "did this change help? paired with the runs of a folder: gate FOLDER planner=mine"),
-    "verify": ("rhs.cli.verify", "run it again and compare the rows"),
-    "recover": ("rhs.cli.recover", "row and table of a run that was killed"),
-    "worlds": ("rhs.cli.worlds", "the buildings that there are, with plans: worlds --pictures FOLDER"),
+    "convert": ("rhs.cli.convert", "convert recordings: recover a cut one, to and from TUM folders"),
+    "blame": ("rhs.cli.blame", "how much each part of the chain cost a run: blame RUN"),
+    "break": ("rhs.cli.break_point", "the level of a setting at which half of the runs fail: break sensor.KEY=1..16 ..."),
+    "atlas": ("rhs.cli.atlas", "the same for several settings and combinations, in one picture: atlas combos.yaml"),
+    "sensitivity": ("rhs.cli.sensitivity", "which settings of a part matter when halved or doubled: sensitivity odometry=x"),
+    "gate": ("rhs.cli.gate", "did a change help? compared in pairs with the runs of a folder: gate FOLDER planner=mine"),
+    "verify": ("rhs.cli.verify", "run it again and compare the rows: verify RUN"),
+    "recover": ("rhs.cli.recover", "the row and table of a run that was killed: recover RUN"),
+    "worlds": ("rhs.cli.worlds", "list the buildings; worlds --pictures FOLDER draws their plans"),
     "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),
-    "card": ("rhs.cli.card", "one page about a part: contract, faults, accuracy, calibration, cost: card planner=mine"),
-    "bench": ("rhs.cli.bench", "a frozen benchmark that anyone makes again: bench planning-v1 --mine planner=mine"),
-    "new": ("rhs.cli.new", "a package with a plugin to begin with: new planner my_planner"),
-    "completion": ("rhs.cli.completion", "tab completion of the command rhs: completion bash | zsh | fish"),
+    "card": ("rhs.cli.card", "a page about one part: contract, faults, accuracy, calibration, cost: card planner=mine"),
+    "bench": ("rhs.cli.bench", "a frozen benchmark with reproducible rows: bench planning-v1 --mine planner=mine"),
+    "new": ("rhs.cli.new", "write a package with a plugin to start from: new planner my_planner"),
+    "completion": ("rhs.cli.completion", "tab completion of the command `rhs`: completion bash | zsh | fish"),
     "help": ("rhs.cli.commands", "help columns | events | kinds | commands"),
 }
 
-EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # take words alone: --help is what their module says
+EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
 
 
 def command(words: Sequence[str]) -> Callable[[], int] | None:
@@ -69,7 +69,7 @@ def plugin_files(words: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _explain(name: str) -> int:
-    """The docstring of a command that takes words alone."""
+    """Print the docstring of a command that has no options."""
     said = compare.__doc__ if name == "compare" else import_module(COMMANDS[name][0]).__doc__
     sys.stdout.write(textwrap.dedent(said or "").replace("`", "").rstrip() + "\n")
     return 0

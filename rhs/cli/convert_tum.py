@@ -18,7 +18,7 @@ from rhs.api.records import Capture
 from rhs.api.trajectory import Trajectory, read_tum, tum_line, write_tum
 from rhs.base.errors import ConfigError, RecordingError
 from rhs.recording import ros
-from rhs.recording.mcap_file import Tape
+from rhs.recording.mcap_file import McapWriter
 from rhs.recording.mcap_scan import Report
 from rhs.recording.reader import read, read_head
 from rhs.recording.writer import camera_to_plain, head_note, put_view, view_to_plain
@@ -116,12 +116,12 @@ def from_trajectory(source: Path, target: Path) -> int:
         raise RecordingError(f"{source} holds no pose")
 
     def write(path: Path) -> None:
-        tape = Tape(path)
+        writer = McapWriter(path)
         for stamp_s, pose in zip(trajectory.stamps_s, trajectory.poses, strict=True):
             t = ros.nanoseconds(float(stamp_s))
-            tape.put("/belief", ros.pose_stamped(pose, t, "map"), t)
-            tape.put("/tf", ros.transforms(t, [("map", "body", pose)]), t)
-        tape.close()
+            writer.put("/belief", ros.pose_stamped(pose, t, "map"), t)
+            writer.put("/tf", ros.transforms(t, [("map", "body", pose)]), t)
+        writer.close()
 
     write_whole(target, write)
     return len(trajectory)
@@ -134,12 +134,12 @@ def from_recording(source: Path, target: Path, settings: Sequence[str]) -> int:
 
     def write(path: Path) -> None:
         nonlocal count
-        tape = Tape(path)
-        tape.note("rhs", head_note(replay.camera, replay.facts, config={"converted_from": source.name}, level="full"))
+        writer = McapWriter(path)
+        writer.note("rhs", head_note(replay.camera, replay.facts, config={"converted_from": source.name}, level="full"))
         while (capture := replay.lead()) is not None:
-            _put(tape, replay, capture)
+            _put(writer, replay, capture)
             count += 1
-        tape.close()
+        writer.close()
 
     try:
         write_whole(target, write)
@@ -169,15 +169,15 @@ def _replay(source: Path, settings: Sequence[str]) -> Any:
     return cls(**chosen).build(SourceContext(np.random.default_rng(0), None, source.parent))
 
 
-def _put(tape: Tape, replay: Any, capture: Capture) -> None:
+def _put(writer: McapWriter, replay: Any, capture: Capture) -> None:
     """One view without any estimate: the same topics and the same JSON as a run's."""
     t, camera, truth = ros.nanoseconds(capture.stamp_s), replay.camera, replay.truth()
-    if tape.empty:
-        tape.put("/tf_static", ros.transforms(t, [("body", "camera", camera.body_from_camera)]), t)
+    if writer.empty:
+        writer.put("/tf_static", ros.transforms(t, [("body", "camera", camera.body_from_camera)]), t)
     plain = view_to_plain(capture, capture.travel, truth) | {"phase": "survey"}
-    put_view(tape, camera, capture, plain=plain, images=True)
+    put_view(writer, camera, capture, plain=plain, images=True)
     if capture.scan is not None:
-        tape.put("/scan", ros.laser_scan(capture.scan, t, "body"), t)
+        writer.put("/scan", ros.laser_scan(capture.scan, t, "body"), t)
     if truth is not None:
-        tape.put("/truth", ros.pose_stamped(truth, t, "map"), t)
-        tape.put("/tf", ros.transforms(t, [("map", "body", truth)]), t)
+        writer.put("/truth", ros.pose_stamped(truth, t, "map"), t)
+        writer.put("/tf", ros.transforms(t, [("map", "body", truth)]), t)

@@ -13,17 +13,16 @@ Old and new run have the same world, seed and settings but for the change. Exit 
 
 from __future__ import annotations
 
-import argparse
 import json
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rhs.base.commands import Arguments
-from rhs.base.errors import ConfigError, RhsError, check_range
+from rhs.base.errors import ConfigError, RhsError
+
+from .arguments import JOBS, Number, limits, parse
 
 if TYPE_CHECKING:
     from rhs.reports.gate import Verdict
@@ -36,37 +35,21 @@ Row = Mapping[str, object]
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processors
 
-    chosen = _arguments().parse_intermixed_args(list(words))
-    check_range("", "--pairs", chosen.pairs, low=4, high=100_000)
-    check_range("", "--margin", chosen.margin, low=0.0, high=1.0)
-    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
-    change = [word for word in chosen.overrides if "=" in word]
-    folders = [word for word in chosen.overrides if "=" not in word]
-    if len(folders) != 1 or not any(not word.startswith("output=") for word in change):
+    chosen = parse("gate", __doc__, words, measure="", margin=Number(0.02, low=0.0, high=1.0),
+                   pairs=Number(20, low=4, high=100_000), jobs=JOBS)
+    change = [word for word in chosen.words if "=" in word]
+    folders = [word for word in chosen.words if "=" not in word]
+    if len(folders) != 1 or not change:
         raise ConfigError("gate: expected one folder of runs and a change: python -m rhs gate FOLDER planner=my_planner")
-    output = next((word.partition("=")[2] for word in change if word.startswith("output=")), "")
-    pairs = _pairs(Path(folders[0]), [word for word in change if not word.startswith("output=")], chosen.pairs)
+    pairs = _pairs(Path(folders[0]), change, chosen.pairs)
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
-    limits = Limits(chosen.jobs or processors())
-    with claim_sweep(output) as claim:
-        found = _compared(pairs, claim.folder, limits, measure, chosen.margin)
-        told = {"measure": measure, "margin": chosen.margin, **asdict(found)}
-        (claim.folder / "gate.json").write_text(json.dumps(told) + "\n", encoding="utf-8")
+    with claim_sweep(chosen.output) as claim:
+        found = _compared(pairs, claim.folder, limits(chosen), measure, chosen.margin)
+        content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
+        (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         sys.stdout.write(f"{in_words(found, measure, chosen.margin)}\nfiles: {claim.folder}\n")
     return found.exit_code
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = Arguments(prog="python -m rhs gate", description=__doc__, allow_abbrev=False,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--measure", default="")
-    parser.add_argument("--margin", type=float, default=0.02)
-    parser.add_argument("--pairs", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=0)
-    return parser
 
 
 def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:
@@ -96,7 +79,7 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
     from tqdm import tqdm
 
     from rhs.reports.gate import error_parts, judge, looks
-    from rhs.runfolder.row import read_row
+    from rhs.runfolder.row import number_in, read_row
     from rhs.sweeps.jobs import run_jobs
 
     planned, done = looks(len(pairs)), 0
@@ -112,7 +95,7 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
                     new.append({})
             done = until
             old = [row for row, _ in pairs[:done]]
-            found = judge([_number(row, measure) for row in old], [_number(row, measure) for row in new],
+            found = judge([number_in(row, measure) for row in old], [number_in(row, measure) for row in new],
                           [(a.get("success") == 1.0, b.get("success") == 1.0) for a, b in zip(old, new, strict=True)],
                           margin=margin, level=level)
             if found.word != "needs more runs":
@@ -120,17 +103,12 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
     return found
 
 
-def _number(row: Row, name: str) -> float:
-    value = row.get(name)
-    return float(value) if isinstance(value, int | float) else math.nan
-
-
 def in_words(found: Verdict, measure: str, margin: float) -> str:
     """One line: the verdict, the change with its interval, the successes."""
     word = f"no worse than {100 * margin:g} %" if found.word == "no worse" else found.word
-    told = (f"{measure} {100 * found.change:+.3g} % ({100 * found.low:+.3g} to {100 * found.high:+.3g} %), "
+    text = (f"{measure} {100 * found.change:+.3g} % ({100 * found.low:+.3g} to {100 * found.high:+.3g} %), "
             f"{found.pairs} pairs")
     if found.pairs < 4:
-        told = f"{measure} is known in {found.pairs} pairs"
+        text = f"{measure} is known in {found.pairs} pairs"
     more = f"; about {found.needed} pairs would settle it" if found.needed else ""
-    return f"{word}: {told}; successes lost {found.lost}, won {found.won}{more}"
+    return f"{word}: {text}; successes lost {found.lost}, won {found.won}{more}"

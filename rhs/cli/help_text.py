@@ -23,31 +23,31 @@ from rhs.config.documented import field_docs, summary
 WIDTH = 118
 
 TOP = """\
-python -m rhs [options] key=value ...     one run: map a world, then patrol it
-python -m rhs -m key=value1,value2 ...    a sweep: one run for every combination
+python -m rhs [options] key=value ...     one run: map a building, then patrol it
+python -m rhs -m key=value1,value2 ...    a sweep: one run for each combination of values
 python -m rhs planner=prm --help          one part in full, with its advanced thresholds
-python -m rhs COMMAND ...                 what is not a run: python -m rhs help commands
+python -m rhs COMMAND ...                 tables, reports, checks and more: python -m rhs help commands
 
 Options
-  -m, --multirun      run every combination of the values given, each in a process of its own
-  --jobs N            processes at a time in a sweep (one per core); workers of another engine
-  --timeout SECONDS   a job of a sweep that takes longer is stopped and counted (3600; 0: none)
-  --memory-mb N       a job of a sweep that takes more memory is killed and counted (4096, or its share of the machine)
-  --retries N         a job of a sweep that was killed, not by these limits, is tried again so often (1)
+  -m, --multirun      run every combination of the given values, each in its own process
+  --jobs N            parallel processes of a sweep (default: one per core); on another engine, its workers
+  --timeout SECONDS   stop a job of a sweep after this time and count it as a failure (3600; 0: no limit)
+  --memory-mb N       kill a job of a sweep above this memory and count it as a failure (4096, or its share of the machine)
+  --retries N         how often a job is tried again that was killed by something else than these limits (1)
   --fail-fast N       stop a sweep after N jobs that failed alike (never)
-  --resume [FOLDER]   go on with a sweep: only what has not ended well runs
+  --resume [FOLDER]   continue a sweep: run only the jobs that have not ended well
   --force             resume although the configuration or the version changed
-  --plugin FILE.py    a plugin tried without packaging; may be repeated
+  --plugin FILE.py    use a plugin from a file, without packaging; may be repeated
   --config-dir DIR    look for experiment/, stack/ and presets here first; may be repeated
-  --cfg               print the configuration that these words give, run nothing
+  --cfg               print the resulting configuration and run nothing
   --debug             show the traceback of an error
   --version, -h, --help
 
-In a sweep, engine=NAME says where its jobs run, keep=all|failures|none whose folders stay (failures above 1000 jobs);
-share=false has every job lead a survey of its own, which jobs that differ only after it otherwise share.
 A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 'key=range(10)' and 'planner=glob(*)'.
+Words of a sweep: engine=NAME, where its jobs run; keep=all|failures|none, whose folders stay (failures above 1000 jobs);
+share=false, jobs that differ only after the survey do not share one.
 Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 and 143 interrupted.
-What the columns of a table mean: python -m rhs help columns
+The meaning of the columns of a table: python -m rhs help columns
 """
 
 

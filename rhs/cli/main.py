@@ -20,22 +20,18 @@ import threading  # noqa: E402
 import warnings  # noqa: E402
 from pathlib import Path  # noqa: E402
 
-from rhs.base.commands import plain  # noqa: E402
+from rhs.base.commands import Arguments, plain  # noqa: E402
 from rhs.base.errors import ConfigError, EngineError, RhsError  # noqa: E402
 from rhs.base.system import ENDINGS  # noqa: E402
 
 from . import first_run  # noqa: E402
+from .arguments import JOBS, TIMEOUT, Number, add, check, limits  # noqa: E402
 from .commands import command, plugin_files  # noqa: E402
 from .one_run import Terminated, complain, one_run, signal_code  # noqa: E402
 
 USAGE = "python -m rhs [options] key=value ..."
-
-
-class Arguments(argparse.ArgumentParser):
-    """argparse whose complaints are one line and exit code 2."""
-
-    def error(self, message: str):
-        raise ConfigError(f"{message}; see python -m rhs --help")
+LIMITS = {"jobs": JOBS, "timeout": TIMEOUT, "fail_fast": Number(0, low=0, high=1_000_000),
+          "memory_mb": Number(0.0, low=0.0, high=1e7, unit="MB"), "retries": Number(1, low=0, high=100)}
 
 
 def main(words: list[str] | None = None) -> int:
@@ -92,18 +88,10 @@ def entry() -> int:
 def _arguments() -> argparse.ArgumentParser:
     parser = Arguments(prog="python -m rhs", usage=USAGE, add_help=False, allow_abbrev=False)
     parser.add_argument("-h", "--help", action="store_true")
-    parser.add_argument("--version", action="store_true")
-    parser.add_argument("--cfg", action="store_true")
     parser.add_argument("-m", "--multirun", action="store_true")
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--timeout", type=float, default=3600.0)
-    parser.add_argument("--memory-mb", type=float, default=0.0)
-    parser.add_argument("--retries", type=int, default=1)
     parser.add_argument("--resume", nargs="?", const="")
-    parser.add_argument("--force", action="store_true")
-    parser.add_argument("--fail-fast", type=int, default=0)
     parser.add_argument("--config-dir", action="append", default=[])
-    parser.add_argument("--debug", action="store_true")
+    add(parser, {"version": False, "cfg": False, "force": False, "debug": False, **LIMITS})
     parser.add_argument("overrides", nargs="*")
     return parser
 
@@ -168,12 +156,12 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     if arguments.cfg:
         print("\n".join(job.name for job in plan.jobs))
         return 0
-    limits = _limits(arguments)
+    check(arguments, LIMITS)
     with claim_sweep(plan.output, resume=resume) as claim:
         if (claim.folder / "sweep.json").exists() and not arguments.force:
             sweep.check_same(plan, claim.folder, sweep.recall(claim.folder))
         sweep.remember(plan, claim.folder)
-        return _run_sweep(plan, claim.folder, limits)
+        return _run_sweep(plan, claim.folder, limits(arguments))
 
 
 def _run_sweep(plan, folder: Path, limits) -> int:
@@ -205,19 +193,6 @@ def _run_sweep(plan, folder: Path, limits) -> int:
         print(f"rhs: {report.failed} of {sum(report.counts.values())} jobs did not end well; see job.log in their folders "
               f"and {folder}/jobs.json", file=sys.stderr)
     return 0 if report.complete else 3
-
-
-def _limits(arguments: argparse.Namespace):
-    from rhs.base.errors import check_range
-    from rhs.sweeps.jobs import Limits, processors
-
-    check_range("", "--jobs", arguments.jobs, low=0, high=1024)
-    check_range("", "--timeout", arguments.timeout, low=0.0, high=1e7, unit="s")
-    check_range("", "--fail-fast", arguments.fail_fast, low=0, high=1_000_000)
-    check_range("", "--memory-mb", arguments.memory_mb, low=0.0, high=1e7, unit="MB")
-    check_range("", "--retries", arguments.retries, low=0, high=100)
-    return Limits(arguments.jobs or processors(), arguments.timeout, arguments.fail_fast, arguments.memory_mb,
-                  arguments.retries)
 
 
 def _quoted(text: str) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from rhs.api.contracts import PROTOCOLS
 from rhs.base.errors import ConfigError
+from rhs.config.loose import class_name
 
 
 @dataclass(frozen=True)
@@ -150,10 +151,6 @@ def main(words: Sequence[str]) -> int:
     return 0
 
 
-def _class(name: str) -> str:
-    return "".join(part.capitalize() for part in name.split("_"))
-
-
 def _pyproject(kind: str, name: str) -> str:
     return f'''[build-system]
 requires = ["hatchling"]
@@ -165,7 +162,7 @@ version = "0.1.0"
 dependencies = ["rhs"]
 
 [project.entry-points."rhs.{kind}"]
-{name} = "{name}:{_class(name)}"
+{name} = "{name}:{class_name(name)}"
 
 [tool.hatch.build.targets.wheel]
 packages = ["{name}"]
@@ -173,9 +170,9 @@ packages = ["{name}"]
 
 
 def _module(kind: str, name: str) -> str:
-    told = SKELETONS[kind]
-    queue = "from collections import deque\n" if "deque" in told.methods else ""
-    needs = f"{{{told.needs}}}" if told.needs else ""
+    skeleton = SKELETONS[kind]
+    queue = "from collections import deque\n" if "deque" in skeleton.methods else ""
+    needs = f"{{{skeleton.needs}}}" if skeleton.needs else ""
     return f'''"""A {kind} for rhs."""
 
 from __future__ import annotations
@@ -187,13 +184,13 @@ import numpy as np
 
 from rhs.api import check_range
 from rhs.api.contracts import Context
-{told.imports}
+{skeleton.imports}
 
 
 @dataclass
-class {_class(name)}:
-    """{told.does}"""
-{told.setting}
+class {class_name(name)}:
+    """{skeleton.does}"""
+{skeleton.setting}
     needs: ClassVar[frozenset[str]] = frozenset({needs})
     provides: ClassVar[frozenset[str]] = frozenset()
 
@@ -204,17 +201,17 @@ class {_class(name)}:
 class Part:
     """Built anew for every run; randomness comes from `rng` alone."""
 
-    def __init__(self, settings: {_class(name)}, rng: np.random.Generator) -> None:
+    def __init__(self, settings: {class_name(name)}, rng: np.random.Generator) -> None:
         self.settings, self.rng = settings, rng
-{told.methods}'''
+{skeleton.methods}'''
 
 
 def _test(kind: str, name: str) -> str:
-    return f'''from {name} import {_class(name)}
+    return f'''from {name} import {class_name(name)}
 
 from rhs.testing import check_plugin
 
 
 def test_it_keeps_its_contract():
-    check_plugin("{kind}", {_class(name)}())
+    check_plugin("{kind}", {class_name(name)}())
 '''

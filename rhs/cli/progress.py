@@ -35,7 +35,7 @@ class Progress:
         if status:
             self.done += 1
             self.came += sum(outcome.counts.values()) > 0
-            self.bar.set_postfix_str(self._told(outcome), refresh=False)
+            self.bar.set_postfix_str(self._summary(outcome), refresh=False)
             self.bar.update()
         now = time.monotonic()
         if self.bar.disable and now - self.said >= self.every_s:
@@ -46,9 +46,9 @@ class Progress:
         """Jobs done, rate, time left, failures by reason, workers alive."""
         rate = self.came / max(now - self.began, 1e-9)
         left = f"{_time((self.total - self.done) / rate)} left" if rate > 0 else "no job back yet"
-        return f"{self.done} of {self.total} jobs, {rate:.3g} a second, {left}; {self._told(outcome)}"
+        return f"{self.done} of {self.total} jobs, {rate:.3g} a second, {left}; {self._summary(outcome)}"
 
-    def _told(self, outcome: Outcome) -> str:
+    def _summary(self, outcome: Outcome) -> str:
         counts = [f"{count} {status}" for status, count in sorted(outcome.counts.items(), key=lambda one: one[0] != "ok")]
         reasons = [f"{count} x {reason[:50]}" for reason, count in outcome.reasons.most_common(2)]
         workers = [] if outcome.workers is None else [f"{outcome.workers} workers"]

@@ -1,4 +1,4 @@
-"""What the command line says at the end of a run or of a sweep, as text (level 6)."""
+"""What the command line says at the end of a run or of a sweep, as text."""
 
 from __future__ import annotations
 

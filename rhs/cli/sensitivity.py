@@ -17,7 +17,6 @@ not succeed. Killed, the same command goes on. Files: sensitivity.csv, .json, .p
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -25,8 +24,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rhs.base.commands import Arguments
-from rhs.base.errors import check_range
+from rhs.base.commands import aligned
+
+from .arguments import JOBS, TIMEOUT, limits, parse
 
 if TYPE_CHECKING:
     from rhs.sweeps.sensitivity import Effect, Question
@@ -38,37 +38,20 @@ COLUMNS = ("setting", "default", "value", "change_pct", "low_pct", "high_pct", "
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processors
     from rhs.sweeps.kept import kept_rows
     from rhs.sweeps.sensitivity import ask, effects, in_words
 
     from .progress import running
 
-    chosen = _arguments().parse_intermixed_args(list(words))
-    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
-    check_range("", "--timeout", chosen.timeout, low=0.0, high=1e7, unit="s")
-    output = next((word.partition("=")[2] for word in chosen.overrides if word.startswith("output=")), "")
-    typed = [word for word in chosen.overrides if not word.startswith("output=")]
-    asked = ask(typed, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
-    with claim_sweep(output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
+    chosen = parse("sensitivity", __doc__, words, only="", recording="", jobs=JOBS, timeout=TIMEOUT)
+    asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
+    with claim_sweep(chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
         with running(len(asked.jobs)) as tell:
-            limits = Limits(chosen.jobs or processors(), chosen.timeout)
-            rows = kept_rows(asked.jobs, claim.folder, limits, tell=tell, keep="none")
+            rows = kept_rows(asked.jobs, claim.folder, limits(chosen), tell=tell, keep="none")
         found = effects(asked, rows)
         _publish(asked, found, claim.folder)
         sys.stdout.write("\n".join([*table(found), "", *in_words(found, asked), f"files: {claim.folder}", ""]))
     return 0
-
-
-def _arguments() -> argparse.ArgumentParser:
-    parser = Arguments(prog="python -m rhs sensitivity", description=__doc__, allow_abbrev=False,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--only", default="")
-    parser.add_argument("--recording", default="")
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--timeout", type=float, default=3600.0)
-    return parser
 
 
 def cells(one: Effect) -> list[str]:
@@ -80,9 +63,7 @@ def cells(one: Effect) -> list[str]:
 
 def table(found: Sequence[Effect]) -> list[str]:
     """Lines, the largest effects first; those that change nothing are left to a sentence."""
-    rows = [list(COLUMNS), *(cells(one) for one in found if not one.same)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return aligned([list(COLUMNS), *(cells(one) for one in found if not one.same)])
 
 
 def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
@@ -90,19 +71,19 @@ def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     from rhs.api.files import replacing
     from rhs.reports.sensitivity_picture import sensitivity_picture
 
-    told: list[dict[str, Any]] = [
+    changes: list[dict[str, Any]] = [
         {"key": one.of.key, "default": one.of.before, "value": one.of.value, "factor": one.of.factor,
          "change": _known(one.change), "low": _known(one.low), "high": _known(one.high), "pairs": one.pairs,
          "lost": one.lost, "won": one.won, "same": one.same, "says": one.says} for one in found]
-    content = {"part": asked.part, "measure": asked.measure, "worlds": [world for world, _ in asked.pairs], "effects": told,
-               "left_out": dict(asked.left_out)}
+    content = {"part": asked.part, "measure": asked.measure, "worlds": [world for world, _ in asked.pairs],
+               "effects": changes, "left_out": dict(asked.left_out)}
     lines = [",".join(row) for row in [list(COLUMNS), *map(cells, found)]]
     for name, text in {"sensitivity.json": json.dumps(content, indent=1), "sensitivity.csv": "\n".join(lines)}.items():
         with replacing(folder / name) as file:
             file.write(text + "\n")
-    moved = [one for one in told if not one["same"]]
+    moved = [one for one in changes if not one["same"]]
     title = f"{asked.part}: {asked.measure}, new over old, {len(asked.pairs)} pairs (less is better)"
-    sensitivity_picture(moved or told, title, folder / "sensitivity.png")
+    sensitivity_picture(moved or changes, title, folder / "sensitivity.png")
 
 
 def _known(value: float) -> float | None:

@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rhs.base.errors import ConfigError, check_range
+from rhs.base.errors import ConfigError
+
+from .arguments import limits as limits_of
 
 if TYPE_CHECKING:
     from rhs.sweeps.jobs import Job, Limits
@@ -25,28 +27,25 @@ Table = tuple[list[dict[str, str]], dict[str, dict[str, Any]]]  # rows, and how 
 def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     """The command. Exit code 0; 3 when a run of it left no row."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.jobs import Limits, processors
     from rhs.sweeps.suite import SUITES
 
-    check_range("", "--jobs", chosen.jobs, low=0, high=1024)
     suite = _frozen(SUITES[chosen.set])
     combinations, mine = _combinations(suite, chosen)
     suite, note = _part(suite, chosen)
-    output = next((word.partition("=")[2] for word in chosen.overrides if word.startswith("output=")), "")
-    folder = output or str(RUNS / "_".join([suite.name, *(["mine"] if mine else []), *(["quick"] if chosen.quick else [])]))
+    folder = chosen.output or str(RUNS / "_".join([suite.name, *["mine"] * bool(mine), *["quick"] * chosen.quick]))
     data = _data(suite, chosen, combinations)
     jobs = {name: _jobs(typed, suite, data) for name, typed in combinations.items()}
     combinations = {name: typed for name, typed in combinations.items() if jobs[name]}
     with claim_sweep(folder) as claim:
-        limits = Limits(chosen.jobs or processors(), chosen.timeout)
+        limits = limits_of(chosen)
         rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
-        for name, told in made.items():
-            told |= {"words": combinations[name], "command": _shown(words)}
+        for name, record in made.items():
+            record |= {"words": combinations[name], "command": _shown(words)}
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
-        text = _published(suite, table, [claim.folder, *([HOME] if whole and not output else [])], note, mine)
+        folders = [claim.folder, *([HOME] if whole and not chosen.output else [])]
+        text = _published(suite, table, folders, note, mine)
         if not suite.recorded:
-            folders = [claim.folder, *([HOME] if whole and not output else [])]
             text += "\n" + _more(suite, combinations, jobs, folders=folders, limits=limits, blame=chosen.blame)
         if chosen.entry:
             _entry(jobs, claim.folder, Path(chosen.entry))
@@ -68,12 +67,11 @@ def _combinations(suite: Suite, chosen: argparse.Namespace) -> tuple[dict[str, s
     """Name -> words of what is to be run; the name of mine, empty where there is none. Raises ConfigError."""
     from rhs.sweeps.suite import usable
 
-    rest = [word for word in chosen.overrides if not word.startswith("output=")]
     if chosen.mine:
-        words = " ".join([chosen.mine, *rest])
+        words = " ".join([chosen.mine, *chosen.words])
         return {words: words}, words
-    if rest or chosen.only:
-        raise ConfigError(f"bench: {'--only' if chosen.only else rest[0]}: say whose: --mine odometry=NAME")
+    if chosen.words or chosen.only:
+        raise ConfigError(f"bench: {'--only' if chosen.only else chosen.words[0]}: say whose: --mine odometry=NAME")
     names = [name for name in chosen.ours.split(",") if name] or list(suite.ours)
     if unknown := [name for name in names if name not in suite.ours]:
         raise ConfigError(f"bench --ours {unknown[0]}: there is {', '.join(suite.ours)}")
@@ -153,7 +151,7 @@ def _more(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
     from rhs.api.files import replacing
     from rhs.sweeps import suite_more
     from rhs.sweeps.kept import any_row, kept_rows
-    from rhs.sweeps.suite import jobs_of
+    from rhs.sweeps.suite import csv_of, jobs_of
 
     from .progress import running
 
@@ -170,7 +168,7 @@ def _more(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
             for name, building, row, folder in runs]
     text = suite_more.page(suite.name, rows)
     for folder in folders:
-        for suffix, content in {"csv": suite_more.csv_of(rows), "md": text}.items():
+        for suffix, content in {"csv": csv_of(rows, suite_more.CELLS), "md": text}.items():
             with replacing(folder / f"{suite.name}_more.{suffix}") as file:
                 file.write(content)
     return text
@@ -211,8 +209,8 @@ def _published(suite: Suite, table: Table, folders: Sequence[Path], note: str, m
     text = page(suite, rows, made, note=note, mine=mine)
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
-        told = {"csv": csv_of(rows, suite.cells), "json": json.dumps(made, indent=1) + "\n", "md": text}
-        for suffix, content in told.items():
+        files = {"csv": csv_of(rows, suite.cells), "json": json.dumps(made, indent=1) + "\n", "md": text}
+        for suffix, content in files.items():
             with replacing(folder / f"{suite.name}.{suffix}") as file:
                 file.write(content)
     return text

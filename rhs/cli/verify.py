@@ -168,8 +168,8 @@ def _compare(before: Mapping[str, Mapping[str, object]], now: Mapping[str, Mappi
         sys.stdout.writelines(f"  {line}\n" for line in _lines(found))
         if found and (others := _made_otherwise(str(row.get("versions") or ""), str(now[name].get("versions") or ""))):
             sys.stdout.write(f"  {others}\n")
-    told = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
-    sys.stdout.write(f"{len(before)} runs: {told}\n")
+    summary = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+    sys.stdout.write(f"{len(before)} runs: {summary}\n")
     return 3 if worst > tolerance else 0
 
 

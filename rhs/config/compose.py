@@ -263,11 +263,6 @@ def write_config(config: RunConfig, folder: Path) -> None:
         yaml.dump(to_plain(config), file, getattr(yaml, "CSafeDumper", yaml.SafeDumper), sort_keys=False, allow_unicode=True)
 
 
-def read_config(folder: Path) -> RunConfig:
-    """The configuration that a run folder remembers, checked like one that was typed."""
-    return from_plain(read_values(folder))
-
-
 def read_values(folder: Path) -> dict[str, Any]:
     """The plain values that a run folder remembers, in the words of now. Raises ConfigError."""
     from .overrides import DEPRECATED

@@ -5,9 +5,6 @@ Metrics say it themselves (rhs.api.metric); here stand the columns that are no m
 
 from __future__ import annotations
 
-import ast
-import inspect
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -18,6 +15,7 @@ from rhs.api.contracts import PLUGIN_KINDS
 from rhs.api.metric import Metric
 
 from . import registry
+from .documented import own_docs
 
 
 @dataclass(frozen=True)
@@ -85,8 +83,8 @@ TASKS = _rows(
     ("plan_learn_claimed_ms", "ms", "task=planning: what the planner says learning took"),
     ("plan_start_moved_m", "m", "task=planning: how far the planner set off from a blocked start; any plan_* is its detail"),
     ("places_stored", "", "task=places: views stored"),
-    ("queries", "", "task=places: views asked off the route"),
-    *((f"loc{name}_{outcome}", "share", f"task=places: answers of {words} that were {outcome}")
+    ("queries", "", "task=places: query views beside the route"),
+    *((f"loc{name}_{outcome}", "share", f"task=places: answers of {words}: share {outcome}")
       for name, words in (("", "the plain vote, off the route"), ("_check", "vlad and geometric check, off the route"),
                           ("_same_lap", "the plain vote, on the same lap"),
                           ("_same_lap_check", "vlad and geometric check, on the same lap"),
@@ -195,15 +193,8 @@ def kind_of(name: str) -> str:
 
 def members(cls: type[StrEnum]) -> dict[str, str]:
     """Value -> meaning of the members of an enumeration, from the text after each."""
-    body = ast.parse(textwrap.dedent(inspect.getsource(cls))).body[0]
-    assert isinstance(body, ast.ClassDef)
-    out: dict[str, str] = {}
-    for node, after in zip(body.body, [*body.body[1:], None], strict=True):
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            said = after.value if isinstance(after, ast.Expr) else None
-            text = said.value if isinstance(said, ast.Constant) else ""
-            out[cls[node.targets[0].id].value] = " ".join(str(text).split())
-    return out
+    docs = own_docs(cls)
+    return {member.value: docs.get(member.name, "") for member in cls}
 
 
 def lines() -> Iterator[tuple[str, str, str]]:

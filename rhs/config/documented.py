@@ -27,18 +27,20 @@ def field_docs(cls: type) -> dict[str, str]:
     out: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         if dataclasses.is_dataclass(base):
-            out.update(_own_docs(base))
+            out.update(own_docs(base))
     return out
 
 
-def _own_docs(cls: type) -> dict[str, str]:
+def own_docs(cls: type) -> dict[str, str]:
+    """Of a class alone: field, or member of an enumeration, -> the string literal after it."""
     body = _body(cls)
     out: dict[str, str] = {}
     for field, after in zip_longest(body, body[1:]):
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+        target = getattr(field, "target", None) or next(iter(getattr(field, "targets", ())), None)  # with a type, without
+        if isinstance(target, ast.Name):
             literal = after.value if isinstance(after, ast.Expr) else None
             text = literal.value if isinstance(literal, ast.Constant) and isinstance(literal.value, str) else ""
-            out[field.target.id] = " ".join(text.split())
+            out[target.id] = " ".join(text.split())
     return out
 
 

@@ -104,7 +104,7 @@ def match(words: Sequence[str]) -> None:
 def _match(kind: str, name: str) -> None:
     """Under this name, the class of the files whose name it is, or the only one there is."""
     found = {name: cls for module in _silent for name, cls in vars(module).items() if _is_plugin(cls, module)}
-    cls = found.get(_class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
+    cls = found.get(class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
     if cls is None:
         files = ", ".join(str(module.__file__) for module in _silent)
         raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no @dataclass with a build(context)'}; "
@@ -140,7 +140,8 @@ def _load(path: Path) -> ModuleType:
     return module
 
 
-def _class_name(name: str) -> str:
+def class_name(name: str) -> str:
+    """my_planner -> MyPlanner."""
     return "".join(part.capitalize() for part in name.split("_"))
 
 

@@ -18,15 +18,19 @@ def in_place_of(slam: Slam) -> dict[str, Any]:
             "localiser": SlamLocaliser(slam)}
 
 
-class SlamOdometry:
+class _Of:
+    """A part that asks the SLAM."""
+
+    def __init__(self, slam: Slam) -> None:
+        self._slam = slam
+
+
+class SlamOdometry(_Of):
     """Its motions."""
 
     keeps_moving = None
     short_steps = None
     scale_from = ""
-
-    def __init__(self, slam: Slam) -> None:
-        self._slam = slam
 
     def update(self, observation: Observation) -> Motion:
         return self._slam.update(observation)
@@ -35,23 +39,17 @@ class SlamOdometry:
         return None
 
 
-class SlamCloser:
+class SlamCloser(_Of):
     """Its trajectory of now: what loops have moved is in it already."""
-
-    def __init__(self, slam: Slam) -> None:
-        self._slam = slam
 
     def close(self, views: Sequence[View]) -> Closure:
         return Closure(np.array(self._slam.trajectory(), float))
 
 
-class SlamMapper:
+class SlamMapper(_Of):
     """Its map of now."""
 
     draws_furniture = True  # it is handed whole observations
-
-    def __init__(self, slam: Slam) -> None:
-        self._slam = slam
 
     def update(self, map_from_body: np.ndarray, scan: Scan) -> None:
         """The SLAM has seen it."""
@@ -63,11 +61,8 @@ class SlamMapper:
         """The SLAM keeps its map."""
 
 
-class SlamLocaliser:
+class SlamLocaliser(_Of):
     """Its belief of now: `update` of the odometry has seen this view."""
-
-    def __init__(self, slam: Slam) -> None:
-        self._slam = slam
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """The SLAM was there."""

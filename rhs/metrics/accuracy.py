@@ -1,4 +1,4 @@
-"""How good a trajectory is, in the terms of the TUM benchmark and evo: ATE, RPE, drift (level 3).
+"""How good a trajectory is, in the terms of the TUM benchmark and evo: ATE, RPE, drift.
 
 Absolute trajectory error: distances of paired positions after an alignment that is always named. Relative pose error:
 how wrong the motion between two poses is. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", 2012.

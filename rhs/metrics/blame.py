@@ -14,6 +14,7 @@ from typing import Any
 from rhs.api.metric import RunFiles, columns_of
 
 from .shares import Losses, middle, shapley
+from .survey import NAN
 
 CAUSAL = ("drive", "sense", "odometry", "closing", "map", "localise", "plan")  # an error goes on to those after
 LINKS = ("sense", "odometry", "closing", "map", "localise", "plan", "drive")
@@ -28,7 +29,6 @@ ALONE = 0.8  # of what all truths together save: a link saves nearly all
 HALF = 0.5  # of the largest share: less, and what a link saves alone is chance
 OFF_M = 0.5  # the belief is somewhere else: the distance within which a place counts as visited
 SMALL = 0.05  # of the loss: a link that cost less is not named
-NAN = float("nan")
 
 
 def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
@@ -122,15 +122,15 @@ def _off(since: int) -> str:
 
 def blame_values(run: RunFiles) -> dict[str, float | str]:
     """The columns of task=blame from blame.json."""
-    told = run.json("blame") or {}
-    shares: Mapping[str, Mapping[str, float]] = told.get("shares", {})
-    values: dict[str, float | str] = {"blame": str(told.get("verdict", "")), "blame_link": str(told.get("link", "")),
-                                      "blame_measure": str(told.get("measure", "")),
-                                      "blame_off_since": float(told.get("off_since", NAN)),
-                                      "blame_runs": float(told.get("runs", NAN)), "blame_off_by": _off_by(told)}
+    blame = run.json("blame") or {}
+    shares: Mapping[str, Mapping[str, float]] = blame.get("shares", {})
+    values: dict[str, float | str] = {"blame": str(blame.get("verdict", "")), "blame_link": str(blame.get("link", "")),
+                                      "blame_measure": str(blame.get("measure", "")),
+                                      "blame_off_since": float(blame.get("off_since", NAN)),
+                                      "blame_runs": float(blame.get("runs", NAN)), "blame_off_by": _off_by(blame)}
     for measure in MEASURES:
         values |= {column(measure, link): _number(shares.get(measure, {}).get(link)) for link in LINKS}
-        values[column(measure, "rest")] = _number(told.get("rest", {}).get(measure))
+        values[column(measure, "rest")] = _number(blame.get("rest", {}).get(measure))
     return values
 
 
@@ -140,9 +140,9 @@ def column(measure: str, link: str) -> str:
     return f"blame_{measure}_{link}" + (f"_{unit}" if unit else "")
 
 
-def _off_by(told: Mapping[str, Any]) -> float:
+def _off_by(blame: Mapping[str, Any]) -> float:
     """Of the shares in the measure that the run is judged by, the largest error there may be."""
-    errors = told.get("off_by", told.get("standard_errors", {})).get(told.get("measure", ""), {})
+    errors = blame.get("off_by", blame.get("standard_errors", {})).get(blame.get("measure", ""), {})
     return max(map(_number, errors.values()), default=NAN)
 
 

@@ -40,9 +40,9 @@ def cause(run: RunFiles) -> str:
     if failed is None:
         return ""
     what = f"{failed['place']}: {failed['reason'] or 'the run ended on the way'}"
-    told = [f"view {view} {words}" for view, words in
+    sequence = [f"view {view} {words}" for view, words in
             first_of_failed([step for step in run.steps if step["phase"] == "patrol"], missions)]
-    return f"{what}; " + (", then ".join(told[:MOST_WORDS]) if told else "no part complained before")
+    return f"{what}; " + (", then ".join(sequence[:MOST_WORDS]) if sequence else "no part complained before")
 
 
 def first_failed(missions: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
@@ -74,7 +74,7 @@ def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[tuple[
                 view -= 1
             first[link] = view, words
     ordered = sorted(first.items(), key=lambda one: (one[1][0], one[0] == "gave_up"))
-    return [told for link, told in ordered if link != "gave_up"]
+    return [complaint for link, complaint in ordered if link != "gave_up"]
 
 
 CAUSE = columns_of(lambda run: {"cause": cause(run)},

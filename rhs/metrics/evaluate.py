@@ -14,10 +14,8 @@ from rhs.config.dictionary import RUN, metrics
 from rhs.runfolder.run import Run
 
 from .relations import LOG_WAY, read_relations, relation_values
-from .survey import TOLERANCE_S, trajectory_values
+from .survey import TOLERANCE_S, Values, trajectory_values
 from .trajectory_forms import read_trajectory
-
-Values = dict[str, float | int | str]
 
 
 def evaluate_folder(folder: Path) -> Values:

@@ -7,7 +7,7 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid, configuration_space, inflate
 from rhs.api.metric import RunFiles, columns_of
 
-NAN = float("nan")
+from .survey import NAN, Values
 
 
 def floor_within_reach(true: OccupancyGrid, start_m: np.ndarray, radius_m: float) -> np.ndarray:
@@ -35,25 +35,25 @@ def explored_share(mine: OccupancyGrid, true: OccupancyGrid, within_reach: np.nd
     return float(np.any(near, axis=0).mean())
 
 
-def explore_values(run: RunFiles) -> dict[str, float | int | str]:
+def explore_values(run: RunFiles) -> Values:
     """What was seen of the floor; of an explored survey also why it stopped and the true way until then."""
     mine, true, facts = run.grid("map"), run.grid("true_map"), run.json("facts")
-    told, driven = run.json("explore") or {}, run.trajectory("truth_survey")
+    explored, driven = run.json("explore") or {}, run.trajectory("truth_survey")
     share, way_m = NAN, NAN
     if mine is not None and true is not None and facts is not None:
         reach = floor_within_reach(true, np.array(facts["start"][:2]), float(facts["robot_radius_m"]))
         share = explored_share(mine, true, reach)
-    if told and driven is not None and len(driven):
-        way_m = float(driven.travelled_m[min(int(told["views"]), len(driven)) - 1])
-    return {"explored_share": share, "explore_way_m": way_m, "explore_stop": str(told.get("stop", ""))}
+    if explored and driven is not None and len(driven):
+        way_m = float(driven.travelled_m[min(int(explored["views"]), len(driven)) - 1])
+    return {"explored_share": share, "explore_way_m": way_m, "explore_stop": str(explored.get("stop", ""))}
 
 
 EXPLORE = columns_of(
     explore_values,
     ("explored_share", "share",
-     "of the true floor that a robot of this radius can stand over, what the survey's map calls free (within a cell)",
+     "of the true floor that a robot of this radius can reach, what the survey's map calls free (within a cell)",
      "rhs.metrics.explore"),
-    ("explore_way_m", "m", "true way of a robot that explored until it stopped; `distance_m` is with the way home",
+    ("explore_way_m", "m", "true distance of an exploration until it stopped; `distance_m` includes the way home",
      "explore.json, truth_survey.tum"),
     ("explore_stop", "", "why it stopped: no frontier, budget or coverage; and why it did not get home, if so",
      "explore.json"),

@@ -135,8 +135,8 @@ IDLENESS = columns_of(
     ("idleness_mean_s", "s", "mean over places and time of the time since the last visit", "Machado et al. 2002"),
     ("idleness_bound_s", "s", "least idleness_worst_s possible: the shortest way through all places that can be reached, in "
      "any order, at the highest speed that was commanded", "Held and Karp 1962"),
-    ("idleness_cycle_s", "s", "the same of a patrol that goes on for ever: the shortest round trip", "Chevaleyre 2004"),
-    ("views_waited", "", "views in which the robot stood still before something on its path", "steps.csv"),
+    ("idleness_cycle_s", "s", "the same of an endless patrol: the shortest round trip", "Chevaleyre 2004"),
+    ("views_waited", "", "views in which the robot waited for something on its path", "steps.csv"),
     ("extra_way_m", "m", "way driven beyond the shortest through the places reached, in the order of the world, on the true "
      "plan without obstacles and people; below 0 where arriving mission.arrive_m short of each saves more",
      "rhs.metrics.path_judge"),

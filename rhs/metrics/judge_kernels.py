@@ -129,6 +129,21 @@ def _tangent(dx, dy, sx, sy):
     return (dx * sx) * (dy * sy) <= TOUCH
 
 
+@typed(_POINTS(_POINTS, nb.types.Array(nb.int64, 1, "C"), nb.int64))
+def _way_to(nodes, parent, last):
+    """(N, 2) the nodes from the one without a parent to the last."""
+    count, node = 1, last
+    while parent[node] >= 0:
+        node = parent[node]
+        count += 1
+    path = np.empty((count, 2))
+    node = last
+    for k in range(count - 1, -1, -1):
+        path[k, 0], path[k, 1] = nodes[node, 0], nodes[node, 1]
+        node = parent[node]
+    return path
+
+
 @typed(_POINTS(_GRID, _POINTS, _POINTS, _POINTS))
 def visibility_search(grid, corners, signs, ends):
     """A* over corners with edges found when needed; (N, 2) points of the shortest path, empty if there is none.
@@ -149,7 +164,7 @@ def visibility_search(grid, corners, signs, ends):
         if estimate[u] == np.inf:
             return np.empty((0, 2))
         if u == n - 1:
-            break
+            return _way_to(nodes, parent, u)
         closed[u], estimate[u] = 1, np.inf
         for v in range(n):
             if closed[v]:
@@ -166,16 +181,6 @@ def visibility_search(grid, corners, signs, ends):
                 cost[v], parent[v] = through, u
                 gx, gy = nodes[v, 0] - ends[1, 0], nodes[v, 1] - ends[1, 1]
                 estimate[v] = through + np.sqrt(gx * gx + gy * gy)
-    count, node = 1, n - 1
-    while parent[node] >= 0:
-        node = parent[node]
-        count += 1
-    path = np.empty((count, 2))
-    node = n - 1
-    for k in range(count - 1, -1, -1):
-        path[k, 0], path[k, 1] = nodes[node, 0], nodes[node, 1]
-        node = parent[node]
-    return path
 
 
 @typed(nb.float64(_POINTS, _POINTS, nb.float64))

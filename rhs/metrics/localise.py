@@ -6,15 +6,13 @@ The truth stands in the frame of the map: the task has moved it there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 
 from rhs.api.metric import RunFiles, columns_of
 
 from .accuracy import rmse
 from .calibration import beliefs_of, searches
-from .survey import NAN, Values
+from .survey import NAN, Values, share
 
 FOUND_WITHIN_M = 10.0  # a robot that begins anywhere is judged after so much way
 
@@ -36,40 +34,36 @@ def localise_values(run: RunFiles) -> Values:
         "found_p90_m": float(np.percentile(metres, 90)) if len(metres) else NAN,
         "start_wrong_sure_share": float(np.mean([one.wrong_sure for one in begun])) if begun else NAN,
         "belief_right_share": float(beliefs.right.mean()) if len(beliefs.right) else NAN,
-        "belief_sure_share": _share(steps, "belief_status", "tracking"),
-        "belief_lost_share": _share(steps, "belief_status", "lost"),
+        "belief_sure_share": share(steps, "belief_status", "tracking"),
+        "belief_lost_share": share(steps, "belief_status", "lost"),
         "localise_rmse_m": rmse(beliefs.wrong_m[tracking]) if tracking.any() else NAN,
         "localise_rmse_rad": rmse(beliefs.wrong_rad[tracking]) if tracking.any() else NAN,
-        "motion_ok_share": _share(steps, "motion_status", "ok"),
+        "motion_ok_share": share(steps, "motion_status", "ok"),
         "map_misfit_m": NAN if misfit is None else float(misfit),
     }
 
 
-def _share(steps: Sequence[Mapping[str, str]], column: str, word: str) -> float:
-    return sum(row[column] == word for row in steps) / len(steps) if steps else NAN
-
-
 LOCALISE = columns_of(
     localise_values,
-    ("localise_steps", "", "views through which the localiser was led", "steps.csv"),
-    ("localise_way_m", "m", "true way of that drive, leaps of kidnaps included", "steps.csv, truth"),
-    ("starts", "", "times the localiser had to find itself: started, or carried off without being told", "steps.csv"),
-    ("found_share", "share", "of these, those after which it was right and sure of it within 10 m of way",
+    ("localise_steps", "", "views given to the localiser", "steps.csv"),
+    ("localise_way_m", "m", "true length of that drive, jumps of kidnaps included", "steps.csv, truth"),
+    ("starts", "", "times the localiser had to find its pose: at a start, or kidnapped", "steps.csv"),
+    ("found_share", "share", "of these, those after which it was right and tracking within 10 m driven",
      "rhs.metrics.localise"),
-    ("found_m", "m", "way until then, median of those that found themselves", "rhs.metrics.localise"),
+    ("found_m", "m", "distance driven until then, median of the successful ones", "rhs.metrics.localise"),
     ("found_p90_m", "m", "the same, 90th percentile", "rhs.metrics.localise"),
-    ("start_wrong_sure_share", "share", "starts after which it was wrong and sure of it at the end of these 10 m",
+    ("start_wrong_sure_share", "share", "starts after which it was tracking a wrong pose at the end of these 10 m",
      "rhs.metrics.localise"),
     ("belief_right_share", "share", "views in which the belief was right (0.25 m, 5 degrees), sure or not",
      "steps.csv, truth"),
-    ("belief_sure_share", "share", "views in which the belief was sure of itself (tracking)", "steps.csv"),
-    ("belief_lost_share", "share", "views in which the belief called itself lost", "steps.csv"),
+    ("belief_sure_share", "share", "views in which the belief claimed to track", "steps.csv"),
+    ("belief_lost_share", "share", "views in which the belief was lost by its own status", "steps.csv"),
     ("localise_rmse_m", "m", "error of the believed position while tracking, root mean square", "steps.csv, truth"),
     ("localise_rmse_rad", "rad", "the same of the heading", "steps.csv, truth"),
     ("motion_ok_share", "share", "views whose motion the odometry had measured (status ok)", "steps.csv"),
     ("map_misfit_m", "m",
-     "how bent the map is: the way of the survey behind it against its truth when laid onto it, root mean square. The "
-     "belief is judged by the truth as the map is bent",
+     "distortion of the map: the trajectory of its survey against the truth aligned with it, root mean square. The belief "
+     "is judged by the truth distorted in the same way",
      "localise.json"),
     tasks=("localise",), counts=("localise_steps", "starts"),
 )

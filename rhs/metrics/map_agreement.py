@@ -57,17 +57,16 @@ CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
 MAP = columns_of(
     contradiction_values,
     ("map_inconsistency", "share",
-     "standing walls that beams of other passages look through, of those they look through or meet; over 0.04 the map reads "
-     "wrong",
+     "walls that beams of other passes see through, of those they see through or hit; above 0.04 the map is wrong",
      "rhs.estimation.scans.inconsistency"),
-    ("map_inconsistency_before_closing", "share", "the same of the way as believed while the survey went on",
+    ("map_inconsistency_before_closing", "share", "the same before loop closing",
      "rhs.estimation.scans.inconsistency"),
     ("way_sigma_m", "m",
      "standard deviation of positions seen from the start, rms along the way, by the pose graph of loop_closer=scan_graph: "
-     "large where scans saw no motion (corridors, empty streets) and no loop took that back", "closure.json"),
+     "large where scans saw no motion (corridors, empty streets) and no loop corrected it", "closure.json"),
 ) + columns_of(
     map_values,
     ("map_agreement", "share", "cells called occupied or free that have a true cell of that kind within one cell",
      "map.yaml, true_map.yaml"),
-    ("map_observed_share", "share", "truly free cells that the map calls anything at all", "map.yaml, true_map.yaml"),
+    ("map_observed_share", "share", "truly free cells that are not unknown in the map", "map.yaml, true_map.yaml"),
 )

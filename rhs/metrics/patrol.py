@@ -11,7 +11,7 @@ from rhs.api.metric import LOOP, RunFiles, columns_of
 from rhs.api.trajectory import Trajectory
 
 from .accuracy import absolute_errors_m, pair, rmse
-from .survey import NAN, TOLERANCE_S, Values, _of, touches
+from .survey import NAN, TOLERANCE_S, Values, of_any, touches
 
 # A place counts as visited when the robot truly stood this near it when it said so: twice the usual arrival distance.
 VISITED_M = 0.5
@@ -40,7 +40,7 @@ def patrol_values(run: RunFiles) -> Values:
         "patrol_steps": len(patrol), "places_total": len(places), "missions": len(missions),
         "places_visited": int(np.sum(~(errors > VISITED_M))), "replans": sum(int(m["replans"]) for m in missions),
         **touches(patrol, ""),
-        "arrival_error_max_m": _of(np.max, errors[np.isfinite(errors)]),
+        "arrival_error_max_m": of_any(np.max, errors[np.isfinite(errors)]),
         "patrol_rmse_m": _unaligned_rmse_m(believed, driven),
         "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
         "path_optimal_m": path_optimal_m(run, facts, patrol),
@@ -121,8 +121,8 @@ PATROL = columns_of(
     ("places_visited", "",
      "places at which the robot truly stood (within 0.5 m) when it said that it had arrived",
      "steps.csv, truth"),
-    ("replans", "", "plans made anew because the way was blocked or left", "missions.json"),
-    ("collisions", "", "separate touches of anything in the patrol, by the simulator", "steps.csv, truth"),
+    ("replans", "", "new plans because the path was blocked or left", "missions.json"),
+    ("collisions", "", "separate contacts with anything in the patrol, by the simulator", "steps.csv, truth"),
     ("clearance_min_m", "m", "least distance from the robot's body to anything in the patrol", "steps.csv, truth"),
     ("arrival_error_max_m", "m",
      "largest true distance to the place when the robot said that it had arrived",
@@ -130,7 +130,7 @@ PATROL = columns_of(
     ("patrol_rmse_m", "m",
      "error of the belief in the patrol, root mean square, nothing aligned",
      "patrol.tum, truth_patrol.tum"),
-    ("path_length_m", "m", "length of the way truly driven in the patrol", "truth_patrol.tum"),
+    ("path_length_m", "m", "true length of the patrol's trajectory", "truth_patrol.tum"),
     ("path_optimal_m", "m",
      "shortest way from where the patrol began through all places, on the true plan without obstacles",
      "rhs.metrics.path_judge"),

@@ -16,9 +16,8 @@ from rhs.worlds.plan_files import read_plan
 from rhs.worlds.planning_question import class_of
 
 from .path_judge import Optimum, opened, path_valid, polyline_length
+from .survey import NAN, Values
 
-NAN = float("nan")
-Values = dict[str, float | int | str]
 _ROUNDING_CELLS = 4e-7  # at every bend a path may be shorter by what the judge still calls touching, 1e-7 a side
 INVALID = "invalid"  # the plan_reason of a path that was found and is none
 
@@ -169,7 +168,7 @@ PLANNING: tuple[Metric, ...] = columns_of(
     ("plan_found", "", "1: the planner says that it found a path", "plan.json"),
     ("plan_valid", "", "1: path and raw path stay free and join start and goal exactly; unknown without a path",
      "rhs.metrics.path_judge"),
-    ("plan_reason", "", "why there is, or is no, path; invalid: one that was found and is none",
+    ("plan_reason", "", "why there is a path or none; invalid: a path was found that is not valid",
      "rhs.api.records.PlanReason"),
     ("plan_failure", "", "the same in words, with what to type", "plan.json, rhs.metrics.planning"),
     ("plan_steps", "", "steps between neighbouring cells (8-connected) along the path", "thesis table 3.1"),

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from rhs.api.metric import LOOP, RunFiles, columns_of
 
-NAN = float("nan")
+from .survey import NAN, Values
+
 FILE = "recording"  # recording.json: {"rejected": {reason: count}}
 THROWN = ("duplicate", "backward", "outlier", "not_finite", "empty")  # why a view goes; a `jump` of the clock is kept
 _SOURCE = "rhs.metrics.recording"
 _COLUMNS = (
-    ("stamps_rejected", "", "views of a recording left out: stamps equal, backward, far off, no number; no beams", _SOURCE),
+    ("stamps_rejected", "", "views of a recording left out: stamp repeated, backward, far off or no number; scan empty",
+     _SOURCE),
     ("stamps_jumped", "", "jumps of a recording's clock; the views are kept", _SOURCE),
     ("views_unpaired", "", "images of a recording left out because their partner (depth, second camera) is not there",
      _SOURCE),
@@ -21,7 +23,7 @@ _COLUMNS = (
 NAMES = tuple(column[0] for column in _COLUMNS)
 
 
-def _values(run: RunFiles) -> dict[str, float | int | str]:
+def _values(run: RunFiles) -> Values:
     """The columns; NaN for a simulator."""
     plain = run.json(FILE)
     counts = plain.get("rejected") if isinstance(plain, dict) else None

@@ -22,11 +22,12 @@ from rhs.api.trajectory import Trajectory, read_tum
 from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
 
-NAN = float("nan")
+from .survey import NAN, Values, of_any
+from .trajectory_forms import finite_numbers
+
 REVISIT_S = 30.0  # pairs further apart in time are places seen again
 SAME_S = 1e-3  # stamps of a relation and of a pose that are one scan's: files round them
 FILE, LOG_WAY = "truth.relations", "corrected_log"  # of a run folder
-Values = dict[str, float | int | str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ def read_relations(path: Path) -> Relations:
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
             words = line.split("#", 1)[0].split()
             if words:
-                rows.append(_numbers(words, f"{path}:{number}"))
+                rows.append(finite_numbers(words, f"{path}:{number}", 8, "stamp1 stamp2 x y z roll pitch yaw"))
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"cannot read {path} as relations: {error}") from error
     table = np.array(rows).reshape(-1, 8)
@@ -54,17 +55,6 @@ def read_relations(path: Path) -> Relations:
         poses[:, :3, :3] = Rotation.from_euler("xyz", table[:, 5:8]).as_matrix()
     poses[:, :3, 3] = table[:, 2:5]
     return Relations(table[:, :2], poses)
-
-
-def _numbers(words: list[str], where: str) -> list[float]:
-    try:
-        row = [float(word) for word in words]
-    except ValueError:
-        row = []
-    if len(row) != 8 or not np.isfinite(row).all():
-        raise RecordingError(f"{where}: found '{' '.join(words)[:60]}', expected 8 finite numbers: "
-                             "stamp1 stamp2 x y z roll pitch yaw")
-    return row
 
 
 def relation_errors(estimate: Trajectory, relations: Relations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -98,14 +88,10 @@ def relation_values(estimate: Trajectory | None, relations: Relations | None) ->
         return {**dict.fromkeys(NAMES, NAN), "relations_share": 0.0}
     metres, radians, again = relation_errors(estimate, relations)
     degrees = np.degrees(radians)
-    figures = [_of(metres, np.mean), _of(metres, np.std), _of(degrees, np.mean), _of(degrees, np.std), _of(metres, np.max),
-               len(metres) / len(relations.stamps_s), float(again.sum()), _of(metres[again], np.mean),
-               _of(metres[again], np.std), _of(degrees[again], np.mean), _of(degrees[again], np.std)]
+    every, revisits = ([of_any(statistic, errors) for errors in both for statistic in (np.mean, np.std)]
+                       for both in ((metres, degrees), (metres[again], degrees[again])))
+    figures = [*every, of_any(np.max, metres), len(metres) / len(relations.stamps_s), float(again.sum()), *revisits]
     return dict(zip(NAMES, figures, strict=True))
-
-
-def _of(values: np.ndarray, function) -> float:
-    return float(function(values)) if len(values) else NAN
 
 
 def _run_values(run: RunFiles) -> Values:

@@ -46,7 +46,7 @@ def touches(steps: Sequence[Mapping[str, str]], phase: str) -> Values:
     judged = clearances[np.isfinite(clearances)]
     touching = np.array([row["collided"] == "1" for row in steps], dtype=int)
     count = int((np.diff(touching, prepend=0) == 1).sum())
-    return {f"{phase}collisions": count if len(judged) else NAN, f"{phase}clearance_min_m": _of(np.min, judged)}
+    return {f"{phase}collisions": count if len(judged) else NAN, f"{phase}clearance_min_m": of_any(np.min, judged)}
 
 
 def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, alignment: str = "se3",
@@ -64,8 +64,8 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
         "matched_share": both.matched_share, "covered_share": both.covered_share,
         "distance_m": float(truth.travelled_m[-1]) if len(truth) else NAN,
         "ate_alignment": alignment, "ate_tolerance_s": tolerance_s, "ate_rmse_m": rmse(errors),
-        "ate_mean_m": _of(np.mean, errors), "ate_median_m": _of(np.median, errors), "ate_max_m": _of(np.max, errors),
-        "ate_unaligned_m": rmse(absolute_errors_m(both, "origin")),
+        "ate_mean_m": of_any(np.mean, errors), "ate_median_m": of_any(np.median, errors),
+        "ate_max_m": of_any(np.max, errors), "ate_unaligned_m": rmse(absolute_errors_m(both, "origin")),
         "rpe_trans_m": rmse(per_step[0]), "rpe_rot_rad": rmse(per_step[1]),
         "rpe_trans_per_metre_m": rmse(per_metre[0]), "rpe_rot_per_metre_rad": rmse(per_metre[1]),
         "rpe_trans_per_second_m": rmse(per_second[0]), "rpe_rot_per_second_rad": rmse(per_second[1]),
@@ -103,14 +103,17 @@ def _before_closing(online: Trajectory | None, truth: Trajectory | None, how: st
 
 
 def _status_shares(survey: Sequence[Mapping[str, str]]) -> Values:
-    count = len(survey)
-    shares: Values = {name: sum(row["motion_status"] == status for row in survey) / count if count else NAN
-                      for name, status in STATUSES.items()}
-    gated = sum(row.get("motion_replaced") == "1" for row in survey)
-    return shares | {"gated_share": gated / count if count else NAN}
+    shares: Values = {name: share(survey, "motion_status", status) for name, status in STATUSES.items()}
+    return shares | {"gated_share": share(survey, "motion_replaced", "1")}
 
 
-def _of(function: Callable[[np.ndarray], float], values: np.ndarray) -> float:
+def share(steps: Sequence[Mapping[str, str]], column: str, word: str) -> float:
+    """Share of the steps that have this word in a column; NaN of none."""
+    return sum(row.get(column) == word for row in steps) / len(steps) if steps else NAN
+
+
+def of_any(function: Callable[[np.ndarray], float], values: np.ndarray) -> float:
+    """A statistic of (N,) values; NaN of none."""
     return float(function(values)) if len(values) else NAN
 
 
@@ -124,23 +127,23 @@ SURVEY = columns_of(
     survey_values,
     ("survey_steps", "", "views of the survey", "steps.csv"),
     ("survey_collisions", "",
-     "separate touches of anything in the survey, by the simulator: of whoever led the robot, or of the robot that explored",
+     "separate contacts with anything in the survey, by the simulator, whether the robot was led or explored",
      "steps.csv, truth"),
     ("survey_clearance_min_m", "m", "least distance from the robot's body to anything in the survey", "steps.csv, truth"),
     ("tracked_share", "share", "views of the survey whose motion was measured (status ok)", "steps.csv"),
     ("degenerate_share", "share", "views in which some direction was not observed", "steps.csv"),
     ("lost_share", "share", "views in which nothing was measured", "steps.csv"),
     ("gated_share", "share",
-     "views whose motion the gate replaced, because it contradicted the wheels or leapt",
+     "views whose motion the gate replaced because it contradicted the wheels or jumped",
      "rhs.patrol.gate"),
     ("scale_known", "",
-     "0 where one camera's metres are of an unknown scale: ATE and RPE are then of the way aligned with scale (sim3)",
+     "0: the scale of a single camera is unknown; ATE and RPE are then after an alignment with scale (sim3)",
      "steps.csv"),
     ("matched_share", "share", "poses of the truth that the estimate was compared with", "rhs.metrics.accuracy.pair"),
     ("covered_share", "share",
-     "length of the true way between the first and the last pose compared",
+     "length of the true trajectory between the first and the last pose compared",
      "rhs.metrics.accuracy.pair"),
-    ("distance_m", "m", "length of the true way of the survey", "truth_survey.tum"),
+    ("distance_m", "m", "length of the survey's true trajectory", "truth_survey.tum"),
     ("ate_alignment", "", "alignment of the absolute trajectory error: se3, sim3, origin or none", "Sturm et al. 2012"),
     ("ate_tolerance_s", "s", "most time between an estimate and the truth it is compared with", "Sturm et al. 2012"),
     ("ate_rmse_m", "m", "absolute trajectory error after closing the loop, root mean square", "Sturm et al. 2012"),
@@ -162,10 +165,11 @@ SURVEY = columns_of(
     ("rpe_rot_per_second_rad", "rad", "the same of the rotation", "Sturm et al. 2012"),
     ("end_error_m", "m", "distance of the last poses when the first ones agree, after closing the loop", "thesis 3.5"),
     ("half_error_m", "m",
-     "the same half-way along the true way: on a closed loop a wrong scale cancels at the end, not there",
+     "the same half-way along the true trajectory: on a closed loop a wrong scale cancels at the end, not there",
      "rhs.metrics.survey"),
-    ("ate_before_closing_m", "m", "absolute trajectory error as believed while the survey went on", "Sturm et al. 2012"),
-    ("end_error_before_closing_m", "m", "end error as believed while the survey went on", "thesis 3.5"),
+    ("ate_before_closing_m", "m", "absolute trajectory error before loop closing, as estimated during the survey",
+     "Sturm et al. 2012"),
+    ("end_error_before_closing_m", "m", "end error before loop closing, as estimated during the survey", "thesis 3.5"),
     ("drift_pct", "%", "end error before closing, share of the distance", "rhs.metrics.survey"),
     words=("ate_alignment",),
     counts=("survey_steps", "survey_collisions"),

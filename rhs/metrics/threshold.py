@@ -112,8 +112,8 @@ class Posterior:
         """Where to try next, `count` at a time: each is chosen as if those before had come out as is expected of them."""
         weight, chosen = self.weights(), []
         for _ in range(count):
-            told = self._information(weight)
-            best = int(np.argmax(told))
+            information = self._information(weight)
+            best = int(np.argmax(information))
             chosen.append(float(LEVELS[best]))
             curve = self._curves[best]
             expected = float(curve @ weight)

@@ -39,7 +39,7 @@ def read_trajectory(path: Path) -> Trajectory:
 def _kitti(path: Path, rows: list[tuple[int, str]]) -> Trajectory:
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     for k, (number, line) in enumerate(rows):
-        values = _numbers(line.split(), f"{path}:{number}", KITTI_NUMBERS, "of a KITTI pose")
+        values = finite_numbers(line.split(), f"{path}:{number}", KITTI_NUMBERS, "of a KITTI pose")
         pose = np.array(values).reshape(3, 4)
         if np.abs(pose[:, :3] @ pose[:, :3].T - np.eye(3)).max() > SKEW or np.linalg.det(pose[:, :3]) < 0:
             raise RecordingError(f"{path}:{number}: the first three columns are no rotation; expected a KITTI pose")
@@ -47,7 +47,7 @@ def _kitti(path: Path, rows: list[tuple[int, str]]) -> Trajectory:
     times = path.parent / "times.txt"
     stamps = np.arange(len(rows), dtype=float)
     if times.is_file():
-        stamps = np.array([_numbers([word], str(times), 1, "a line")[0] for word in times.read_text("utf-8").split()])
+        stamps = np.array([finite_numbers([word], str(times), 1, "a line")[0] for word in times.read_text("utf-8").split()])
         if len(stamps) != len(rows) or (np.diff(stamps) <= 0).any():
             raise RecordingError(f"{times}: {len(stamps)} stamps for {len(rows)} poses; expected as many, increasing")
     return Trajectory(stamps, poses)
@@ -57,7 +57,7 @@ def _euroc(path: Path, rows: list[tuple[int, str]]) -> Trajectory:
     stamps, poses = [], []
     for number, line in rows:
         where = f"{path}:{number}"
-        values = _numbers(line.split(",")[:EUROC_NUMBERS], where, EUROC_NUMBERS, "ns x y z qw qx qy qz")
+        values = finite_numbers(line.split(",")[:EUROC_NUMBERS], where, EUROC_NUMBERS, "ns x y z qw qx qy qz")
         try:
             rotation = rotation_of_quaternion(np.array([*values[5:8], values[4]]))
         except ValueError as error:
@@ -68,7 +68,8 @@ def _euroc(path: Path, rows: list[tuple[int, str]]) -> Trajectory:
     return Trajectory(np.array(stamps)[kept], np.array(poses).reshape(-1, 4, 4)[kept])
 
 
-def _numbers(words: list[str], where: str, count: int, what: str) -> list[float]:
+def finite_numbers(words: list[str], where: str, count: int, what: str) -> list[float]:
+    """So many words as numbers. Raises RecordingError with where they stand, and what they should be."""
     try:
         values = [float(word) for word in words]
     except ValueError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,7 @@ class _Indices:
         builder.write(self._bytes)
 
 
-class Tape:
+class McapWriter:
     """An MCAP file being written. Each chunk reaches the file when it is full; a crash costs the last one."""
 
     def __init__(self, path: Path, chunk_bytes: int = 1 << 20):
@@ -125,3 +126,11 @@ class Tape:
                 self._file.close()
             raise RecordingError(f"cannot write {self._path}: {error.strerror or error} ({free_space(self._path)}); "
                                  f"free some space or use recording=off") from error
+
+
+def __getattr__(name: str) -> Any:
+    """Names of before."""
+    if name == "Tape":
+        warnings.warn("rhs.recording.mcap_file.Tape is now McapWriter", DeprecationWarning, stacklevel=2)
+        return McapWriter
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The bytes of MCAP records: parsing that never believes a length (level 1). Container format: https://mcap.dev/spec."""
+"""The bytes of MCAP records: parsing that never believes a length. Container format: https://mcap.dev/spec."""
 
 from __future__ import annotations
 

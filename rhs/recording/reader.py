@@ -57,14 +57,12 @@ class Reading:
         file, self.report = open_scan(Path(path))
         file.close()
         self.notes: dict[str, dict[str, str]] = {}
-        self.last_ns: int | None = None
 
     def __iter__(self) -> Iterator[Message]:
         for item in scan(self.report.path, self.report):
             if isinstance(item, Note):
                 self.notes[item.name] = item.values
             else:
-                self.last_ns = item.log_ns
                 yield item
 
     def views(self) -> Iterator[RecordedView]:

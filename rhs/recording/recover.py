@@ -7,7 +7,7 @@ from pathlib import Path
 from rhs.api.files import write_whole
 from rhs.base.errors import RecordingError
 
-from .mcap_file import Tape
+from .mcap_file import McapWriter
 from .mcap_records import Note
 from .mcap_scan import Report, open_scan, scan
 
@@ -21,17 +21,17 @@ def recover(source: Path, target: Path) -> tuple[Report, int]:
     file.close()
 
     def write(path: Path) -> None:
-        tape = Tape(path)
+        writer = McapWriter(path)
         for item in scan(source, report):
             if isinstance(item, Note):
-                tape.note(item.name, item.values)
+                writer.note(item.name, item.values)
             else:
                 channel, schema = item.channel, item.channel.schema
-                tape.put_raw(channel.topic, item.data, item.log_ns, publish_ns=item.publish_ns, sequence=item.sequence,
+                writer.put_raw(channel.topic, item.data, item.log_ns, publish_ns=item.publish_ns, sequence=item.sequence,
                              definition=(schema.name, schema.encoding, schema.data), encoding=channel.encoding)
         if not report.whole:
-            tape.note("rhs.recovered", {"what": report.line})
-        tape.close()
+            writer.note("rhs.recovered", {"what": report.line})
+        writer.close()
         _check(path, report.messages)
 
     write_whole(target, write)

@@ -21,7 +21,7 @@ from rhs.api.records import Capture, Observation, Step, Twist
 from rhs.base.errors import ConfigError
 
 from . import ros
-from .mcap_file import Tape
+from .mcap_file import McapWriter
 from .reader import EXTRA, PARTS, STEP
 from .reader import read as read
 
@@ -45,38 +45,38 @@ class Recorder:
         self._odom_from_body = np.eye(4)
         self._drawn_path: object = None
         self._stamp_ns = 0
-        self._tape = None if level == "off" else Tape(path, CHUNK_BYTES[level])
-        if self._tape is not None:
-            self._tape.note("rhs", head_note(camera, world_facts, config=config, level=level))
+        self._writer = None if level == "off" else McapWriter(path, CHUNK_BYTES[level])
+        if self._writer is not None:
+            self._writer.note("rhs", head_note(camera, world_facts, config=config, level=level))
 
     def step(self, step: Step) -> None:
         """Append all that one step knows. /rhs/step comes first: it says which parts of the view follow."""
-        if self._tape is None:
+        if self._writer is None:
             return
         self._stamp_ns = ros.nanoseconds(step.stamp_s)
-        if self._tape.empty:
+        if self._writer.empty:
             self._put("/tf_static", ros.transforms(self._stamp_ns, [("body", "camera", self._camera.body_from_camera)]))
-        put_view(self._tape, self._camera, step.observation, plain=step_to_plain(step), images=self._level == "full")
+        put_view(self._writer, self._camera, step.observation, plain=step_to_plain(step), images=self._level == "full")
         self._put_readings(step, self._stamp_ns)
         self._put_estimates(step, self._stamp_ns)
-        self._tape.flush()
+        self._writer.flush()
 
     def map(self, grid: OccupancyGrid, stamp_s: float) -> None:
         """Append the map as it is now."""
-        if self._tape is None:
+        if self._writer is None:
             return
         self._stamp_ns = ros.nanoseconds(stamp_s)
         self._put("/map", ros.occupancy_grid(grid, self._stamp_ns, "map"))
 
     def close(self, status: str = "ok", reason: str = "") -> None:
         """Write the index. A failed run's recording is closed too, and says so."""
-        if self._tape is not None:
-            self._tape.note("rhs.end", {"status": status, "reason": reason})
-            self._tape.close()
+        if self._writer is not None:
+            self._writer.note("rhs.end", {"status": status, "reason": reason})
+            self._writer.close()
 
     def _put(self, topic: str, message: Any) -> None:
-        if self._tape is not None:
-            self._tape.put(topic, message, self._stamp_ns)
+        if self._writer is not None:
+            self._writer.put(topic, message, self._stamp_ns)
 
     def _put_readings(self, step: Step, t: int) -> None:
         if step.scan is not None:
@@ -118,7 +118,8 @@ def camera_to_plain(camera: Camera) -> dict[str, Any]:
     return {name: float(v) if isinstance(v, np.floating) else v for name, v in plain.items()}
 
 
-def put_view(tape: Tape, camera: Camera, seen: Observation | Capture, *, plain: dict[str, Any], images: bool) -> None:
+def put_view(writer: McapWriter, camera: Camera, seen: Observation | Capture, *, plain: dict[str, Any],
+             images: bool) -> None:
     """All that a sensor reported at one instant, without loss; `plain` goes first and says which parts follow."""
     t = ros.nanoseconds(seen.stamp_s)
     image, depth = (seen.image, seen.depth) if images else (None, None)
@@ -126,18 +127,18 @@ def put_view(tape: Tape, camera: Camera, seen: Observation | Capture, *, plain: 
     holds = [name for name in PARTS if parts[name] is not None]
     extras = {name: np.asarray(array) for name, array in sorted(seen.extras.items())} if images else {}
     kinds = {name: [array.dtype.str, list(array.shape)] for name, array in extras.items()}
-    tape.put(STEP, ros.text(json.dumps(plain | {"holds": holds} | ({"extras": kinds} if kinds else {}))), t)
+    writer.put(STEP, ros.text(json.dumps(plain | {"holds": holds} | ({"extras": kinds} if kinds else {}))), t)
     if image is not None or depth is not None:
-        tape.put("/camera/camera_info", ros.camera_info(camera, t, "camera"), t)
+        writer.put("/camera/camera_info", ros.camera_info(camera, t, "camera"), t)
     if image is not None:
-        tape.put(PARTS["image"], ros.compressed_image(image, t, "camera"), t)
+        writer.put(PARTS["image"], ros.compressed_image(image, t, "camera"), t)
     if depth is not None:
-        tape.put(PARTS["depth"], ros.depth_image(depth, t, "camera"), t)
-        tape.put("/cloud", ros.depth_cloud(camera, depth, image, t, frame="camera"), t)
+        writer.put(PARTS["depth"], ros.depth_image(depth, t, "camera"), t)
+        writer.put("/cloud", ros.depth_cloud(camera, depth, image, t, frame="camera"), t)
     if seen.scan is not None:
-        tape.put(PARTS["scan"], ros.scan_cloud(seen.scan, t, "body"), t)
+        writer.put(PARTS["scan"], ros.scan_cloud(seen.scan, t, "body"), t)
     for name, array in extras.items():
-        tape.put(EXTRA + name, ros.raw_array(array), t)
+        writer.put(EXTRA + name, ros.raw_array(array), t)
 
 
 def view_to_plain(seen: Observation | Capture, wheel: np.ndarray | None, truth: np.ndarray | None) -> dict[str, Any]:

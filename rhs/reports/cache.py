@@ -34,8 +34,8 @@ def one_sweep(paths: Sequence[Path]) -> Path | None:
 
 def cache_of(sweep: Path) -> Path:
     """Where the table of the shards as they are now is kept."""
-    told = "".join(f"{path.name} {path.stat().st_size}\n" for path in shards.shards(sweep))
-    return sweep / shards.FOLDER / f"table-{zlib.crc32(told.encode()):08x}.parquet"
+    listing = "".join(f"{path.name} {path.stat().st_size}\n" for path in shards.shards(sweep))
+    return sweep / shards.FOLDER / f"table-{zlib.crc32(listing.encode()):08x}.parquet"
 
 
 def write_cache(cache: Path, table: pandas.DataFrame, complaints: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of knowing: what followed each kidnap, how reliable the stated chances were, precision against recall."""
+"""Pictures of calibration: what followed each kidnap, how reliable the stated chances were, precision against recall."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 SURE, UNSURE = "#1f6fb4", "#bbbbbb"
 
 
-def knowing_picture(folder: Path) -> Path | None:
+def calibration_picture(folder: Path) -> Path | None:
     """knowing.png of a run folder: its kidnaps and its reliability; None where nobody knows the truth. Of task=localise
     every start is shown as a kidnap is."""
     path = Path(folder) / "steps.csv"

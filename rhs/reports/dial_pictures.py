@@ -25,20 +25,20 @@ def threshold_picture(accounts: Sequence[Mapping[str, Any]], dial_value: Any, pa
     figure = new_figure(9.0, 1.2 + 1.5 * len(shown))
     panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     levels = np.linspace(0.0, 1.0, 101)
-    for number, (axes, told) in enumerate(zip(panels, shown, strict=True)):
+    for number, (axes, account) in enumerate(zip(panels, shown, strict=True)):
         colour = COLOURS[number % len(COLOURS)]
-        tried = [(level, bool(success)) for level, success in told["levels"]]
+        tried = [(level, bool(success)) for level, success in account["levels"]]
         expected, low, high = fit(*zip(*tried, strict=True)).curve(levels)
         axes.fill_between(levels, low, high, color=colour, alpha=0.2, linewidth=0)
         axes.plot(levels, expected, color=colour)
         for succeeded, at in ((True, 1.06), (False, -0.06)):
             alike = [level for level, success in tried if success is succeeded]
             axes.plot(alike, [at] * len(alike), "|", color="#222222", markersize=7)
-        if told["found"]:
+        if account["found"]:
             level = float(np.interp(0.5, *_rising(expected, levels)))
             axes.axvline(level, color=colour, linestyle=":")
         axes.set(ylim=(-0.15, 1.15), xlim=(-0.02, 1.02), yticks=[0.0, 0.5, 1.0])
-        axes.set_title(f"{told['combination']}: {told['says']}; {told['runs']} runs", fontsize=9)
+        axes.set_title(f"{account['combination']}: {account['says']}; {account['runs']} runs", fontsize=9)
         axes.set_ylabel("success", fontsize=8)
     ticks = np.linspace(0.0, 1.0, 6)
     panels[-1].set_xticks(ticks, [f"{dial_value(tick):.3g}" for tick in ticks])

@@ -118,10 +118,10 @@ def _draw_kidnaps(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray) -> None
 
 def _draw_first(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray, missions: Sequence[dict[str, Any]]) -> None:
     """A ring where the first part complained in the first mission that failed, with what it said."""
-    told = first_of_failed(patrol, missions)
+    complaints = first_of_failed(patrol, missions)
     index = [int(step["index"]) for step in patrol]
-    if told and told[0][0] in index:
-        view, words = told[0]
+    if complaints and complaints[0][0] in index:
+        view, words = complaints[0]
         at = way_m[index.index(view)]
         axes.plot(*at, "o", markersize=15, markerfacecolor="none", markeredgecolor="#c1121f", markeredgewidth=1.8, zorder=8,
                   label=f"trouble began, view {view}: {words.split(' (')[0]}"[:60])

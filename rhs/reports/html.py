@@ -17,11 +17,11 @@ HEAD = """<!doctype html>
 <h1>{{ title }}</h1>
 """
 
-PATROL = """{% if told %}
-<h2>What happened</h2>{% for line in told.lines %}<p>{{ line }}</p>{% endfor %}
+PATROL = """{% if story %}
+<h2>What happened</h2>{% for line in story.lines %}<p>{{ line }}</p>{% endfor %}
 <h2>What changed at each place</h2>
 <p>Red: new. Blue: gone. Yellow: looks different. Left: now; right: the survey's pictures of the same.</p>
-{% for place in told.places %}<section><h3>{{ place.title }}</h3><p>{{ place.found }}</p>
+{% for place in story.places %}<section><h3>{{ place.title }}</h3><p>{{ place.found }}</p>
 {% if place.pictures %}<img src="{{ place.pictures }}" alt="{{ place.title }}: now, and before">{% endif %}
 <p>{{ place.sure }}</p></section>{% endfor %}
 <h2>The way driven</h2>{% endif %}"""

@@ -1,4 +1,4 @@
-"""95 % intervals of means, shares and medians of few runs, and p values corrected for their number (level 5).
+"""95 % intervals of means, shares and medians of few runs, and p values corrected for their number.
 
 n independent values: Student's t interval of their mean; where all are positive, the hull of it and of Cox's interval of a
 lognormal mean (Zhou and Gao 1997, with t quantiles), since t alone falls short for skewed figures (92 % for times that
@@ -37,12 +37,12 @@ def mean_interval(values: np.ndarray) -> tuple[float, float]:
     values = np.asarray(values, float)
     if len(values) < LEAST or np.ptp(values) <= 1e-12 * np.abs(values).max():
         return NONE
-    reach, mean = _reach(len(values)), values.mean()
-    half = reach * values.std(ddof=1) / math.sqrt(len(values))
+    errors, mean = reach(len(values)), values.mean()
+    half = errors * values.std(ddof=1) / math.sqrt(len(values))
     low, high = mean - half, mean + half
     logs = np.log(values) if (values > 0.0).all() else None
     if logs is not None and (variance := logs.var(ddof=1)) <= WIDEST**2:
-        half = reach * math.sqrt(variance / len(values) + variance**2 / (2.0 * (len(values) + 1)))
+        half = errors * math.sqrt(variance / len(values) + variance**2 / (2.0 * (len(values) + 1)))
         centre = logs.mean() + variance / 2.0
         low, high = min(low, math.exp(centre - half)), max(high, math.exp(centre + half))
     return float(low), float(high)
@@ -59,7 +59,7 @@ def share_interval(done: np.ndarray, clusters: np.ndarray | None = None) -> tupl
     count, share = float(len(groups)), float(done.mean())
     variance = groups.var(ddof=1) / len(groups)
     if len(groups) < len(done) and variance > 0.0:
-        freedom = (_reach(len(done)) / _reach(len(groups))) ** 2
+        freedom = (reach(len(done)) / reach(len(groups))) ** 2
         count = min(float(len(done)), share * (1.0 - share) / variance * freedom)
     elif len(groups) == len(done):
         count = float(len(done))
@@ -70,7 +70,7 @@ def share_interval(done: np.ndarray, clusters: np.ndarray | None = None) -> tupl
 
 
 @lru_cache
-def _reach(count: int) -> float:
+def reach(count: int) -> float:
     """Student's t: how many standard errors on either side hold the mean of `count` values with 95 %."""
     from scipy.special import stdtrit
 
@@ -123,14 +123,14 @@ def mean_text(values: np.ndarray, clusters: np.ndarray | None = None) -> str:
     values = np.asarray(values, float)
     known = np.isfinite(values)
     one_each = units(values[known], None if clusters is None else np.asarray(clusters)[known])
-    return _told(values[known], "mean", mean_interval(one_each))
+    return _bracketed(values[known], "mean", mean_interval(one_each))
 
 
 def median_text(values: np.ndarray) -> str:
     """The same of the median."""
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]
-    return _told(values, "median", median_interval(values))
+    return _bracketed(values, "median", median_interval(values))
 
 
 def share_text(done: np.ndarray, clusters: np.ndarray | None = None, *, factor: int = 1) -> str:
@@ -145,7 +145,7 @@ def share_text(done: np.ndarray, clusters: np.ndarray | None = None, *, factor: 
     return text if math.isnan(low) else f"{text} [{factor * low:{form}}, {factor * high:{form}}]"
 
 
-def _told(values: np.ndarray, kind: str, interval: tuple[float, float]) -> str:
+def _bracketed(values: np.ndarray, kind: str, interval: tuple[float, float]) -> str:
     if not len(values):
         return "-"
     text = f"{values.mean() if kind == 'mean' else np.median(values):.4g}"

@@ -44,8 +44,8 @@ def succeeded(table: pandas.DataFrame) -> np.ndarray:
     found = numbers(table, "success")
     if np.isfinite(found).all():
         return found
-    told = np.array([success for success, _ in _outcomes(table)])
-    return np.where(np.isfinite(found), found, told)
+    computed = np.array([success for success, _ in _outcomes(table)])
+    return np.where(np.isfinite(found), found, computed)
 
 
 def reasons(table: pandas.DataFrame) -> list[str]:
@@ -109,11 +109,6 @@ def _bucket(table: pandas.DataFrame) -> np.ndarray:
 def problems(table: pandas.DataFrame) -> np.ndarray:
     """(N,) words for the question that a run was asked, where more than one was: scenario, start, goal."""
     return _words(table, [name for name in QUESTION if name in table.columns])
-
-
-def configurations(table: pandas.DataFrame) -> np.ndarray:
-    """(N,) words for all that was chosen but the seed."""
-    return _words(table, _chosen(table))
 
 
 def _chosen(table: pandas.DataFrame) -> list[str]:
@@ -193,5 +188,5 @@ def failures_told(table: pandas.DataFrame) -> str:
     if not failed:
         return f"0 of {asked} failed" if asked else f"{len(table)} runs, none of them asked for anything that can fail"
     counts = sorted(Counter(word[:70] for word in reasons(table) if word).items(), key=lambda item: (-item[1], item[0]))
-    told = ", ".join(f"{word} {count}" for word, count in counts[:5])
-    return f"{failed} of {asked} failed: {told}" + (f", and {len(counts) - 5} other reasons" if len(counts) > 5 else "")
+    listed = ", ".join(f"{word} {count}" for word, count in counts[:5])
+    return f"{failed} of {asked} failed: {listed}" + (f", and {len(counts) - 5} other reasons" if len(counts) > 5 else "")

@@ -172,8 +172,8 @@ def _line(group: Group, by_all: set[tuple[str, str]] | None) -> dict[str, object
         "reasons": _shares(part["reason_"]),
     }
     distance, seconds, success = THESIS.get(group.place, {}).get(group.planner, (np.nan,) * 3)
-    told = {"thesis cells": f"{distance:g}", "thesis s": f"{seconds:g}", "thesis success %": f"{success:g}"}
-    return line | {key: "" if value == "nan" else value for key, value in told.items()}
+    thesis = {"thesis cells": f"{distance:g}", "thesis s": f"{seconds:g}", "thesis success %": f"{success:g}"}
+    return line | {key: "" if value == "nan" else value for key, value in thesis.items()}
 
 
 def publish(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
@@ -203,7 +203,7 @@ def draw_bars(rows: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
     found = list(groups(rows))
     if len({group.where for group in found}) > MOST_BARS:
         return []
-    title, written = _told(planning_table(rows)), []
+    title, written = _caption(planning_table(rows)), []
     for column, label, log in (("plan_length_raw_m", "raw length [m]", False), ("plan_length_m", "length [m]", False),
                                ("plan_above_optimum_pct", "above the optimum [%]", False),
                                ("plan_ms", "planning time [CPU ms]", True)):
@@ -212,7 +212,7 @@ def draw_bars(rows: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
     return written
 
 
-def _told(summary: pandas.DataFrame) -> str:
+def _caption(summary: pandas.DataFrame) -> str:
     """What the bars stand for, and who failed how often."""
     least, most = summary["n"].min(), summary["n"].max()
     failed = [f"{row['planner']} on {row['map']} {row['failed']}" for _, row in summary.iterrows() if row["failed"]]

@@ -39,7 +39,7 @@ TITLE_CHARACTERS = 130  # of a line over a picture
 def pictures(folder: Path) -> list[Path]:
     """Every picture that the files of a run folder allow: a task needs to write nothing but its files."""
     from .blame_picture import blame_picture
-    from .calibration_pictures import precision_recall_picture
+    from .calibration_pictures import calibration_picture, precision_recall_picture
     from .planning_pictures import plan_picture
 
     folder = Path(folder)
@@ -53,13 +53,13 @@ def pictures(folder: Path) -> list[Path]:
     if (folder / "steps.csv").exists():
         row = json_of(folder / "row.json") or {}
         asked = row.get("kidnaps") or row.get("starts")
-        made += [overview(folder), motion(folder), knowing(folder) if asked else None]
+        made += [overview(folder), motion(folder), calibration_picture(folder) if asked else None]
     return [path for path in made if path is not None]
 
 
 def overview(folder: Path) -> Path:
-    """overview.png: the map, the true walls, those one eye found, the survey as driven, believed and corrected, the patrol,
-    the places."""
+    """overview.png: the map, the true walls, those a monocular odometry found, the survey as driven, believed and corrected,
+    the patrol, the places."""
     folder = Path(folder)
     figure = new_figure(10.5, 8.0)
     axes = figure.add_subplot()
@@ -69,13 +69,6 @@ def overview(folder: Path) -> Path:
     if axes.get_legend_handles_labels()[1]:
         figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return write_whole(folder / "overview.png", lambda path: save(figure, path))
-
-
-def knowing(folder: Path) -> Path | None:
-    """knowing.png: what followed each kidnap, and how reliable the stated chances of being right were."""
-    from .calibration_pictures import knowing_picture
-
-    return knowing_picture(Path(folder))
 
 
 def motion(folder: Path) -> Path | None:
@@ -118,12 +111,12 @@ def html(folder: Path) -> Path:
     pictures = [(path.stem, embed(path)) for path in sorted((folder / "places").glob("*.png"))]
     pictures = [] if (folder / "changes.json").exists() else pictures
     overview_png = folder / "overview.png" if (folder / "overview.png").exists() else overview(folder)
-    told = None if json_of(folder / "changes.json") is None else patrol_story(folder, row)
+    story = None if json_of(folder / "changes.json") is None else patrol_story(folder, row)
     page = _page("run").render(
-        told=told,
+        story=story,
         title=title(row).splitlines()[0] or folder.name, row=_shown(row), overview=embed(overview_png), places=pictures,
         charts=_pictures(folder, steps), missions=json_of(folder / "missions.json") or [],
-        config=_text(folder / "config.yaml"), video="" if told else _video(folder))
+        config=_text(folder / "config.yaml"), video="" if story else _video(folder))
     return _write(folder / "report.html", page)
 
 

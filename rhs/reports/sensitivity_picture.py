@@ -33,8 +33,8 @@ def sensitivity_picture(effects: Sequence[Mapping[str, Any]], title: str, path: 
             axes.plot([low, high], [y, y], color=colour, linewidth=2, alpha=0.5)
         axes.plot([change], [y], "o", color=colour, markersize=5)
         counts = [f"{one[name]} {name}" for name in ("lost", "won") if one[name]]
-        told = "   ".join([f"{one['value']:g}", *counts])
-        axes.annotate(told, (1.01, y), xycoords=("axes fraction", "data"), fontsize=6.5, va="center", color=colour)
+        note = "   ".join([f"{one['value']:g}", *counts])
+        axes.annotate(note, (1.01, y), xycoords=("axes fraction", "data"), fontsize=6.5, va="center", color=colour)
     axes.axvline(1.0, color="#888888", linewidth=1)
     axes.set_xscale("log")
     ends = axes.get_xlim()

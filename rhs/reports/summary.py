@@ -1,4 +1,4 @@
-"""What a table says: per group, how many runs, how many independent, how many failed, means with 95 % intervals (level 5).
+"""What a table says: per group, how many runs, how many independent, how many failed, means with 95 % intervals.
 
 Means (medians of times) are over the runs that have the number, their intervals over the independent ones; `failed` stands
 beside them, and scores that count failures (`spl`, `par2_ms`), since a mean over successes alone flatters. Intervals:
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rhs.base.commands import plain
+from rhs.base.commands import aligned, plain
 from rhs.base.errors import ConfigError
 from rhs.runfolder.row import CHOICES, KEYS
 
@@ -108,10 +108,8 @@ def as_text(view: pandas.DataFrame) -> str:
     """Columns of words for a terminal, and the notes below them."""
     cells = [[short(value) for value in row] for row in view.itertuples(index=False, name=None)]
     names = [str(name) for name in view.columns]
-    widths = [max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(names)]
-    lines = ["  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip()
-             for row in [names, *cells]]
-    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:], *notes_of(view)])
+    rules = ["-" * max(map(len, column)) for column in zip(names, *cells, strict=True)]
+    return "\n".join([*aligned([names, rules, *cells]), *notes_of(view)])
 
 
 def notes_of(view: pandas.DataFrame) -> list[str]:

@@ -137,8 +137,8 @@ def frame(found: dict[str, dict[str, object]]) -> pandas.DataFrame:
 
     columns = sorted({"status", "reason", *KEYS, *(name for row in found.values() for name in row)}, key=column_rank)
     order = _in_order(found)
-    told = [found[run] for run in order]
-    data = {name: _typed(name, [row.get(name) for row in told]) for name in columns}
+    ordered = [found[run] for run in order]
+    data = {name: _typed(name, [row.get(name) for row in ordered]) for name in columns}
     return pd.DataFrame(data, index=pd.Index(order, name="run", dtype="str"), columns=columns)
 
 
@@ -202,30 +202,6 @@ def _cell(value: object) -> str:
 def _doubtful(word: str) -> bool:
     taken = word in ("true", "false") or NUMBER.fullmatch(word) is not None
     return taken or word.startswith((*FORMULA, "'"))
-
-
-def from_csv(text: str) -> pandas.DataFrame:
-    """The table `to_csv` wrote, with equal values and types (its index is not kept, and empty text is unknown)."""
-    reader = csv.reader(io.StringIO(text, newline=""))
-    names = [str(_value(cell)) for cell in next(reader)]
-    found = {str(number): {name: _value(cell) for name, cell in zip(names, row, strict=True)}
-             for number, row in enumerate(reader)}
-    import pandas as pd
-
-    data = {name: _typed(name, [row[name] for row in found.values()]) for name in names}
-    return pd.DataFrame(data, columns=names)
-
-
-def _value(cell: str) -> object:
-    if cell == "":
-        return None
-    if cell.startswith("'"):
-        return cell[1:]
-    if cell in ("true", "false"):
-        return cell == "true"
-    if not NUMBER.fullmatch(cell):
-        return cell
-    return int(cell) if re.fullmatch(r"[+-]?\d+", cell) else float(cell)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""row.json: one run as one flat row, written whole or not at all, and the part of it that must repeat (level 3).
+"""row.json: one run as one flat row, written whole or not at all, and the part of it that must repeat.
 
 A row stands in the folder from the first moment, with the status `running`. Where the process that wrote it is gone
 without writing another, it is read as `killed`.
@@ -119,6 +119,12 @@ def checked_value(name: str, value: object) -> object:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def number_in(row: Mapping[str, object], name: str) -> float:
+    """A column as a number; NaN where it is none or unknown."""
+    value = row.get(name)
+    return float(value) if isinstance(value, int | float) else math.nan
 
 
 def canonical_hash(row: Mapping[str, object]) -> str:

@@ -35,8 +35,8 @@ SYNC_ROWS, SYNC_S = 1000, 1.0  # the disk is told after so many rows, or so long
 
 def words_key(words: Iterable[str]) -> str:
     """12 hex digits by which the words of a job are known again, whatever their order and where its results go."""
-    told = sorted(word for word in words if word.partition("=")[0] not in ("output", "overwrite"))
-    return hashlib.sha256("\n".join(told).encode()).hexdigest()[:12]
+    kept = sorted(word for word in words if word.partition("=")[0] not in ("output", "overwrite"))
+    return hashlib.sha256("\n".join(kept).encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ What was tried stands in shards (rhs.runfolder.shards): a killed atlas asks them
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -167,15 +169,12 @@ def accounts(atlas: Atlas) -> list[dict[str, Any]]:
             for name, _, found in atlas.cells if found.searches[0].tried]
 
 
-def csv_of(told: Sequence[Mapping[str, Any]]) -> str:
+def csv_of(results: Sequence[Mapping[str, Any]]) -> str:
     """A line for each search."""
-    lines = [",".join(("combination", "dial", "from", "to", *CELLS, "says"))]
-    for one in told:
-        figures = [*one["ends"], *(one[name] for name in CELLS)]
-        lines.append(",".join([_quoted(one["combination"]), one["dial"],
-                               *(f"{int(v) if isinstance(v, bool) else v:.6g}" for v in figures), _quoted(one["says"])]))
-    return "\n".join(lines) + "\n"
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(("combination", "dial", "from", "to", *CELLS, "says"))
+    for one in results:
+        figures = [f"{float(value):.6g}" for value in (*one["ends"], *(one[name] for name in CELLS))]
+        table.writerow([one["combination"], one["dial"], *figures, one["says"]])
+    return text.getvalue()

@@ -55,18 +55,8 @@ def run_chunk(text: str) -> str:
     return answer
 
 
-def close_servers() -> None:
-    """End the job servers of this process."""
-    with _guard:
-        found = [*_all]
-        _idle.clear()
-    for server in found:
-        server.close()
-
-
 _guard = threading.Lock()
 _idle: list[Server] = []
-_all: list[Server] = []
 
 
 def _taken() -> Server:
@@ -76,9 +66,7 @@ def _taken() -> Server:
             server = _idle.pop()
             if server.process.poll() is None:
                 return server
-        server = Server()
-        _all.append(server)
-        return server
+    return Server()
 
 
 class Server:
@@ -110,8 +98,6 @@ class Server:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(5.0)
         self.process.kill()
-        with _guard:
-            _all[:] = [one for one in _all if one is not self]
 
     def _last_words(self) -> str:
         with contextlib.suppress(OSError, ValueError):

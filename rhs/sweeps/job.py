@@ -69,9 +69,9 @@ class Outcome:
         self.counts[status] += 1
         if len(self.status) < MOST_NAMED:
             self.status[name] = status
-        told = f"{status}: {reason}" if status != "ok" else f"ok, but {reason}"
+        text = f"{status}: {reason}" if status != "ok" else f"ok, but {reason}"
         if status != "ok" or reason:  # it ended, without what was asked of it
-            self.reasons[told if told in self.reasons or len(self.reasons) < MOST_NAMED else "other reasons"] += 1
+            self.reasons[text if text in self.reasons or len(self.reasons) < MOST_NAMED else "other reasons"] += 1
 
 
 def alike(outcome: Outcome, same_failures: int) -> str:

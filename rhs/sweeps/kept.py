@@ -25,8 +25,8 @@ def kept_rows(jobs: Sequence[Job], folder: Path, limits: Limits, *, tell: Callab
     status `missing`. tell(job, status): after each, those that were there already first. keep: whose folders stay; of the
     others the rows do, in shards."""
     lines = read_lines(shards(folder), []) if keep != "all" else {}
-    told = {job.name: ended(folder / job.name, lines.get(words_key(job.words))) for job in jobs}
-    found = {name: row for name, row in told.items() if row is not None}
+    outcomes = {job.name: ended(folder / job.name, lines.get(words_key(job.words))) for job in jobs}
+    found = {name: row for name, row in outcomes.items() if row is not None}
     for job in jobs:
         if job.name in found:
             tell(job, str(found[job.name]["status"]))

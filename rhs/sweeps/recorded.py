@@ -82,7 +82,7 @@ BY_NAME = {one.name: one for one in RECORDINGS}
 
 def content_hash(data: Path, recording: Recording) -> str:
     """SHA-256 of the names and bytes of its files, in the order of their names. Raises ConfigError where one is missing."""
-    told = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in (recording.path, *recording.files):
         path = data / name
         found = [path] if path.is_file() else sorted(one for one in path.rglob("*") if one.is_file())
@@ -90,8 +90,8 @@ def content_hash(data: Path, recording: Recording) -> str:
             raise ConfigError(f"bench recordings-v1: nothing at {path} (--data FOLDER); put there: {recording.origin}")
         for one in found:
             inner = hashlib.sha256(one.read_bytes()).hexdigest()
-            told.update(f"{one.relative_to(data).as_posix()} {inner}\n".encode())
-    return told.hexdigest()
+            digest.update(f"{one.relative_to(data).as_posix()} {inner}\n".encode())
+    return digest.hexdigest()
 
 
 def check_data(data: Path, names: Sequence[str]) -> None:

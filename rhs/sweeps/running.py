@@ -84,13 +84,13 @@ class Run:
 
     def here(self) -> None:
         """Processes of this machine, forked for this process."""
-        def told(job: Job, status: str) -> None:
+        def ended(job: Job, status: str) -> None:
             if status != COMPILING and self.plan.sharded:
                 self.keeper.take_folder(job)
             self.tell(status, self.outcome)
 
         jobs = self._composed() if self.plan.lazy else iter([j for j in self.plan.first if j.key not in self.done.configs])
-        run_jobs(jobs, self.folder, self.limits, tell=told, outcome=self.outcome,
+        run_jobs(jobs, self.folder, self.limits, tell=ended, outcome=self.outcome,
                  preload=asked_for(self.plan.first))
 
     def _composed(self) -> Iterator[Job]:
@@ -166,20 +166,20 @@ class Run:
     def account(self) -> Report:
         """What became of every job, as the rows say; a full disk costs jobs.json, not the account."""
         counts, reasons = Counter(self.outcome.counts), Counter(self.outcome.reasons)
-        told: dict[str, object]
+        statuses: dict[str, object]
         if self.plan.lazy:
             counts["ok"] += self.before
-            told = dict(counts)
+            statuses = dict(counts)
         else:
             known = {job.name: "ok" for job in self.plan.first if job.key in self.done.configs}
             known |= self.outcome.status | status_of(self.plan, self.folder)
-            told = {job.name: known.get(job.name, "skipped") for job in self.plan.first}
-            counts = Counter(map(str, told.values()))
+            statuses = {job.name: known.get(job.name, "skipped") for job in self.plan.first}
+            counts = Counter(map(str, statuses.values()))
         missing = len(self.plan.combinations) - self.repeated - sum(counts.values())
         counts["skipped"] += max(0, missing)
         try:
             with replacing(self.folder / "jobs.json") as file:
-                file.write(json.dumps(told, indent=1) + "\n")
+                file.write(json.dumps(statuses, indent=1) + "\n")
         except RhsError as error:
             reasons[str(error)] += 1
         return Report(counts, reasons, self.before, self.outcome.stopped, self.repeated)

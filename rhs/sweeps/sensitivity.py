@@ -23,7 +23,8 @@ from rhs.base.errors import ConfigError
 from rhs.config import registry
 from rhs.config.compose import Composer, RunConfig, to_plain
 from rhs.config.overrides import Word, parse, plain_words, sweep_words, swept_keys
-from rhs.reports.intervals import LEAST, units
+from rhs.reports.intervals import LEAST, reach, units
+from rhs.runfolder.row import machine_dependent, number_in
 from rhs.worlds.random.names import building_of
 
 from .jobs import Job
@@ -250,28 +251,20 @@ def _effect(change: Change, measure: str, where: Sequence[str], before: Sequence
 
 def _half_width(values: np.ndarray) -> float:
     """Of Student's 95 % interval of the mean; NaN for fewer than three values."""
-    from scipy.stats import t
-
-    if len(values) < LEAST:
-        return math.nan
-    return float(t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values)))
+    return reach(len(values)) * float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) >= LEAST else math.nan
 
 
 def _value(row: Row, measure: str) -> float:
-    value = row.get(measure)
-    number = float(value) if isinstance(value, int | float) else math.nan
-    return 1.0 - number if measure in LACKS else number
+    return 1.0 - number_in(row, measure) if measure in LACKS else number_in(row, measure)
 
 
 def alike(a: Row, b: Row) -> bool:
     """Whether two rows say the same, the machine and the hash of the settings left out."""
-    from rhs.runfolder.row import machine_dependent
-
-    def told(row: Row) -> dict[str, Any]:
+    def comparable(row: Row) -> dict[str, Any]:
         return {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()
                 if key != "config_hash" and not machine_dependent(key)}
 
-    return told(a) == told(b)
+    return comparable(a) == comparable(b)
 
 
 def in_words(found: Sequence[Effect], asked: Question) -> list[str]:
@@ -281,14 +274,14 @@ def in_words(found: Sequence[Effect], asked: Question) -> list[str]:
     keys = list(dict.fromkeys(one.of.key for one in matter))
     inert = [key for key in settings_ if all(one.same for one in found if one.of.key == key)]
     lines = [f"{len(keys)} of {len(settings_)} settings of {asked.part} matter here"
-             + (": " + "; ".join(_told(one) for one in matter[:8]) if matter else "")]
+             + (": " + "; ".join(_in_one_line(one) for one in matter[:8]) if matter else "")]
     if inert:
         lines.append(f"halved or doubled, these change nothing: {', '.join(inert)}")
     lines += [f"{key} was not tried: {why}" for key, why in asked.left_out.items()]
     return lines
 
 
-def _told(one: Effect) -> str:
+def _in_one_line(one: Effect) -> str:
     count = f", {one.lost - one.won:+d} of {one.runs} runs fail" if one.lost != one.won else ""
     change = f"{100 * one.change:+.3g} %" if one.pairs else "no pair known"
     return f"{one.of} {one.says} ({change}{count})"

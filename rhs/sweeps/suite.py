@@ -23,6 +23,7 @@ from rhs.api.floorplan import World, after
 from rhs.base.errors import ConfigError, PluginError
 from rhs.config.compose import Composer
 from rhs.config.overrides import Word, parse, plain_words
+from rhs.runfolder.row import number_in
 from rhs.worlds.random.obstacles import reached
 from rhs.worlds.world import load_world
 
@@ -109,22 +110,22 @@ def digest(suite: Suite) -> str:
     """16 hex digits of everything an answer rests on: the buildings, the words, the columns."""
     if suite.recorded:
         return recorded.question_hash(suite.name)
-    text = json.dumps([suite.name, [[world, seed, told(load_world(world, seed=seed))] for world, seed in suite.buildings],
-                       COMMON, CELLS, DISC_M], sort_keys=True)
+    worlds = [[world, seed, plain_world(load_world(world, seed=seed))] for world, seed in suite.buildings]
+    text = json.dumps([suite.name, worlds, COMMON, CELLS, DISC_M], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def told(value: Any) -> Any:
+def plain_world(value: Any) -> Any:
     """A world as plain values, coordinates in micrometres, without where its file lies; what has its default is left out,
     so that a world stays what it is when worlds learn something new."""
     if is_dataclass(value):
-        found = {one.name: told(getattr(value, one.name)) for one in fields(value) if one.name != "path"}
-        usual = {one.name: told(one.default) for one in fields(value) if one.default is not MISSING}
+        found = {one.name: plain_world(getattr(value, one.name)) for one in fields(value) if one.name != "path"}
+        usual = {one.name: plain_world(one.default) for one in fields(value) if one.default is not MISSING}
         return {name: item for name, item in found.items() if name not in usual or item != usual[name]}
     if isinstance(value, np.ndarray | np.generic):
-        return told(value.tolist())
+        return plain_world(value.tolist())
     if isinstance(value, tuple | list):
-        return [told(item) for item in value]
+        return [plain_world(item) for item in value]
     return round(value, 6) + 0.0 if isinstance(value, float) else value
 
 
@@ -174,21 +175,16 @@ def cells_of(name: str, building: tuple[str, int], row: Mapping[str, Any]) -> di
     """A run as it stands in the table; figures in 9 digits, nothing where there is none."""
     world, seed = building
     places, reachable = _reachable(world, seed)
-    visited = _number(row, "places_visited")
-    extra_m = _number(row, "path_length_m") - _number(row, "path_optimal_informed_m") if visited >= places else np.nan
-    figures = {"success": _number(row, "success"), "places": places, "reachable": reachable, "visited": visited,
-               "collisions": _number(row, "collisions"), "ate_m": _number(row, "ate_rmse_m"),
-               "wrong_sure_share": _number(row, "belief_wrong_sure_share"), "extra_m": extra_m,
-               "arrival_m": _number(row, "arrival_error_max_m")}
+    visited = number_in(row, "places_visited")
+    extra_m = number_in(row, "path_length_m") - number_in(row, "path_optimal_informed_m") if visited >= places else np.nan
+    figures = {"success": number_in(row, "success"), "places": places, "reachable": reachable, "visited": visited,
+               "collisions": number_in(row, "collisions"), "ate_m": number_in(row, "ate_rmse_m"),
+               "wrong_sure_share": number_in(row, "belief_wrong_sure_share"), "extra_m": extra_m,
+               "arrival_m": number_in(row, "arrival_error_max_m")}
     said = {name: "" if value != value else f"{value:.9g}" for name, value in figures.items()}
     cause = " ".join(str(row.get("cause") or row.get("reason") or "").split())
     cells = {"combination": name, "building": world, "seed": str(seed), "status": str(row["status"]), **said, "cause": cause}
     return {one: cells[one] for one in CELLS}
-
-
-def _number(row: Mapping[str, Any], name: str) -> float:
-    value = row.get(name)
-    return float(value) if isinstance(value, int | float) else float("nan")
 
 
 def csv_of(rows: Sequence[Mapping[str, str]], cells: Sequence[str] = CELLS) -> str:
@@ -215,9 +211,9 @@ def hash_of(rows: Sequence[Mapping[str, str]], cells: Sequence[str] = CELLS) -> 
 
 def times_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """What is the machine's: commits, seconds and views of the runs, memory."""
-    ended = [row for row in rows if _number(row, "wall_ms") > 0.0]
-    seconds = [_number(row, "wall_ms") / 1e3 for row in ended]
+    ended = [row for row in rows if number_in(row, "wall_ms") > 0.0]
+    seconds = [number_in(row, "wall_ms") / 1e3 for row in ended]
     return {"commit": " ".join(sorted({str(row.get("commit") or "unknown") for row in rows})),
             "wall_s": round(float(np.median(seconds)), 2) if seconds else None,
-            "views": int(sum(_number(row, "views") for row in ended)),
-            "memory_mb": round(max((_number(row, "peak_memory_mb") for row in ended), default=0.0))}
+            "views": int(sum(number_in(row, "views") for row in ended)),
+            "memory_mb": round(max((number_in(row, "peak_memory_mb") for row in ended), default=0.0))}

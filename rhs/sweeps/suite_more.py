@@ -3,8 +3,6 @@ and, with `--blame`, which link of the chain it was where something was lost. A 
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,22 +26,13 @@ def cells_of(name: str, building: tuple[str, int], row: Mapping[str, Any], blame
              ) -> dict[str, str]:
     """A run, its folder, and the row of its task=blame where it lost something."""
     idle = {cell: row.get(cell) for cell in CELLS[3:5]}
-    told = {cell: f"{value:.9g}" if isinstance(value, int | float) and np.isfinite(value) else ""
+    figures = {cell: f"{value:.9g}" if isinstance(value, int | float) and np.isfinite(value) else ""
             for cell, value in idle.items()}
     stood = ";".join(f"{place}:{x:.6f} {y:.6f}" for place, _, (x, y) in arrivals(Run(folder)))
     why = {} if blamed is None else {"link": blamed.get("blame_link"), "measure": blamed.get("blame_measure"),
                                      "blame": blamed.get("blame") or blamed.get("reason") or blamed["status"]}
-    cells = {"combination": name, "building": building[0], "seed": str(building[1]), **told, "stood_m": stood, **why}
+    cells = {"combination": name, "building": building[0], "seed": str(building[1]), **figures, "stood_m": stood, **why}
     return {cell: str(cells.get(cell) or "") for cell in CELLS}
-
-
-def csv_of(rows: Rows) -> str:
-    """The rows; no time of a machine."""
-    text = io.StringIO()
-    table = csv.DictWriter(text, CELLS, lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return text.getvalue()
 
 
 def precision_m(rows: Rows) -> tuple[float, int]:
@@ -81,5 +70,5 @@ def page(name: str, rows: Rows) -> str:
         counts = Counter(row["link"] or "nobody" for row in blamed)
         named = ", ".join(f"{link} {count}" for link, count in counts.most_common())
         lines.append(f"| {one} | {len(own)} | {idle} | {precise} | {len(blamed)} | {named or '-'} |")
-    told = [f"- {row['combination']}, {row['building']}: {row['blame']}" for row in rows if row["blame"]]
-    return "\n".join([*lines, "", *told]).rstrip() + "\n"
+    details = [f"- {row['combination']}, {row['building']}: {row['blame']}" for row in rows if row["blame"]]
+    return "\n".join([*lines, "", *details]).rstrip() + "\n"

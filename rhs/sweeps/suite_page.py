@@ -82,10 +82,10 @@ def page(suite: Suite, rows: Rows, made: Mapping[str, Mapping[str, Any]], *, not
               "table. Seconds of a run, median; a survey that several combinations shared counts in each.", "",
               "| combination | words | commit | s a run | views | memory MB |", "|---|---|---|---|---|---|"]
     for name in order:
-        told = made.get(name, {})
-        lines.append(f"| {name} | `{told.get('words', '')}` | {told.get('commit', '')} | {told.get('wall_s', '')} | "
-                     f"{told.get('views', '')} | {told.get('memory_mb', '')} |")
-    commands = sorted({str(told["command"]) for told in made.values() if told.get("command")})
+        record = made.get(name, {})
+        lines.append(f"| {name} | `{record.get('words', '')}` | {record.get('commit', '')} | {record.get('wall_s', '')} | "
+                     f"{record.get('views', '')} | {record.get('memory_mb', '')} |")
+    commands = sorted({str(record["command"]) for record in made.values() if record.get("command")})
     return "\n".join([*lines, "", "Commands: " + ", ".join(f"`{command}`" for command in commands)]) + "\n"
 
 

@@ -275,6 +275,6 @@ class Report:
         """The accounts in words, most frequent reasons of failure first."""
         counts = +self.counts
         words = ", ".join(f"{counts[name]} {name}" for name in sorted(counts, key=lambda n: (n != "ok", n)))
-        told = [f"{sum(counts.values())} jobs: {words}" + (f" ({self.before} finished before)" if self.before else "")]
-        told += [f"  {count} x {reason[:160]}" for reason, count in self.reasons.most_common(5)]
-        return [*told, self.stopped] if self.stopped else told
+        lines = [f"{sum(counts.values())} jobs: {words}" + (f" ({self.before} finished before)" if self.before else "")]
+        lines += [f"  {count} x {reason[:160]}" for reason, count in self.reasons.most_common(5)]
+        return [*lines, self.stopped] if self.stopped else lines

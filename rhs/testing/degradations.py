@@ -50,8 +50,8 @@ def same_seed_same_views(settings: Any, folder: Path) -> None:
 
 
 def tells_a_camera_of_the_same_size(settings: Any, folder: Path) -> None:
-    told = complete("degrade", settings.build(context(folder))).told(CAMERA)
-    assert isinstance(told, Camera) and (told.width, told.height) == (CAMERA.width, CAMERA.height), (
+    camera = complete("degrade", settings.build(context(folder))).told(CAMERA)
+    assert isinstance(camera, Camera) and (camera.width, camera.height) == (CAMERA.width, CAMERA.height), (
         f"told() must return a Camera of {CAMERA.width}x{CAMERA.height}; derive from rhs.api.contracts.Degradation")
 
 

@@ -31,12 +31,17 @@ PLANE = [0, 1, 5]
 
 @cache
 def survey(stored: bool = True) -> tuple[View, ...]:
-    """The drive as a survey with true poses, every second view kept as a place."""
+    """The drive as a survey with true poses."""
+    return as_survey(drive(), stored=stored)
+
+
+def as_survey(driven: Sequence[tuple[np.ndarray, Observation]], *, stored: bool = True) -> tuple[View, ...]:
+    """Poses (4x4) and what was seen there, as a survey; stored: every second view kept as a place."""
     from rhs.estimation.views.features import features
 
     views: list[View] = []
-    previous = drive()[0][0]
-    for pose, seen in drive():
+    previous = driven[0][0]
+    for pose, seen in driven:
         motion = Motion(inverse(previous) @ pose, FINE, Tracking.OK)
         kept = features(seen, FeatureSettings()) if stored and seen.index % 2 == 0 else None
         views.append(freeze(View(seen.index, seen.stamp_s, seen.camera, motion, pose, FINE, seen.scan, kept)))
@@ -147,9 +152,9 @@ def starts_anew_when_told(settings: Any, folder: Path) -> None:
         part.update(for_part(settings, seen), motion)
     part.start(_start())
     seen, motion = in_the_dark([np.eye(4)])[0]
-    said, told = part.update(for_part(settings, seen), motion).map_from_body, _start().map_from_body
-    off = float(np.linalg.norm(said[:3, 3] - told[:3, 3]))
-    assert off < FOLLOWS_M, f"told to start at {_words(told)}, it is at {_words(said)}"
+    said, start = part.update(for_part(settings, seen), motion).map_from_body, _start().map_from_body
+    off = float(np.linalg.norm(said[:3, 3] - start[:3, 3]))
+    assert off < FOLLOWS_M, f"told to start at {_words(start)}, it is at {_words(said)}"
 
 
 def same_seed_same_beliefs_whoever_else_is_built(settings: Any, folder: Path) -> None:

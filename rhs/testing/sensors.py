@@ -129,9 +129,9 @@ def wheels_and_commands_are_those_of_the_drive(settings: Any, folder: Path) -> N
     for capture, view in zip(views, seen, strict=True):
         assert view.command is None or view.command == capture.command or view.command is capture.command, (
             "the command is not the capture's")
-    told = [(view.wheel, capture.travel) for capture, view in zip(views, seen, strict=True) if view.wheel is not None]
-    if told:
-        said, true = (np.sum(values, axis=0) for values in zip(*told, strict=True))
+    pairs = [(view.wheel, capture.travel) for capture, view in zip(views, seen, strict=True) if view.wheel is not None]
+    if pairs:
+        said, true = (np.sum(values, axis=0) for values in zip(*pairs, strict=True))
         assert np.all(np.abs(said - true) < 0.2 * np.abs(true) + 0.05), (
             f"wheels count {np.round(said, 3)} of a drive of {np.round(true, 3)} (metres ahead, to the left, radians)")
 

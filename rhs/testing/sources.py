@@ -152,13 +152,13 @@ def drives_when_told_and_where_it_is_put(settings: Any, folder: Path) -> None:
         (led, before), = _led(source, 1)
         stamp_s = led.stamp_s
         source.begin_patrol()
-        for told in DRIVES:
-            capture = check_capture(source.drive(told), who="drive()", after_s=stamp_s)
-            assert abs(capture.stamp_s - stamp_s - told.duration_s) < 0.05, (
-                f"{told.duration_s} s of driving took {capture.stamp_s - stamp_s:.3f} s by the stamps")
+        for command in DRIVES:
+            capture = check_capture(source.drive(command), who="drive()", after_s=stamp_s)
+            assert abs(capture.stamp_s - stamp_s - command.duration_s) < 0.05, (
+                f"{command.duration_s} s of driving took {capture.stamp_s - stamp_s:.3f} s by the stamps")
             stamp_s, after = capture.stamp_s, check_pose(source.truth(), who="truth()", field="world_from_body")
             moved = planar(inverse(before) @ after)
-            _agrees(moved, told.travel, f"after {told} its motion")
+            _agrees(moved, command.travel, f"after {command} its motion")
             if capture.travel is not None:
                 _agrees(capture.travel, moved, "travel of a driven view")
             clearance, touched = source.clearance_m()

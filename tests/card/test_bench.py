@@ -6,7 +6,7 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.card import bench
-from rhs.card.apart import Heard
+from rhs.card.forked import ForkResult
 from rhs.cli.bench import main
 from rhs.config import registry
 
@@ -24,8 +24,8 @@ def test_the_questions_are_those_of_version_one():
 
 
 def test_scores_by_hand():
-    heard = Heard([row(1, "0"), row(1, "50"), row(1, "150"), row(0, "", fault="cuts_corners"), row(0, "", solvable=0)])
-    found = bench.scores(heard, 5)
+    result = ForkResult([row(1, "0"), row(1, "50"), row(1, "150"), row(0, "", fault="cuts_corners"), row(0, "", solvable=0)])
+    found = bench.scores(result, 5)
     assert found["solved_share"] == 0.75 and found["wrong_share"] == 0.2
     assert found["above_par2_pct"] == (0 + 50 + 200 + 200) / 4
     assert found["above_pct"] == pytest.approx(200 / 3)
@@ -37,8 +37,8 @@ def test_the_rows_of_a_planner_are_the_same_again_whatever_it_took(monkeypatch, 
     first, again = (list(bench.work("prm", settings, few)) for _ in range(2))
     assert len(first) == 6 * len(bench.SEEDS) and bench.csv_of(first) == bench.csv_of(again)
     assert "_ms" not in bench.csv_of(first)
-    page = bench.page({"prm": Heard(first)}, len(first), command="bench", made_at="abc")
-    assert f"| prm | 1 | 0 | {bench.scores(Heard(first), len(first))['above_par2_pct']:.4g} |" in page
+    page = bench.page({"prm": ForkResult(first)}, len(first), command="bench", made_at="abc")
+    assert f"| prm | 1 | 0 | {bench.scores(ForkResult(first), len(first))['above_par2_pct']:.4g} |" in page
     assert bench.hash_of(first) in page and "commit abc" in page
 
 

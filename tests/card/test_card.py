@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -13,8 +14,8 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, se2
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.card import laps, localisers, odometries, planners
-from rhs.card.apart import Heard
 from rhs.card.card import card_of, verdict
+from rhs.card.forked import ForkResult
 from rhs.card.laps import Seen
 from rhs.card.page import page_of
 from rhs.card.questions import questions
@@ -33,9 +34,9 @@ def driven(sigma_m: float, claimed_m: float, count: int = 4000) -> odometries.Dr
 
 
 def test_an_honest_covariance_holds_95_of_100_errors_and_a_third_of_it_does_not():
-    honest = odometries.figures(Heard([driven(0.01, 0.01)]))
+    honest = odometries.figures(ForkResult([driven(0.01, 0.01)]))
     assert honest["nees"] == pytest.approx(1.0, abs=0.04) and honest["within_95_share"] == pytest.approx(0.95, abs=0.012)
-    sure = odometries.figures(Heard([driven(0.03, 0.01)]))
+    sure = odometries.figures(ForkResult([driven(0.03, 0.01)]))
     assert sure["nees"] == pytest.approx(9.0, rel=0.05) and sure["within_95_share"] < 0.2
     assert sure["error_m"] == pytest.approx(0.03 * np.sqrt(2), rel=0.05)
     said = verdict({"part": "odometry=mine", "contract": [], "figures": {"odometry=mine": sure}})
@@ -56,7 +57,7 @@ def believed(offset_m: float, probability: float, sure: bool) -> localisers.Patr
 def test_wrong_and_sure_and_the_stated_chances(monkeypatch, offset_m, probability, sure, wrong_sure, ece):
     one = believed(offset_m, probability, sure)
     one.beliefs.kidnapped[5] = True
-    found = localisers.figures(Heard([one]))
+    found = localisers.figures(ForkResult([one]))
     assert found["wrong_sure_share"] == wrong_sure and found["ece"] == pytest.approx(ece)
     assert found["right_share"] == (offset_m < 0.25)
     if sure:  # one of three dimensions is offset_m / 0.1 sigmas off
@@ -76,7 +77,8 @@ def test_a_robot_that_is_carried_stands_elsewhere_and_no_motion_says_so():
 
 
 def test_a_dial_breaks_where_less_than_half_is_left():
-    rows = laps.breaks_at({"a": [(1.0, 0.5), (2.0, 0.39), (3.0, 0.0)], "b": [(1.0, 0.9), (2.0, 0.5)]}, 0.8)
+    levels = (None, ("a", 1.0, 0.5), ("b", 1.0, 0.9), ("a", 2.0, 0.39), ("b", 2.0, 0.5), ("a", 3.0, 0.0))
+    rows = laps.breaks_at([SimpleNamespace(level=level) for level in levels], 0.8)
     assert [row["breaks_at"] for row in rows] == [2.0, None]
 
 
@@ -117,7 +119,7 @@ def test_the_card_of_a_planner_is_the_same_again_but_for_times(monkeypatch, tmp_
     content = json.loads((tmp_path / "card.json").read_text())
     assert (tmp_path / "card.html").read_text().startswith("<!doctype html>")
     assert list(content["figures"]) == ["planner=astar", "planner=theta_star"] and content["answers"] > 12
-    again = planners.figures(Heard(list(planners.work(registry.load("planner", "astar")()))))
+    again = planners.figures(ForkResult(list(planners.work(registry.load("planner", "astar")()))))
     first = content["figures"]["planner=astar"]
     assert all(first[name] == value for name, value in again.items() if not name.endswith(("_ms", "_mb")))
     assert "no fault in" in capsys.readouterr().out

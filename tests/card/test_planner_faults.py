@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rhs.api.records import Path, PlanReason
-from rhs.card.apart import apart
+from rhs.card.forked import run_forked
 from rhs.card.planners import FAULTS, answers
 from rhs.card.questions import questions
 from rhs.config import registry
@@ -233,9 +233,9 @@ class Settings:
 
 
 def faults_found(cls) -> set[str]:
-    heard = apart(lambda: answers(Settings(cls), ASKED), patience_s=1.5)
-    found = {fault for answer in heard.items for fault in answer.faults}
-    return found | ({"no_answer"} if heard.ended else set())
+    result = run_forked(lambda: answers(Settings(cls), ASKED), patience_s=1.5)
+    found = {fault for answer in result.items for fault in answer.faults}
+    return found | ({"no_answer"} if result.ended else set())
 
 
 @pytest.mark.parametrize("cls", PLANTED, ids=lambda cls: cls.__name__)
@@ -246,9 +246,9 @@ def test_a_planted_bug_is_found_and_named(cls):
 
 @pytest.mark.parametrize("name", ["astar", "theta_star", "prm", "potential_field"])
 def test_ours_have_none(name):
-    heard = apart(lambda: answers(registry.load("planner", name)(), ASKED), patience_s=60.0)
-    assert not heard.ended and not [answer.name for answer in heard.items if answer.faults]
-    assert len(heard.items) > len(ASKED) + 6 and heard.cpu_s > 0
+    result = run_forked(lambda: answers(registry.load("planner", name)(), ASKED), patience_s=60.0)
+    assert not result.ended and not [answer.name for answer in result.items if answer.faults]
+    assert len(result.items) > len(ASKED) + 6 and result.cpu_s > 0
 
 
 def test_what_makes_up_the_questions_stays():

@@ -13,7 +13,7 @@ import pytest
 from installing import CHOICE, FAKES, environment, installed, interruptible
 
 from rhs.cli.main import main
-from rhs.config.compose import compose_config, config_hash, read_config
+from rhs.config.compose import compose_config, config_hash, from_plain, read_values
 from rhs.runfolder.row import canonical_hash, read_row
 
 ONE_LINE = 200
@@ -83,7 +83,7 @@ def test_a_run_prints_its_figures_and_where_the_files_are(whole_run):
 
 def test_the_config_in_the_run_folder_gives_the_run_again(whole_run):
     made = next((whole_run[1] / "results" / "runs").iterdir())
-    assert config_hash(read_config(made)) == config_hash(compose_config([*CHOICE, "seed=4"]))
+    assert config_hash(from_plain(read_values(made))) == config_hash(compose_config([*CHOICE, "seed=4"]))
 
 
 @pytest.mark.parametrize(("words", "says"), [

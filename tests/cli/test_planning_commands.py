@@ -24,7 +24,7 @@ from rhs.worlds.plan_files import read_plan
 from rhs.worlds.planning_question import load_arena
 from rhs_tasks.planning.task import context_of
 
-README = Path(__file__).resolve().parents[2] / "README.md"
+README = Path(__file__).resolve().parents[2] / "plugins" / "rhs_planners" / "README.md"
 FEWER = {"experiment=table_3_1": ["world=map2", "seed=3"]}  # added to a command: every planner, once
 NAMES = registry.names("planner")
 SMALLER = {"seed=range(10)": "seed=0", "planner=glob(*)": "planner=glob(prm*)"}  # in place of a word

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rhs.metrics.calibration import calibration_error, calibration_values, reliability
-from rhs.reports.calibration_pictures import knowing_picture, precision_recall_picture
+from rhs.reports.calibration_pictures import calibration_picture, precision_recall_picture
 
 
 @dataclass
@@ -70,7 +70,7 @@ def test_pictures_are_made_from_the_files_alone(tmp_path):
     rows = _patrol()
     text = ",".join(rows[0]) + "\n" + "".join(",".join(row.values()) + "\n" for row in rows)
     (tmp_path / "steps.csv").write_text(text)
-    assert knowing_picture(tmp_path).stat().st_size > 10_000
+    assert calibration_picture(tmp_path).stat().st_size > 10_000
     (tmp_path / "precision_recall.csv").write_text("method,threshold,precision,recall\nvotes,9,1,0.2\nvotes,5,0.5,0.2\n")
     assert precision_recall_picture(tmp_path).stat().st_size > 5_000
-    assert knowing_picture(tmp_path / "nothing") is None
+    assert calibration_picture(tmp_path / "nothing") is None

@@ -1,7 +1,10 @@
 """Row files and the table made of them."""
 
+import csv
+import io
 import json
 import math
+import re
 import subprocess
 import sys
 
@@ -11,11 +14,33 @@ import pytest
 
 from rhs.api.errors import ConfigError, RhsError
 from rhs.reports.summary import summarise
-from rhs.reports.table import from_csv, main, rows, to_csv
+from rhs.reports.table import NUMBER, _typed, main, rows, to_csv
 from rhs.runfolder.row import canonical_hash, read_row, write_row
 
 NASTY = ["NA", "", "a,b", 'say "hi"', "two\nlines", "=cmd|' /C calc'!A0", "+1", "-x", "@sum", "12", "1e5", "nan",
          "true", "'quoted", "\tindent", "äöü 机"]
+
+
+def from_csv(text: str) -> pd.DataFrame:
+    """The table that `to_csv` wrote, without its index."""
+    reader = csv.reader(io.StringIO(text, newline=""))
+    names = [str(_value(cell)) for cell in next(reader)]
+    found = {str(number): {name: _value(cell) for name, cell in zip(names, row, strict=True)}
+             for number, row in enumerate(reader)}
+    data = {name: _typed(name, [row[name] for row in found.values()]) for name in names}
+    return pd.DataFrame(data, columns=names)
+
+
+def _value(cell: str) -> object:
+    if cell == "":
+        return None
+    if cell.startswith("'"):
+        return cell[1:]
+    if cell in ("true", "false"):
+        return cell == "true"
+    if not NUMBER.fullmatch(cell):
+        return cell
+    return int(cell) if re.fullmatch(r"[+-]?\d+", cell) else float(cell)
 
 
 def run(folder, name, **values):

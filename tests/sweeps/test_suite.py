@@ -36,8 +36,9 @@ def test_what_is_frozen_is_that_of_version_one(name):
 def test_a_world_is_another_when_anything_in_it_moves_by_a_millimetre():
     world = load_world("square_small")
     moved = replace(world, boxes=(), route_m=world.route_m + 0.001)
-    assert suite.told(world) == suite.told(replace(world, path=world.path / "elsewhere", light=Light()))
-    assert suite.told(world) != suite.told(moved) != suite.told(replace(world, light=Light(brightness=0.5)))
+    assert suite.plain_world(world) == suite.plain_world(replace(world, path=world.path / "elsewhere", light=Light()))
+    darker = replace(world, light=Light(brightness=0.5))
+    assert suite.plain_world(world) != suite.plain_world(moved) != suite.plain_world(darker)
 
 
 def test_a_row_by_hand():
@@ -203,7 +204,7 @@ def test_the_page_of_what_runs_tell_besides_by_hand(tmp_path):
     text = suite_more.page("corridor-v1", rows)
     assert "| mine | 4 | 2, 2.5 | 0.141 m (2) | 3 | nobody 2, map 1 |" in text
     assert "- mine, square_small: of 2 missed places" in text
-    assert suite_more.csv_of(rows).splitlines()[1] == "mine,square_small,10000,30,20,desk:1.100000 2.000000,,,"
+    assert suite.csv_of(rows, suite_more.CELLS).splitlines()[1] == "mine,square_small,10000,30,20,desk:1.100000 2.000000,,,"
 
 
 def test_recordings_are_not_blamed():

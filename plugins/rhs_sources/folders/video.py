@@ -79,9 +79,9 @@ def _frames(video, settings, rate_hz: float, repaired: Counter,
                 taken += 1
                 yield number, stamp, np.ascontiguousarray(image[:, :, ::-1])
         number += 1
-    told = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
-    if not (settings.count and taken == settings.count) and number < CUT_SHARE * told:
-        lost[:] = [f"the video is cut: {number} of {told} pictures"]
+    claimed = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
+    if not (settings.count and taken == settings.count) and number < CUT_SHARE * claimed:
+        lost[:] = [f"the video is cut: {number} of {claimed} pictures"]
 
 
 def _video(path: Path):

@@ -142,7 +142,7 @@ def _view(k: int, stamp_s: float, camera: Camera, poses: Trajectory, seen: Recor
 
 
 def _key_points(seen: Observation, settings: FeatureSettings, view: View, walls: tuple[Wall, ...]) -> Features | None:
-    """Those of a stored view; of one eye, with points where their rays meet the walls of the survey."""
+    """Those of a stored view; of a monocular sensor, with points where their rays meet the walls of the survey."""
     from rhs.estimation.views.features import features
 
     if seen.image is None:

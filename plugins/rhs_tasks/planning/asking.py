@@ -56,10 +56,10 @@ def ask_twice(build: Callable[[np.random.Generator], Planner], problem: Planning
 def ask(planner: Planner, problem: PlanningProblem, who: str) -> Answer:
     """One question, timed until its points are there as plain numbers."""
     wall, cpu = perf_counter(), process_time()
-    told = planner.plan(problem)
-    path = checked(told, who, most_points=POINTS_PER_CELL * (problem.blocked.size + 100))
+    answer = planner.plan(problem)
+    path = checked(answer, who, most_points=POINTS_PER_CELL * (problem.blocked.size + 100))
     cpu_ms, wall_ms = 1e3 * (process_time() - cpu), 1e3 * (perf_counter() - wall)
-    return Answer(path, cpu_ms, wall_ms, _lines(told.sketch))
+    return Answer(path, cpu_ms, wall_ms, _lines(answer.sketch))
 
 
 def times(first: Answer, again: Answer) -> dict[str, float]:
@@ -72,27 +72,27 @@ def times(first: Answer, again: Answer) -> dict[str, float]:
     }
 
 
-def checked(told: Any, who: str, *, most_points: int) -> Path:
+def checked(answer: Any, who: str, *, most_points: int) -> Path:
     """A plain copy of the path, or ContractError: a success needs points, a failure has none, numbers are finite."""
-    if not isinstance(told, Path):
-        raise ContractError(f"{who}: plan() returned {type(told).__name__}; expected a Path (rhs.api.records)")
-    if not isinstance(told.reason, PlanReason):
-        raise ContractError(f"{who}: reason is {str(told.reason)[:60]!r}; expected a PlanReason, PlanReason.OK for a path")
-    points = np.asarray(told.points_m) if len(told.points_m) else np.empty((0, 2))
+    if not isinstance(answer, Path):
+        raise ContractError(f"{who}: plan() returned {type(answer).__name__}; expected a Path (rhs.api.records)")
+    if not isinstance(answer.reason, PlanReason):
+        raise ContractError(f"{who}: reason is {str(answer.reason)[:60]!r}; expected a PlanReason, PlanReason.OK for a path")
+    points = np.asarray(answer.points_m) if len(answer.points_m) else np.empty((0, 2))
     if points.ndim != 2 or points.shape[1] != 2 or len(points) > most_points:
         raise ContractError(f"{who}: points_m has shape {points.shape}; expected (N, 2), N at most {most_points}")
     points = np.array(points, float)
     if not np.isfinite(points).all():
         raise ContractError(f"{who}: points_m holds numbers that are not finite; expected metres")
-    if (told.reason is PlanReason.OK) != (len(points) > 0):
-        raise ContractError(f"{who}: reason {told.reason} with {len(points)} points")
-    advice = " ".join(str(told.advice).split())[:_LONGEST_ADVICE]
-    return Path(told.reason, points, points, _number(told.learn_ms), _number(told.plan_ms), None,
-                _details(told.details, who), bool(told.keep_shape), advice)
+    if (answer.reason is PlanReason.OK) != (len(points) > 0):
+        raise ContractError(f"{who}: reason {answer.reason} with {len(points)} points")
+    advice = " ".join(str(answer.advice).split())[:_LONGEST_ADVICE]
+    return Path(answer.reason, points, points, _number(answer.learn_ms), _number(answer.plan_ms), None,
+                _details(answer.details, who), bool(answer.keep_shape), advice)
 
 
-def _details(told: Any, who: str) -> dict[str, float]:
-    details = {str(key): _number(value) for key, value in dict(told).items()}
+def _details(given: Any, who: str) -> dict[str, float]:
+    details = {str(key): _number(value) for key, value in dict(given).items()}
     wrong = next((key for key in details if not key.isidentifier() or len(key) > 60), None)
     if wrong is not None or len(details) > _MOST_DETAILS:
         raise ContractError(f"{who}: details has {len(details)} entries, one is named {str(wrong)[:60]!r}; "
@@ -100,10 +100,10 @@ def _details(told: Any, who: str) -> dict[str, float]:
     return details
 
 
-def _number(told: Any) -> float:
+def _number(given: Any) -> float:
     """A number of the planner's own, NaN if it is none."""
     try:
-        value = float(told)
+        value = float(given)
     except (TypeError, ValueError):
         return NAN
     return value if math.isfinite(value) else NAN

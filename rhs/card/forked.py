@@ -1,5 +1,5 @@
-"""Work in a process of its own, heard item by item: a part that hangs, crashes or ends its process costs an item, not the
-page; what it takes of memory and time is its own."""
+"""Work in a forked process, received item by item: a part that hangs, crashes or ends its process costs an item, not the
+page, and its memory and time are measured alone."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ OF = multiprocessing.get_context("fork")
 
 
 @dataclass
-class Heard:
-    """items: what came, in order. ended: why no more came, empty when all was said. memory_mb: most memory taken beyond what
-    the process began with. cpu_s: processor time."""
+class ForkResult:
+    """items: received, in order. ended: why no more came, empty when the work was done. memory_mb: most memory taken beyond
+    what the process began with. cpu_s: processor time."""
 
     items: list[Any] = field(default_factory=list)
     ended: str = ""
@@ -28,10 +28,10 @@ class Heard:
     cpu_s: float = float("nan")
 
 
-def apart(work: Callable[[], Iterator[Any]], *, patience_s: float, tell: Callable[[Any], None] = lambda item: None) -> Heard:
-    """Every item of `work()`, which is run in a forked process; one that takes longer than patience_s ends it. tell: hears
-    each item as it comes."""
-    heard, (ours, theirs) = Heard(), OF.Pipe(duplex=False)
+def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
+               tell: Callable[[Any], None] = lambda item: None) -> ForkResult:
+    """Run `work()` in a forked process, ended when an item takes longer than patience_s. tell: called with each item."""
+    result, (ours, theirs) = ForkResult(), OF.Pipe(duplex=False)
     process = OF.Process(target=_say, args=(work, theirs), daemon=False)  # it may fork
     sys.stdout.flush()
     sys.stderr.flush()
@@ -40,27 +40,27 @@ def apart(work: Callable[[], Iterator[Any]], *, patience_s: float, tell: Callabl
     try:
         while True:
             if not ours.poll(patience_s):
-                heard.ended = f"no answer for {patience_s:g} s"
+                result.ended = f"no answer for {patience_s:g} s"
                 break
             what, value = ours.recv()
             if what == "item":
-                heard.items.append(value)
+                result.items.append(value)
                 tell(value)
                 continue
             if what == "end":
-                heard.memory_mb, heard.cpu_s = value
+                result.memory_mb, result.cpu_s = value
             else:
-                heard.ended = value
+                result.ended = value
             break
     except EOFError:
         process.join()
-        heard.ended = f"its process ended by itself (exit code {process.exitcode})"
+        result.ended = f"its process ended by itself (exit code {process.exitcode})"
     finally:
         if process.pid is not None and process.is_alive():
             kill_group(process.pid)
         process.join()
         ours.close()
-    return heard
+    return result
 
 
 def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:

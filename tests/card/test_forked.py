@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from rhs.card.apart import apart
+from rhs.card.forked import run_forked
 
 
 def test_what_was_said_before_the_end_is_heard():
@@ -16,8 +16,8 @@ def test_what_was_said_before_the_end_is_heard():
         yield 2
         os._exit(7)
 
-    heard = apart(ends, patience_s=5.0)
-    assert heard.items == [1, 2] and "exit code 7" in heard.ended
+    result = run_forked(ends, patience_s=5.0)
+    assert result.items == [1, 2] and "exit code 7" in result.ended
 
 
 def test_an_error_is_named_and_a_silence_ends():
@@ -29,10 +29,10 @@ def test_an_error_is_named_and_a_silence_ends():
         yield "first"
         time.sleep(60)
 
-    assert apart(raises, patience_s=5.0).ended == "ValueError: of mine"
+    assert run_forked(raises, patience_s=5.0).ended == "ValueError: of mine"
     began = time.monotonic()
-    heard = apart(hangs, patience_s=0.3)
-    assert heard.items == ["first"] and heard.ended == "no answer for 0.3 s" and time.monotonic() - began < 10
+    result = run_forked(hangs, patience_s=0.3)
+    assert result.items == ["first"] and result.ended == "no answer for 0.3 s" and time.monotonic() - began < 10
 
 
 def test_memory_and_time_are_its_own():
@@ -40,5 +40,5 @@ def test_memory_and_time_are_its_own():
         kept = np.ones(8_000_000)  # 61 MiB
         yield float(kept.sum())
 
-    heard = apart(takes, patience_s=20.0)
-    assert 50 < heard.memory_mb < 150 and heard.cpu_s < 5 and not heard.ended
+    result = run_forked(takes, patience_s=20.0)
+    assert 50 < result.memory_mb < 150 and result.cpu_s < 5 and not result.ended
