@@ -33,7 +33,7 @@ FLOORS = [
     {"face"},
     {"cli"},
 ]
-FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in sorted(rooms)}
 PUBLIC = {"api", "estimation", "plots", "worlds", "recording", "testing"}  # what plugins may import
 COMMANDS = {"__main__", "table", "report", "evaluate", "convert", "planner_arena"}  # `python -m rhs.NAME`: two lines each
 # Modules of less than SHORT lines that at most one other module imports, and why each is not a piece of that one.
