@@ -14,11 +14,6 @@ from typing import IO, Any
 from rhs.base.errors import RhsError
 
 
-def is_unfinished(path: Path) -> bool:
-    """Whether any part of the path was left by a writer that did not finish."""
-    return any(".tmp-" in part for part in path.parts)
-
-
 @contextmanager
 def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
     """A file to write; on leaving the block without an error it takes the place of `path`, otherwise it vanishes.
