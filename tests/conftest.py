@@ -10,8 +10,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(Path(__file__).parent))  # helpers beside the tests are importable
-if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):  # hundreds of commands are processes of their own: a seventh of their time
-    os.environ["PYTHONPYCACHEPREFIX"] = str(ROOT / ".pytest_cache" / "bytecode")
 
 
 @pytest.fixture
