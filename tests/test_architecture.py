@@ -86,9 +86,14 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-@cache
 def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text("utf-8"))
+
+
+@cache
+def imports_of(path: Path, package: str) -> frozenset[str]:
+    """`modules_used` by a file, kept: many rules ask, and trees are large."""
+    return frozenset(modules_used(tree_of(path), package))
 
 
 MODULES = {module_of(path): path for path in CORE}
@@ -148,14 +153,14 @@ def test_a_folder_holds_at_most_thirty_modules_of_at_most_four_hundred_lines(fol
 
 def test_the_core_knows_no_plugin_by_name():
     assert not {(module_of(path), name) for path in CORE
-                for name in modules_used(tree_of(path), module_of(path).rpartition(".")[0]) if name.startswith("rhs_")}
+                for name in imports_of(path, module_of(path).rpartition(".")[0]) if name.startswith("rhs_")}
 
 
 def test_a_plugin_uses_only_what_any_stranger_may_use():
     for path in [*PLUGINS, *STRANGERS]:
         own = module_of(path).split(".")[0] if path in PLUGINS else path.parent.name
         package = module_of(path).rpartition(".")[0] if path in PLUGINS else own
-        used = set(modules_used(tree_of(path), package))
+        used = imports_of(path, package)
         others = {name for name in used if name.startswith("rhs_") and name.split(".")[0] != own}
         assert not others, f"{path} imports {others}"
         private = {room_of(MODULES[name]) for name in used if name in MODULES and name != "rhs"} - PUBLIC
@@ -210,7 +215,7 @@ def test_a_short_module_that_one_other_imports_has_a_reason():
     importers = {module_of(path): set() for path in CORE if path.stem != "__init__"}
     for path in CORE + PLUGINS:
         package = ".".join(path.relative_to(ROOT if path in CORE else ROOT / "plugins").parent.parts)
-        for used in modules_used(tree_of(path), package):
+        for used in imports_of(path, package):
             if used in importers and path != ROOT / (used.replace(".", "/") + ".py"):
                 importers[used].add(path)
     short = {name.removeprefix("rhs.") for name, who in importers.items() if len(who) <= 1 and is_short(name)}

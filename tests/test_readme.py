@@ -13,7 +13,8 @@ from rhs.cli.main import main
 from rhs.config.compose import compose_config
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted(ROOT.glob("*/README.md")), *sorted(ROOT.glob("*/*/README.md"))]
+PAGES = [ROOT / "README.md", *sorted(ROOT.glob("*/README.md")), *sorted(ROOT.glob("rhs/*/README.md")),
+         ROOT / "plugins" / "rhs_planners" / "README.md"]
 
 
 def blocks(page: Path) -> list[str]:

@@ -15,11 +15,6 @@ from rhs.base.errors import RhsError
 from rhs.base.system import free_space_mb
 
 
-def is_unfinished(path: Path) -> bool:
-    """Whether any part of the path was left by a writer that did not finish."""
-    return any(".tmp-" in part for part in path.parts)
-
-
 @contextmanager
 def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
     """A file to write; on leaving the block without an error it takes the place of `path`, otherwise it vanishes.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -25,13 +25,3 @@ def freeze(value: Value) -> Value:
         for item in dataclasses.fields(value):
             freeze(getattr(value, item.name))
     return value
-
-
-def frozen_copy(array: np.ndarray) -> np.ndarray:
-    """A copy that cannot be written to; the original stays its owner's."""
-    return freeze(np.array(array))
-
-
-def with_frozen_copies(record: Any, *names: str) -> Any:
-    """A record whose arrays of these names are frozen copies."""
-    return dataclasses.replace(record, **{name: frozen_copy(getattr(record, name)) for name in names})
