@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import time
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from typing import Any
 
@@ -16,6 +18,7 @@ import dask
 from distributed import Client, LocalCluster
 
 from rhs.api.engine import Engine, EngineContext
+from rhs.api.errors import EngineError
 
 from .dask_config import Dask
 
@@ -23,6 +26,30 @@ IGNORE_INTERRUPTS = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)
 BATCH = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "htcondor": "HTCondorCluster", "lsf": "LSFCluster",
          "sge": "SGECluster", "oar": "OARCluster"}
 PATIENCE_S = 10.0  # to find a scheduler, and to close
+
+
+class Answer(logging.Handler):
+    """Why a batch system refused a job: dask-jobqueue raises it in a task of its own, whose loop only logs it."""
+
+    text = ""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        error = record.exc_info[1] if record.exc_info else None
+        lines = str(error or record.getMessage()).splitlines()
+        said = [line.strip() for line in lines if "error" in line.lower()] or lines
+        self.text = self.text or (said[-1] if said else "no reason given")
+
+    @contextlib.contextmanager
+    def heard(self) -> Iterator[None]:
+        """Take what the loop logs meanwhile."""
+        log = logging.getLogger("tornado.application")
+        log.addHandler(self)
+        before, log.propagate = log.propagate, False
+        try:
+            yield
+        finally:
+            log.removeHandler(self)
+            log.propagate = before
 
 
 class DaskEngine(Engine):
@@ -56,7 +83,18 @@ class DaskEngine(Engine):
             asked |= {"walltime": self.settings.walltime, "queue": self.settings.queue or None}
         cluster = getattr(dask_jobqueue, BATCH[self.settings.cluster])(
             interface=self.settings.interface or None, log_directory=str(self.context.folder / ".dask"), **asked)
-        cluster.scale(jobs=self.width)
+        answer = Answer()
+        with answer.heard():
+            cluster.scale(jobs=self.width)
+            end = time.monotonic() + PATIENCE_S
+            while not (taken := any(job.job_id for job in cluster.workers.values())) and not answer.text:
+                if time.monotonic() > end:
+                    break
+                time.sleep(0.1)
+        if not taken:
+            with contextlib.suppress(Exception):
+                cluster.close(timeout=PATIENCE_S / 2)
+            raise EngineError(f"{self.settings.cluster} took no job: {answer.text or 'no answer'}; see engine.queue, memory, walltime")
         return cluster
 
     def alive(self) -> bool:

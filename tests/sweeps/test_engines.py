@@ -316,3 +316,20 @@ def command(pid: int) -> str:
         return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
     except OSError:
         return ""
+
+
+def test_why_a_batch_system_took_no_job_is_kept_in_its_own_words(caplog):
+    """dask-jobqueue raises sbatch's refusal in a task of its event loop, which only logs it."""
+    pytest.importorskip("distributed")
+    import logging
+
+    from rhs_engines.dask_engine import Answer
+
+    answer, log = Answer(), logging.getLogger("tornado.application")
+    with answer.heard():
+        try:
+            raise RuntimeError("Command exited with code 1\nstderr:\nsbatch: error: invalid partition specified: nowhere\n")
+        except RuntimeError:
+            log.error("Exception in callback", exc_info=True)
+    assert answer.text == "sbatch: error: invalid partition specified: nowhere"
+    assert not caplog.records and answer not in log.handlers
