@@ -26,7 +26,7 @@ def freeze(value: Value) -> Value:
         for item in value.values():
             freeze(item)
     elif not isinstance(value, type):
-        for name in _names(type(value)):
+        for name in _names(type(value)):  # type: ignore[arg-type]  # every class can be hashed
             freeze(getattr(value, name))
     return value
 

@@ -143,18 +143,20 @@ def turned_apart(views: Sequence[View], s: CameraFitSettings) -> list[tuple[int,
     the earlier one by turn_deg. At most most_pairs."""
     at = [k for k, view in enumerate(views) if view.features is not None and len(view.features.pixels) > s.least_points]
     poses = np.stack([views[k].map_from_body[:3, :3] @ views[k].camera.body_from_camera[:3, :3] for k in at]) if at else None
-    pairs = []
+    pairs: list[tuple[int, int]] = []
     for n in range(len(at)):
         assert poses is not None
         apart = np.degrees(np.arccos(np.clip(poses[n + 1 :, :, 2] @ poses[n, :, 2], -1.0, 1.0)))
         aside = np.flatnonzero(apart > s.turn_deg)
         if len(aside) and apart[aside[0]] < s.most_turn_deg:
             pairs.append((at[n], at[n + 1 + int(aside[0])]))
-    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(s.most_pairs, len(pairs))).astype(int)) if pairs else []
-    return [pairs[k] for k in chosen]
+    if not pairs:
+        return []
+    return [pairs[k] for k in np.unique(np.linspace(0, len(pairs) - 1, min(s.most_pairs, len(pairs))).astype(int))]
 
 
-def _pair(then: View, now: View, s: CameraFitSettings, rng: np.random.Generator):
+def _pair(then: View, now: View, s: CameraFitSettings, rng: np.random.Generator,
+          ) -> tuple[np.ndarray, Sights, Sights, np.ndarray] | None:
     """then_from_now of two views, both ends of their matches, and which of these agree; None where too few do."""
     a, b = then.features, now.features
     assert a is not None and b is not None
@@ -288,4 +290,5 @@ class _Reduced:
 
     def moves(self, step: np.ndarray) -> np.ndarray:
         """(K, 6) by how much each motion moves when what is shared does by step."""
-        return -self._by_own - self._by_shared @ step
+        moves: np.ndarray = -self._by_own - self._by_shared @ step
+        return moves
