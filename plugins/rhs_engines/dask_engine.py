@@ -94,7 +94,8 @@ class DaskEngine(Engine):
         if not taken:
             with contextlib.suppress(Exception):
                 cluster.close(timeout=PATIENCE_S / 2)
-            raise EngineError(f"{self.settings.cluster} took no job: {answer.text or 'no answer'}; see engine.queue, memory, walltime")
+            raise EngineError(f"{self.settings.cluster} took no job: {answer.text or 'no answer'}; see engine.queue, memory, "
+                              f"walltime")
         return cluster
 
     def alive(self) -> bool:

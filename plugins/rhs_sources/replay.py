@@ -159,14 +159,15 @@ def open_recording(settings) -> Recording:
 
 
 # Which settings a format has a use for: what was typed for another is refused, not ignored.
-MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame"), "carmen": ("scan_mount",), "tum": ("camera_mount",),
-          "seven_scenes": ("camera_mount",), "kitti": ("camera_mount", "rate_hz", "stereo"), "run": ("stereo",),
+MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame"), "carmen": ("scan_mount",),
+          "tum": ("camera_mount", "depth_camera"), "seven_scenes": ("camera_mount", "depth_camera"),
+          "kitti": ("camera_mount", "rate_hz", "stereo"), "run": ("stereo",),
           "euroc": ("camera_mount", "stereo"), "video": ("camera_mount", "rate_hz"), "frames": ("camera_mount", "rate_hz"),
           "clouds": ("scan_mount", "rate_hz")}
 
 
 def _check_mounts(kind: str, settings) -> None:
-    for name in ("scan_mount", "camera_mount", "body_frame", "rate_hz", "stereo"):
+    for name in ("scan_mount", "camera_mount", "body_frame", "rate_hz", "stereo", "depth_camera"):
         if getattr(settings, name) and name not in MOUNTS.get(kind, ()):
             if name == "stereo":
                 raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "

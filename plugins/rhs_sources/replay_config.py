@@ -27,6 +27,10 @@ class Replay:
     """tum_fr1, tum_fr2, tum_fr3, icl_nuim, primesense, seven_scenes, [fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]
     in pixels and OpenCV's distortion, a file (camera.json, intrinsics.txt, camera_info.yaml), or auto: what the recording
     says, or the only such file in its folder."""
+    depth_camera: list[float] = field(default_factory=list)
+    """Of depth images that a camera beside the one of colour took, not registered to it: its [fx,fy,cx,cy] in pixels, or
+    [fx,fy,cx,cy,x_m,y_m,z_m] with where it sits in the axes of the colour camera (right, down, ahead). Empty: depth is
+    registered, but for camera=seven_scenes. Of folders of the forms tum and seven_scenes."""
     format: str = "auto"
     """How to read the path: auto, tum, seven_scenes, kitti, euroc, run (run.mcap), bag, carmen, video,
     frames (numbered images) or clouds; auto looks at the files."""
@@ -109,9 +113,11 @@ class Replay:
         check_range(owner, "extent_m", self.extent_m or 1.0, low=1.0, high=1e3, unit="m")
         check_range(owner, "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
         from .replay_mounts import mount_of
+        from .replay_register import check_depth_camera
 
         for name in ("scan_mount", "camera_mount"):
             mount_of(getattr(self, name), name)
+        check_depth_camera(self.depth_camera)
         if not isinstance(self.camera, str):
             _check_intrinsics(owner, self.camera)
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.geometry import Camera
+from rhs.api.errors import ConfigError, check_range
+from rhs.api.geometry import Camera, se3
 from rhs.api.jit import compiled
 
 SAME_SURFACE = 0.02  # readings within this share of the nearest one on a pixel are of one surface
@@ -38,6 +39,26 @@ class DepthCamera:
         _carry(depth, own, theirs, self.color_from_depth, (nearest, total, count))
         with np.errstate(invalid="ignore"):
             return np.where(count > 0, total / count, np.nan).astype(np.float32)
+
+
+def check_depth_camera(values) -> None:
+    """Refuse what is not the intrinsics of a depth camera, with where it sits or without."""
+    try:
+        numbers = [float(v) for v in values] if not isinstance(values, str) else [np.nan]
+    except (TypeError, ValueError):
+        numbers = [np.nan]
+    if numbers and (len(numbers) not in (4, 7) or not np.isfinite(numbers).all()):
+        raise ConfigError(f"source.depth_camera={values}: expected [fx,fy,cx,cy] or [fx,fy,cx,cy,x_m,y_m,z_m]")
+    for name, value in zip(("fx", "fy"), numbers, strict=False):
+        check_range("source", f"depth_camera {name}", value, low=1.0, high=1e5, unit="pixels")
+    for name, value in zip("xyz", numbers[4:], strict=False):
+        check_range("source", f"depth_camera {name}", value, low=-1.0, high=1.0, unit="m")
+
+
+def typed_depth_camera(values) -> DepthCamera | None:
+    """The depth camera of source.depth_camera (4 or 7 numbers); None when empty."""
+    fx, fy, cx, cy, *place = (float(v) for v in values) if len(values) else (0.0,) * 4
+    return DepthCamera(fx, fy, cx, cy, se3(np.eye(3), np.array(place or [0.0] * 3))) if len(values) else None
 
 
 @compiled

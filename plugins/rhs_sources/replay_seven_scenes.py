@@ -19,6 +19,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
 from .replay_cameras import DEPTH_CAMERAS, check_pose
+from .replay_register import typed_depth_camera
 from .replay_stamps import Truth, number_of, rows
 from .replay_tum import Recording, open_pairs
 
@@ -47,7 +48,8 @@ def open_seven_scenes(path: Path, settings) -> Recording:
             poses.append(pose)
     if not pairs:
         raise ConfigError(f"{path}: no view like frame-000000.color.png; expected a 7-Scenes folder (seq-01)")
-    beside = DEPTH_CAMERAS.get(settings.camera) if isinstance(settings.camera, str) else None
+    preset = DEPTH_CAMERAS.get(settings.camera) if isinstance(settings.camera, str) else None
+    beside = typed_depth_camera(settings.depth_camera) or preset
     if beside is not None and poses:
         poses = list(np.array(poses) @ inverse(beside.color_from_depth))
     truth = Truth(np.array(stamps), np.array(poses).reshape(-1, 4, 4), 0.0) if poses else None

@@ -22,7 +22,7 @@ from .folders.intrinsics import intrinsics_beside
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
 from .replay_mounts import placed_camera
-from .replay_register import DepthCamera
+from .replay_register import DepthCamera, typed_depth_camera
 from .replay_stamps import Truth, associate, in_order, read_tum_truth, rows, seconds_of, typed_file
 
 log = logging.getLogger("rhs.replay")
@@ -63,7 +63,8 @@ def open_tum(path: Path, settings) -> Recording:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
         _say_apart(truth, pairs, truth_file)
     scale = 1000.0 if (path / ALIGNED).is_file() else 5000.0
-    return open_pairs(pairs, settings, truth=truth, default_scale=scale, rejected=rejected)
+    return open_pairs(pairs, settings, truth=truth, default_scale=scale, rejected=rejected,
+                      depth_camera=typed_depth_camera(settings.depth_camera))
 
 
 def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path]], file: Path | None) -> None:

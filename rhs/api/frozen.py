@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cache
 from typing import TypeVar
 
 import numpy as np
 
 Value = TypeVar("Value")
+_PLAIN = frozenset({float, int, str, bool, type(None)})
 
 
 def freeze(value: Value) -> Value:
     """The same value; every array in it, in its records and sequences, can no longer be written to."""
+    if type(value) in _PLAIN:  # most of what a view holds; asked some hundred times per view
+        return value
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, (tuple, list)):
@@ -21,7 +25,13 @@ def freeze(value: Value) -> Value:
     elif isinstance(value, Mapping):
         for item in value.values():
             freeze(item)
-    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for item in dataclasses.fields(value):
-            freeze(getattr(value, item.name))
+    elif not isinstance(value, type):
+        for name in _names(type(value)):  # type: ignore[arg-type]  # every class can be hashed
+            freeze(getattr(value, name))
     return value
+
+
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    """The fields of a record; none of what is no record."""
+    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else ()

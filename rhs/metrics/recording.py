@@ -1,6 +1,6 @@
 """What a recording had to be rid of before it could be read: the counts that `source=replay` leaves in recording.json.
 
-Stamps that were put right, with no view lost, stand in `stamps_repaired`.
+Stamps that were put right, with no view lost, stand in `stamps_repaired`. Beside them: what its views say of the camera.
 """
 
 from __future__ import annotations
@@ -35,4 +35,22 @@ def _values(run: RunFiles) -> Values:
                                   and reason not in ("truth_jump", "truth_reordered"))}
 
 
-RECORDING = columns_of(_values, *_COLUMNS, tasks=(*LOOP, "localise"), counts=NAMES)
+CAMERA = "camera_fit"  # camera_fit.json: what the views say of the camera that was told
+_FIT = "rhs.estimation.views.camera_fit"
+_CAMERA_COLUMNS = (
+    ("focal_ratio", "", "focal length that the views of a recording with depth fit over the one told", _FIT),
+    ("focal_ratio_sigma", "", "its standard error", _FIT),
+    ("depth_magnified", "", "size of the depth images of a recording on the pictures over that of registered ones", _FIT),
+    ("depth_magnified_sigma", "", "its standard error", _FIT),
+)
+
+
+def _camera_values(run: RunFiles) -> dict[str, float | int | str]:
+    """The columns; NaN for a simulator, and where too few views are turned apart."""
+    plain = run.json(CAMERA)
+    known = plain if isinstance(plain, dict) else {}
+    return {name: float(known.get(name, NAN)) for name, *_ in _CAMERA_COLUMNS}
+
+
+RECORDING = (*columns_of(_values, *_COLUMNS, tasks=(*LOOP, "localise"), counts=NAMES),
+             *columns_of(_camera_values, *_CAMERA_COLUMNS))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,9 @@ from rhs.estimation import survey as surveying
 from rhs.estimation.scans.settings import SEES_AROUND_RAD
 from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
+from rhs.estimation.views.camera_fit import contradictions_of, fit_camera
 from rhs.estimation.views.features import features
+from rhs.estimation.views.settings import CameraFitSettings
 from rhs.worlds.maps import save_map
 from rhs.worlds.world_checks import walk_fault
 from rhs.worlds.world_moving import walkers
@@ -111,6 +113,8 @@ def lead_survey(parts: Parts, context: RunContext, settings: Survey, log: RunLog
     collected = yield from collect(parts, context, settings, log, sights=sights)
     hand_back()
     survey = settle(collected, parts, log)
+    if "driving" not in parts.provides:  # a simulator knows its camera
+        check_camera(survey.views, settings.camera_fit, log.folder, rng=generator(context.seed, "camera_fit"))
     if sights is not None:
         sights.settle(survey.views)
     return survey
@@ -153,6 +157,17 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
     figures = {"closing_ms": closing_ms, **contradictions(revised, views)}
     write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
+
+
+def check_camera(views: Sequence[View], settings: CameraFitSettings, folder: Path, *, rng: np.random.Generator) -> None:
+    """Write camera_fit.json, for the metrics alone, and warn where the views of a recording clearly contradict the camera
+    that somebody told. Nothing is changed by it: who typed a camera types another one."""
+    fit = fit_camera(views, rng=rng, settings=settings)
+    if fit is None:
+        return
+    write_json(folder / "camera_fit.json", asdict(fit))
+    for line in contradictions_of(fit, views[0].camera, settings):
+        logger.warning("%s", line)
 
 
 def contradictions(before: Sequence[View], closed: Sequence[View]) -> dict[str, float]:

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, ClassVar, TypeGuard
 
 from rhs.base.errors import ConfigError, check_choice, check_range
+from rhs.estimation.views.settings import CameraFitSettings
 from rhs.worlds.world_moving import walkers
 
 from .mission import MissionSettings
@@ -77,6 +78,7 @@ class Survey:
 
     places: StoredViews = field(default_factory=StoredViews)
     gate: Gate = field(default_factory=Gate)
+    camera_fit: CameraFitSettings = field(default_factory=CameraFitSettings)
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()

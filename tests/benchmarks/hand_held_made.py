@@ -8,6 +8,7 @@ frayed edges, shadows of the projector, nothing under 0.5 m, over 5 m and on sur
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,6 +18,7 @@ from rhs.api.floorplan import Box, Surface
 from rhs.api.geometry import Camera, exp_so3, inverse, log_so3, se3
 from rhs.api.trajectory import Trajectory, read_tum, write_tum
 from rhs_sources.raster.renderer import Mesh, Renderer
+from rhs_sources.replay_cameras import DEPTH_CAMERAS
 from rhs_sources.simulator_mesh import WHOLE, box_lids, box_sides, floor_and_ceiling
 from rhs_sources.simulator_textures import painting, surface
 
@@ -24,6 +26,7 @@ RATE_HZ = 20.0
 WAYS = ("counter", "round", "table", "back", "nod", "covered")
 DISPARITY_M_PX = 43.5  # of a Kinect: 580 pixels, 75 mm
 EXPOSED_S = 0.02
+PAIR = DEPTH_CAMERAS["seven_scenes"]
 
 
 def room(seed: int) -> tuple[Mesh, np.ndarray, tuple[float, float]]:
@@ -164,8 +167,9 @@ def camera_of(width: int) -> Camera:
 class Kinect:
     """The depth of a Kinect, from the true one."""
 
-    def __init__(self, rng: np.random.Generator, shape: tuple[int, int]) -> None:
-        self._rng, self._shape = rng, shape
+    def __init__(self, rng: np.random.Generator, shape: tuple[int, int], shift_px: float = 0.0) -> None:
+        """shift_px: disparities are all too large by so much (of 640 pixels): depth is short by shift_px / 43.5 z^2."""
+        self._rng, self._shape, self._shift = rng, shape, shift_px
         self._scale = 1.0 + 0.005 * rng.standard_normal()
         self._bent = 0.08 * self._smooth(shape[1] // 5)  # pixels of disparity
 
@@ -186,19 +190,24 @@ class Kinect:
             hidden = across < np.maximum.accumulate(np.nan_to_num(across, posinf=0.0), axis=1) - 1.0
             slope = np.hypot(cv2.Sobel(disparity, cv2.CV_32F, 1, 0), cv2.Sobel(disparity, cv2.CV_32F, 0, 1)) / 8 * w / 640
             noise = 0.05 * self._rng.standard_normal(depth.shape).astype(np.float32) + 0.04 * self._smooth(3)
-            measured = np.rint(8.0 * (disparity + self._bent + noise)) / 8.0
+            measured = np.rint(8.0 * (disparity + self._shift + self._bent + noise)) / 8.0
             metres = self._scale * DISPARITY_M_PX / measured
             metres[hidden | (slope > 0.35) | ~((metres > 0.5) & (metres < 5.0))] = np.nan
         return metres
 
 
-def write(folder: Path, way: str, seed: int, *, views: int = 400, width: int = 320, nod: Path | None = None) -> Camera:
-    """A TUM folder of one way through one room; returns its camera."""
+def write(folder: Path, way: str, seed: int, *, views: int = 400, width: int = 320, nod: Path | None = None,
+          beside: bool = False, shift_px: float = 0.0) -> Camera:
+    """A TUM folder of one way through one room; returns its camera. beside: depth is that of a camera beside the one of
+    colour, and left so, as in 7-Scenes. shift_px: Kinect."""
     mesh, middle, size = room(seed)
     poses = held(way, seed, views, middle, size, nod)
     camera = camera_of(width)
     drawer, rng = Renderer(camera), np.random.default_rng([seed, 3])
-    kinect, gain = Kinect(rng, (camera.height, camera.width)), None
+    kinect, gain = Kinect(rng, (camera.height, camera.width), shift_px), None
+    f = PAIR.fx * width / 640
+    ranger = Renderer(replace(camera, fx=f, fy=f, cx=width / 2, cy=width * 3 / 8)) if beside else None
+    aside = camera.body_from_camera @ PAIR.color_from_depth @ inverse(camera.body_from_camera)
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     lines, stamps = [], 100.0 + np.arange(views) / RATE_HZ
@@ -211,7 +220,7 @@ def write(folder: Path, way: str, seed: int, *, views: int = 400, width: int = 3
             image, depth = drawer.render(mesh, poses[n] @ part)
             parts.append(image.astype(np.float32))
             if k == 0.0:
-                seen = kinect.sees(depth)
+                seen = kinect.sees(depth if ranger is None else ranger.render(mesh, poses[n] @ aside)[1])
         light = np.mean(parts, axis=0)
         wanted = 110.0 / max(float(light.mean()), 1.0)
         gain = wanted if gain is None else gain + 0.15 * (wanted - gain)

@@ -239,6 +239,65 @@ class DepthNoiseSettings:
 
 
 @dataclass(frozen=True)
+class CameraFitSettings:
+    """What the views say of their camera (rhs.estimation.views.camera_fit), and when it contradicts what was told."""
+
+    turn_deg: float = 14.0
+    """views turned apart by this are compared, degrees: a quarter of what a Kinect sees, so that most is in both"""
+    most_turn_deg: float = 40.0
+    """but by no more than this, degrees"""
+    most_pairs: int = 40
+    """pairs of views compared: some 25 ms of processor time each"""
+    least_pairs: int = 10
+    """with fewer nothing is said"""
+    most_points: int = 100
+    """key-points of a pair"""
+    least_points: int = 20
+    """with fewer a pair says nothing"""
+    ratio: float = 0.8
+    """Lowe's ratio of the matches"""
+    ransac_px: float = 1.5
+    """how well a key-point is known while the told camera may be wrong, pixels of an image 320 wide"""
+    hypotheses: int = 200
+    """three-point motions tried for a pair"""
+    gate_sigma: float = 4.0
+    """pairs of key-points this near to one of them take part at first"""
+    outlier_sigma: float = 6.0
+    """and then those within so many sigmas of all"""
+    student_dof: float = 5.0
+    """degrees of freedom of the Student's t that weighs them (Kerl et al. 2013)"""
+    principal_sigma: float = 0.02
+    """what is believed beforehand (1 sigma): of the principal point, a share of the focal length (10 pixels at 640x480),"""
+    inverse_depth_sigma: float = 0.01
+    """of what is added to all inverse depths, 1/m (half a pixel of a Kinect's disparity),"""
+    magnified_sigma: float = 0.3
+    """of how much larger or smaller the depth image is than the picture, a share (hardly anything),"""
+    shifted_sigma: float = 0.03
+    """and of by how much it is shifted, a share of the focal length (a base line of 25 mm at 0.8 m)"""
+    rounds: int = 30
+    """most steps of Gauss-Newton"""
+    settled: float = 1e-5
+    """a step smaller than this is the last"""
+    stretches: int = 10
+    """of the way, whose errors are taken for independent"""
+    least_off: float = 0.04
+    """a focal length, or a size of the depth image, that is off by less contradicts nothing, a share: fast turns of a
+    rolling shutter and the bent depth of a Kinect move a right one by up to 0.03 (results/README.md); colour and depth of
+    two cameras differ by 0.1"""
+    sure_sigma: float = 4.0
+    """nor one that is off by less than so many standard errors"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, turn_deg=(1.0, 90.0), most_turn_deg=(1.0, 180.0), most_pairs=(2, 10_000),
+                     least_pairs=(2, 10_000), most_points=(6, 100_000), least_points=(6, 100_000), ratio=(0.1, 1.0),
+                     ransac_px=(0.05, 100.0), hypotheses=(1, 100_000), gate_sigma=(0.5, 100.0), outlier_sigma=(0.5, 1000.0),
+                     student_dof=(0.5, 1e6), rounds=(1, 1000), settled=(1e-12, 1.0), stretches=(2, 1000),
+                     principal_sigma=(1e-6, 10.0), inverse_depth_sigma=(1e-6, 10.0), magnified_sigma=(1e-6, 10.0),
+                     shifted_sigma=(1e-6, 10.0),
+                     least_off=(0.0, 1.0), sure_sigma=(0.0, 100.0))
+
+
+@dataclass(frozen=True)
 class DriftBounds:
     """How wrong the odometry may be between two loops that are held against each other."""
 
