@@ -94,8 +94,8 @@ class DaskEngine(Engine):
         if not taken:
             with contextlib.suppress(Exception):
                 cluster.close(timeout=PATIENCE_S / 2)
-            raise EngineError(f"{self.settings.cluster} took no job: {answer.text or 'no answer'}; see engine.queue, memory, "
-                              f"walltime")
+            raise EngineError(f"{self.settings.cluster} took no job: {answer.text or 'no answer'}; "
+                              "see engine.queue, memory, walltime")
         return cluster
 
     def alive(self) -> bool:
