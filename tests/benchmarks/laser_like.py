@@ -2,8 +2,8 @@
 
 lab: like the Intel Research Lab, a ring of corridor with furnished offices on both sides, two laps in the corridor and then
 one into most offices, seen by 180 beams over 180 degrees. wing: like Freiburg building 079, one straight corridor with
-offices on both sides, driven forth and back, in and out, seen by 361 beams over 180 degrees. Doors that nobody drives through
-stand open or shut, another way on each lap, and some things were moved in between.
+offices on both sides, driven forth and back, in and out, seen by 361 beams over 180 degrees. Doors that nobody drives
+through stand open or shut, another way on each lap, and some things were moved in between.
 """
 
 from __future__ import annotations

@@ -48,6 +48,9 @@ def cloud_of(scan: Scan, settings: PointSettings) -> Cloud:
     ranges, bearings = np.array(scan.ranges_m, float), np.array(scan.bearings_rad, float)
     points, normals = surface_points(ranges, bearings, settings.range_max_m, settings.span_m, settings.span_steps,
                                      settings.flat)
+    apart = abs(float(bearings[-1] - bearings[0])) / max(len(bearings) - 1, 1)
+    every = max(int(np.radians(settings.beam_deg) / max(apart, 1e-6) + 0.1), 1)
+    points, normals = np.ascontiguousarray(points[::every]), np.ascontiguousarray(normals[::every])
     origin = np.array([*scan.origin_xy_m, 0.0], float)
     seen_to = np.where(np.isinf(ranges), float(scan.max_range_m), ranges)  # further on nobody knows what stands
     return Cloud(points + origin[:2], normals, seen_to, bearings, origin)
