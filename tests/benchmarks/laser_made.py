@@ -28,6 +28,7 @@ import numba as nb
 import numpy as np
 from laser import opened, wheels_of
 from laser_buildings import KINDS, Way, building
+from laser_like import BEAMS, LIKE, Changes, like
 from shared import write
 
 from rhs.api.records import View
@@ -41,7 +42,7 @@ RIGHT_M = 0.06
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", default="0-3", help="FIRST-LAST")
-    parser.add_argument("--kinds", nargs="*", default=KINDS)
+    parser.add_argument("--kinds", nargs="*", default=KINDS, help="also lab and wing, one of each for every seed")
     parser.add_argument("--way-m", type=float, nargs=2, default=(400.0, 1600.0), help="least and most way")
     parser.add_argument("--settings", nargs="*", default=[], help="words of the command line")
     parser.add_argument("--logs", type=Path, help="keep the logs in this folder")
@@ -52,12 +53,12 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.logs or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        for seed in range(first, last + 1):
-            if KINDS[seed % 4] not in options.kinds:
-                continue
-            path = folder / f"{KINDS[seed % 4]}_{seed}.log"
-            facts, truth = made(path, seed, options.way_m)
-            rows.append({"kind": KINDS[seed % 4], "seed": seed, **facts, **judged(path, truth, facts, options.settings)})
+        drawn = [(KINDS[seed % 4], seed) for seed in range(first, last + 1) if KINDS[seed % 4] in options.kinds]
+        drawn += [(kind, seed) for seed in range(first, last + 1) for kind in LIKE if kind in options.kinds]
+        for kind, seed in drawn:
+            path = folder / f"{kind}_{seed}.log"
+            facts, truth = made(path, (kind, seed), options.way_m)
+            rows.append({"kind": kind, "seed": seed, **facts, **judged(path, truth, facts, options.settings)})
             words = (f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in rows[-1].items())
             sys.stdout.write(" ".join(words) + "\n")
             sys.stdout.flush()
@@ -69,30 +70,36 @@ def main() -> int:
     return int(silent > 0)
 
 
-def made(path: Path, seed: int, ways_m: tuple[float, float]) -> tuple[dict, np.ndarray]:
-    """Writes the log; what it is like, and the true poses of its scanner (N, 3)."""
-    rng, kind = np.random.default_rng([17, seed]), KINDS[seed % 4]
+def made(path: Path, drawn: tuple[str, int], ways_m: tuple[float, float]) -> tuple[dict, np.ndarray]:
+    """Writes the log of a kind and a seed; what it is like, and the true poses of its scanner (N, 3)."""
+    kind, rng = drawn[0], np.random.default_rng([17, drawn[1]])
     beams, fov_deg = [(180, 180.0), (181, 180.0), (361, 180.0), (541, 270.0)][int(rng.integers(4))]
+    beams, fov_deg = BEAMS.get(kind, (beams, fov_deg))
     rate_hz = float(rng.choice([5.0, 5.0, 10.0, 37.0]))
     thin_m = float(rng.choice([0.0, 0.0, 0.3]))
     way_m = rng.uniform(*ways_m) if rate_hz < 10.0 or thin_m else 0.5 * ways_m[0] * (1.0 if rate_hz > 10.0 else 2.0)
     most_m = 81.91 if kind != "halls" or rng.random() < 0.6 else 8.19
     mount_m, noise_m = float(rng.choice([0.0, 0.2])), rng.uniform(0.01, 0.03)
     people = int(rng.integers(0, 5))
-    walls, way = building(kind, way_m, rng)
-    at = driven(way, rng.uniform(0.4, 0.9), rate_hz, rng)
+    changes: Changes = []
+    if kind in LIKE:
+        walls, way, changes = like(kind, way_m, rng)
+    else:
+        walls, way = building(kind, way_m, rng)
+    at, corner = driven(way, rng.uniform(0.4, 0.9), rate_hz, rng)
     stamps = np.arange(len(at)) / rate_hz
     wheels = odometry(at, rng)
     if thin_m:
         kept = thinned(at, thin_m)
-        at, stamps, wheels = at[kept], stamps[kept], wheels[kept]
+        at, stamps, wheels, corner = at[kept], stamps[kept], wheels[kept], corner[kept]
     laser = composed(at, np.tile([mount_m, 0.0, 0.0], (len(at), 1)))
     step = np.radians(fov_deg) / (beams - 1 if beams % 2 else beams)
     bearings = (np.arange(beams) - 0.5 * (beams - 1)) * step
     nodes = scattered(laser, people, rng)
     with path.open("w") as file:
         for k in range(len(at)):
-            seen = np.concatenate([walls, discs(nodes[k])]) if people else walls
+            now = [there for since, there in changes if since <= corner[k]][-1:]
+            seen = np.concatenate([walls, *now, discs(nodes[k])]) if people or now else walls
             ranges = rays(seen, laser[k], bearings, most_m) + noise_m * rng.standard_normal(beams)
             ranges = np.where(ranges > most_m - 0.1, most_m, np.maximum(ranges, 0.02))
             ranges[rng.random(beams) < 0.003] = 0.0
@@ -113,11 +120,13 @@ def _pose(pose: np.ndarray) -> str:
     return " ".join(f"{v:.6f}" for v in pose)
 
 
-def driven(way: Way, speed_mps: float, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
-    """(N, 3) poses of a robot that pursues a point on the way ahead of it, turning on the spot where it must."""
-    points, marks = _along(np.array(way)), 0
+def driven(way: Way, speed_mps: float, rate_hz: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) poses of a robot that pursues a point on the way ahead of it, turning on the spot where it must, and the
+    number (N,) of the last corner that it passed."""
+    points, corners = _along(np.array(way))
+    marks = 0
     pose = np.array([*points[0], np.arctan2(*(points[5] - points[0])[::-1])])
-    out, turn = [], 0.0
+    out, passed, turn = [], [], 0.0
     sway = rng.uniform(0.0, 0.25)
     while marks < len(points) - 1:
         while marks < len(points) - 1 and np.hypot(*(points[marks] - pose[:2])) < 0.8:
@@ -127,15 +136,17 @@ def driven(way: Way, speed_mps: float, rate_hz: float, rng: np.random.Generator)
         turn += np.clip(np.clip(1.5 * off, -1.0, 1.0) - turn, -2.0 / rate_hz, 2.0 / rate_hz)
         pose = composed(pose, np.array([speed_mps * max(np.cos(off), 0.0) ** 3 / rate_hz, 0.0, turn / rate_hz]))
         out.append(pose)
-    return np.array(out)
+        passed.append(corners[marks])
+    return np.array(out), np.array(passed)
 
 
-def _along(corners: np.ndarray, step_m: float = 0.1) -> np.ndarray:
-    parts = []
-    for a, b in zip(corners[:-1], corners[1:], strict=True):
+def _along(corners: np.ndarray, step_m: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    parts, numbers = [], []
+    for number, (a, b) in enumerate(zip(corners[:-1], corners[1:], strict=True)):
         count = max(int(np.hypot(*(b - a)) / step_m), 1)
         parts.append(a + (b - a) * np.arange(count)[:, None] / count)
-    return np.concatenate([*parts, corners[-1:]])
+        numbers += [number] * count
+    return np.concatenate([*parts, corners[-1:]]), np.array([*numbers, len(corners) - 1])
 
 
 def odometry(at: np.ndarray, rng: np.random.Generator) -> np.ndarray:

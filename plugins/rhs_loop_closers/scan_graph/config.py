@@ -147,9 +147,9 @@ class ScanGraph:
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    key_m: float = 0.3
+    key_m: float = 0.5
     """A scan is a node of the graph after so much way, metres."""
-    key_rad: float = 0.35
+    key_rad: float = 0.5
     """Or after so much turning, radians."""
     kernel_sigma: float = 3.0
     """Loops that lie further off than this count less and less (Cauchy), sigmas."""

@@ -11,7 +11,7 @@ from rhs.api.records import Tracking, View
 from rhs.estimation.filters.pose_graph import Edges
 from rhs.estimation.scans.inconsistency import inconsistency
 from rhs.estimation.scans.planar_poses import between, flat, lifted
-from rhs.estimation.scans.point_map import Cloud, PointMap, cloud_of, gathered, seen_directions
+from rhs.estimation.scans.point_map import Cloud, PointMap, cloud_of, gathered, seen_directions, without_passed
 
 from .config import ScanGraph, ScanGraphAdvanced
 
@@ -19,6 +19,8 @@ LEAST_POINTS = 20
 HEIGHT = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])  # a laser on a floor stays there
 STEP_FLOOR = np.diag([0.005, 0.005, 0.002]) ** 2  # of the motion between two key scans at best (metres, radians)
 LAG = 13.0  # mean age of some 25 key scans in the map that the odometry lays a scan onto
+BESIDE, BESIDE_M = (-8, -4, -2, 2, 4, 8), 4.0  # key scans on the same way that say what moved, metres of way at most
+MOVED = np.array([0.2, 0.05, 0.01])  # what beams must pass a thing by; metres and radians the poses may be wrong by
 BLIND_M = 2.0  # a stretch without a good scan gets a node after so much way all the same, metres
 
 
@@ -69,7 +71,15 @@ def key_scans(views: Sequence[View], settings: ScanGraph) -> Keys | None:
     at = np.array(chosen)
     key = np.maximum(np.searchsorted(at, np.arange(len(views)), side="right") - 1, 0)
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T))])
-    return Keys(at, clouds, way_m[at], key, between(states[at[key]], states))
+    return Keys(at, _still(clouds, states[at], way_m[at]), way_m[at], key, between(states[at[key]], states))
+
+
+def _still(clouds: list[Cloud], poses: np.ndarray, way_m: np.ndarray) -> list[Cloud]:
+    """The clouds at poses (K, 3) without what the beams of those beside them pass by."""
+    beside = [[j for j in (k + step for step in BESIDE) if 0 <= j < len(clouds) and abs(way_m[j] - way_m[k]) < BESIDE_M]
+              for k in range(len(clouds))]
+    return [without_passed(cloud, poses[k], [(clouds[j], poses[j]) for j in beside[k]], MOVED)
+            for k, cloud in enumerate(clouds)]
 
 
 def _far(last: np.ndarray, state: np.ndarray, view: View, settings: ScanGraph) -> bool:

@@ -22,12 +22,12 @@ SOLVED_KERNEL = 3.0
 
 def refine_passages(graph: Graph, settings: Refinement) -> None:
     """Several rounds: key scans laid onto what other passages saw there, and the poses that agree with all of them."""
-    keys = graph.keys
+    keys, pairs = graph.keys, neighbours(graph, settings) if settings.rounds else []
     for number in range(settings.rounds):
         reach_m = settings.reach_m * settings.shrink**number
         maps: dict[int, PointMap] = {}
         first, second, seen, information = [], [], [], []
-        for j, k in neighbours(graph, settings):
+        for j, k in pairs:
             if j not in maps:
                 maps[j] = _around(graph, j, settings)
             start = between(graph.poses[j], graph.poses[k])

@@ -90,7 +90,15 @@ class ScanToMapOdometry:
         if not self._map.begun:
             self._map.add(cloud, guess.pose)
             return blind, False, "the first scan that shows something"
-        fit = self._fit(cloud, guess.pose, guess.prior)
+        if guess.measured:
+            trusted = self._wheels.trusted(guess.prior)
+            cloud = self._map.still(cloud, guess.pose, trusted)
+            prior = self._wheels.proven(guess.prior, self._settings.advanced.prediction.least_m)
+            fit = self._fit(cloud, guess.pose, prior, self._reach(trusted))
+            if fit.share < self._rescue.typical_share * self._usual:
+                fit = self._fit(cloud, guess.pose, guess.prior)
+        else:
+            fit = self._fit(cloud, guess.pose, guess.prior)
         if not guess.measured:
             fit = self._map.walls.unslid(cloud, fit, guess.pose, self._settings.advanced.points)
         fit = self._doubted(cloud, fit)
@@ -136,8 +144,17 @@ class ScanToMapOdometry:
                 return best
         return None
 
-    def _fit(self, cloud: Cloud, start: np.ndarray, prior: np.ndarray) -> Fit:
-        return self._map.walls.fit(cloud, start, prior, self._settings.advanced.points)
+    def _fit(self, cloud: Cloud, start: np.ndarray, prior: np.ndarray, reach_m: float | None = None) -> Fit:
+        points = self._settings.advanced.points
+        reach = None if reach_m is None else (reach_m, points.reach_least_m)
+        return self._map.walls.fit(cloud, start, prior, points, reach=reach)
+
+    def _reach(self, trusted: np.ndarray) -> float:
+        """Partners are looked for as far as the wheels may be wrong (three sigmas), metres: further on somebody who walks
+        along with the robot would be taken for one who stands, and the robot with him."""
+        points, sigma = self._settings.advanced.points, np.diag(trusted) ** -0.5
+        far_m = float(3.0 * max(sigma[0], sigma[1]) + points.lever_m * sigma[2])
+        return min(max(far_m, points.reach_least_m), points.reach_m)
 
     def _learn(self, cloud: Cloud, pose: np.ndarray, share: float) -> None:
         """Make the scan part of the map, if it is far from the last one."""

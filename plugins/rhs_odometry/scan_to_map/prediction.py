@@ -81,6 +81,16 @@ class WheelError:
         out: np.ndarray = prior / np.outer(scale, scale)
         return out
 
+    def proven(self, prior: np.ndarray, least_m: float) -> np.ndarray:
+        """The information (3, 3) that a scan is laid with. Of the error of metres what grows with the way is as measured,
+        or somebody who walks along with the robot holds it in a bare corridor; `least_m` stays, because wheels slip; every
+        scan sees the heading better than wheels that drift."""
+        sigma_m = prior[0, 0] ** -0.5
+        held = least_m + _share(self._along) * max(sigma_m - least_m, 0.0)
+        scale = np.array([held / sigma_m, held / sigma_m, 1.0])
+        out: np.ndarray = prior / np.outer(scale, scale)
+        return out
+
 
 def _share(squares: deque[float]) -> float:
     """1 until enough is known; never more, nor less than LEAST_SHARE."""

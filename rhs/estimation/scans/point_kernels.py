@@ -251,3 +251,35 @@ def looked_through(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: 
         through += verdict < 0
         met += verdict > 0
     return through, met
+
+
+@typed(nb.boolean[::1](_NUMBERS, _NUMBERS, _NUMBERS, _POINTS, _NUMBERS, _NUMBERS))
+def passed_by(ranges: np.ndarray, bearings: np.ndarray, at: np.ndarray, m: np.ndarray, m_at: np.ndarray,
+              limits: np.ndarray) -> np.ndarray:
+    """Of each point m seen from m_at whether the beams of a scanner at `at` pass by it, even where the pose between the two
+    is wrong by as much as limits say: how far points are looked at, what a beam must pass by, metres and radians wrong."""
+    out, n = np.zeros(len(m), np.bool_), len(ranges)
+    far, clear, slack_m, slack_rad = limits
+    if n < 3:
+        return out
+    step = (bearings[n - 1] - bearings[0]) / (n - 1)
+    c, s = np.cos(m_at[2]), np.sin(m_at[2])
+    for i in range(len(m)):
+        dx, dy = m_at[0] + c * m[i, 0] - s * m[i, 1] - at[0], m_at[1] + s * m[i, 0] + c * m[i, 1] - at[1]
+        distance = np.hypot(dx, dy)
+        if distance > far or distance < 0.3:
+            continue
+        bearing = np.arctan2(dy, dx) - at[2]
+        bearing -= 2.0 * np.pi * np.floor((bearing + np.pi) / (2.0 * np.pi))
+        middle, half = (bearing - bearings[0]) / step, (slack_m / distance + slack_rad) / step
+        first = min(int(np.floor(middle - half)), int(np.rint(middle)) - 1)
+        last = max(int(np.ceil(middle + half)), int(np.rint(middle)) + 1)
+        if first < 0 or last >= n:
+            continue
+        passed = True
+        for k in range(first, last + 1):
+            if not ranges[k] > distance + clear + slack_m:
+                passed = False
+                break
+        out[i] = passed
+    return out

@@ -8,15 +8,18 @@ share their errors each counts for `trust` only.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rhs.api.records import Scan
 
 from .planar_poses import between, composed
-from .point_kernels import bucketed, fitted, looked_through, merged, surface_points
+from .point_kernels import bucketed, fitted, looked_through, merged, passed_by, surface_points
 from .settings import PointSettings
+
+MOVING_WITHIN_M = 10.0  # what is further from a scanner is not asked of its beams, metres
+MOST_MOVING = 0.5  # where more of a scan seems to move the pose is wrong
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +48,24 @@ def cloud_of(scan: Scan, settings: PointSettings) -> Cloud:
     ranges, bearings = np.array(scan.ranges_m, float), np.array(scan.bearings_rad, float)
     points, normals = surface_points(ranges, bearings, settings.range_max_m, settings.span_m, settings.span_steps,
                                      settings.flat)
+    apart = abs(float(bearings[-1] - bearings[0])) / max(len(bearings) - 1, 1)
+    every = max(int(np.radians(settings.beam_deg) / max(apart, 1e-6) + 0.1), 1)
+    points, normals = np.ascontiguousarray(points[::every]), np.ascontiguousarray(normals[::every])
     origin = np.array([*scan.origin_xy_m, 0.0], float)
-    return Cloud(points + origin[:2], normals, ranges, bearings, origin)
+    seen_to = np.where(np.isinf(ranges), float(scan.max_range_m), ranges)  # further on nobody knows what stands
+    return Cloud(points + origin[:2], normals, seen_to, bearings, origin)
+
+
+def without_passed(cloud: Cloud, pose: np.ndarray, others: Sequence[tuple[Cloud, np.ndarray]], slack: np.ndarray) -> Cloud:
+    """The cloud, at a pose (3,), without the points that the beams of other clouds, with their poses, pass by: people, and
+    whatever else moves. slack (3,): metres that a beam must pass by, metres and radians that the poses may be wrong by."""
+    passed, limits = np.zeros(len(cloud.points), bool), np.array([MOVING_WITHIN_M, *slack], float)
+    for other, there in others:
+        at = composed(np.asarray(there, float), other.origin)
+        passed |= passed_by(other.ranges, other.bearings, at, cloud.points, np.asarray(pose, float), limits)
+    if not passed.any() or passed.mean() > MOST_MOVING:
+        return cloud
+    return replace(cloud, points=cloud.points[~passed], normals=cloud.normals[~passed])
 
 
 def gathered(clouds: Sequence[Cloud], poses: np.ndarray, *, cell_m: float) -> tuple[np.ndarray, np.ndarray]:

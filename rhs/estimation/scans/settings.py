@@ -141,6 +141,9 @@ class PointSettings:
     """or as near as so many gaps between beams"""
     flat: float = 0.06
     """of a wall's points the variance across is less than this share of that along"""
+    beam_deg: float = 1.0
+    """of beams closer than this only some have points, after all have told the direction of walls: what neighbours see is
+    hardly new (trust), degrees"""
     reach_m: float = 0.5
     """a partner is looked for as far as this at first, metres"""
     reach_least_m: float = 0.2
@@ -158,8 +161,8 @@ class PointSettings:
 
     def __post_init__(self) -> None:
         check_ranges("", self, range_max_m=(0.1, 1000.0), span_m=(1e-3, 10.0), span_steps=(1.0, 100.0), flat=(0.0, 1.0),
-                     reach_m=(0.01, 100.0), reach_least_m=(0.01, 100.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
-                     lever_m=(1e-3, 1000.0), blind_below=(0.0, 1.0), cell_m=(0.005, 2.0))
+                     beam_deg=(0.0, 30.0), reach_m=(0.01, 100.0), reach_least_m=(0.01, 100.0), sigma_m=(1e-4, 10.0),
+                     trust=(1e-6, 1.0), lever_m=(1e-3, 1000.0), blind_below=(0.0, 1.0), cell_m=(0.005, 2.0))
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from rhs.api.jit import typed
 _POINTS, _NUMBERS = nb.float64[:, ::1], nb.float64[::1]
 _FIELD = nb.float32[:, ::1]
 BLOCK = 5  # cells of the side of a block that one bound speaks for
+AGAIN = BLOCK * BLOCK  # of a block of blocks
 
 
 @typed(_FIELD(_POINTS, nb.float64, nb.float64, nb.int64, nb.int64, nb.float64, nb.float64))
@@ -63,12 +64,33 @@ def _mean(field: np.ndarray, cells: np.ndarray, dx: float, dy: float) -> float:
     return total / max(len(cells), 1)
 
 
-@typed(nb.types.Tuple((_POINTS, nb.float64[:, :, ::1]))(_FIELD, _POINTS, _NUMBERS, _NUMBERS, nb.int64))
-def bounds_of(coarse: np.ndarray, cells: np.ndarray, centre: np.ndarray, yaws: np.ndarray, blocks: int,
-              ) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and sine of each yaw (K, 2), and the bound (K, 2 blocks + 1, 2 blocks + 1) of each block of shifts.
-    cells: points in cells from the body; centre: where the body is, in cells."""
-    turns, out = np.empty((len(yaws), 2)), np.empty((len(yaws), 2 * blocks + 1, 2 * blocks + 1))
+@typed(_FIELD(_FIELD))
+def bounded_again(coarse: np.ndarray) -> np.ndarray:
+    """The same of BLOCK x BLOCK blocks: of a field of bounds the largest of those a block apart. It begins AGAIN cells
+    further south and west, because a block that begins beside the field may reach into it."""
+    rows, columns = coarse.shape[0] + AGAIN, coarse.shape[1] + AGAIN
+    wide = np.zeros((rows, columns), np.float32)
+    wide[AGAIN:, AGAIN:] = coarse
+    east, out = np.zeros_like(wide), np.zeros_like(wide)
+    for row in range(rows):
+        for k in range(0, AGAIN, BLOCK):
+            for column in range(columns - k):
+                east[row, column] = max(east[row, column], wide[row, column + k])
+    for k in range(0, AGAIN, BLOCK):
+        for row in range(rows - k):
+            for column in range(columns):
+                out[row, column] = max(out[row, column], east[row + k, column])
+    return out
+
+
+@typed(nb.types.Tuple((_POINTS, nb.float64[:, :, ::1]))(nb.types.UniTuple(_FIELD, 2), _POINTS, _NUMBERS, _NUMBERS, nb.int64,
+                                                        nb.float64))
+def bounds_of(coarse: tuple[np.ndarray, np.ndarray], cells: np.ndarray, centre: np.ndarray, yaws: np.ndarray, blocks: int,
+              least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and sine of each yaw (K, 2), and the bound (K, 2 blocks + 1, 2 blocks + 1) of each block of shifts, 0 where a
+    bound of BLOCK x BLOCK of them is less than `least` already. coarse: the fields of both bounds; cells: points in cells
+    from the body; centre: where the body is, in cells."""
+    turns, out = np.empty((len(yaws), 2)), np.zeros((len(yaws), 2 * blocks + 1, 2 * blocks + 1))
     turned = np.empty_like(cells)
     for k in range(len(yaws)):
         c, s = np.cos(yaws[k]), np.sin(yaws[k])
@@ -76,9 +98,15 @@ def bounds_of(coarse: np.ndarray, cells: np.ndarray, centre: np.ndarray, yaws: n
         for i in range(len(cells)):
             turned[i, 0] = centre[0] + c * cells[i, 0] - s * cells[i, 1]
             turned[i, 1] = centre[1] + s * cells[i, 0] + c * cells[i, 1]
-        for row in range(2 * blocks + 1):
-            for column in range(2 * blocks + 1):
-                out[k, row, column] = _mean(coarse, turned, float((column - blocks) * BLOCK), float((row - blocks) * BLOCK))
+        for south in range(0, 2 * blocks + 1, BLOCK):
+            for west in range(0, 2 * blocks + 1, BLOCK):
+                dx, dy = float((west - blocks) * BLOCK), float((south - blocks) * BLOCK)
+                if blocks > BLOCK and _mean(coarse[1], turned, dx + AGAIN, dy + AGAIN) < least:
+                    continue
+                for row in range(south, min(south + BLOCK, 2 * blocks + 1)):
+                    for column in range(west, min(west + BLOCK, 2 * blocks + 1)):
+                        dx, dy = float((column - blocks) * BLOCK), float((row - blocks) * BLOCK)
+                        out[k, row, column] = _mean(coarse[0], turned, dx, dy)
     return turns, out
 
 

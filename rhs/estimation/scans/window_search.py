@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .window_kernels import BLOCK, best_of, bounded, bounds_of, stamped
+from .window_kernels import BLOCK, best_of, bounded, bounded_again, bounds_of, stamped
 
 APART_M, APART_RAD = 1.0, 0.3  # two finds further apart than either are rivals, not neighbours
 
@@ -35,7 +35,8 @@ class WindowSearch:
         self._cell_m = cell_m
         self._field = stamped(points, float(self._corner[0]), float(self._corner[1]), int(size[1]), int(size[0]), cell_m,
                               sigma_m)
-        self._coarse = bounded(self._field)
+        coarse = bounded(self._field)
+        self._coarse = coarse, coarse
 
     def best(self, points: np.ndarray, around: np.ndarray, *, window_m: float, window_rad: float, step_rad: float,
              least: float, rivals: float = 0.94) -> Found | None:
@@ -46,7 +47,9 @@ class WindowSearch:
         half = int(np.ceil(window_rad / step_rad))
         yaws = around[2] + step_rad * np.arange(-half, half + 1)
         blocks = int(np.ceil(window_m / (self._cell_m * BLOCK)))
-        turns, bounds = bounds_of(self._coarse, cells, centre, yaws, blocks)
+        if blocks > BLOCK and self._coarse[1] is self._coarse[0]:
+            self._coarse = self._coarse[0], bounded_again(self._coarse[0])
+        turns, bounds = bounds_of(self._coarse, cells, centre, yaws, blocks, least)
         promising = np.argwhere(bounds >= least)
         value = bounds[tuple(promising.T)]
         order = np.argsort(-value, kind="stable")
