@@ -101,10 +101,12 @@ class ObstacleWatch:
         return bool((gone & ~self.cells).any())
 
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
-             now_s: float = 0.0) -> None:
-        """Count one view: its scan, and what its whole depth image shows besides."""
+             now_s: float = 0.0, moves: bool = False) -> None:
+        """Count one view: its scan, and what its whole depth image shows besides. moves: something was seen to, lately."""
         from rhs.estimation.scans.votes import low_only
 
+        for layer in (self.at_eye, self.below):
+            layer.walks[:] = moves
         if scan is not None:
             self._count(0, map_from_body, scan, hits=self._unknown(map_from_body, scan), now_s=now_s)
         if obstacle is not None:
@@ -117,8 +119,12 @@ class ObstacleWatch:
         """The map with what has gone and what came to stay, where it may change and did."""
         if self.changed is None:
             return None
-        stood_s = np.where(self.cells, (self.seen_s - self.since_s).max(axis=0), 0.0)
-        return self.changed.grid if self.changed.update(stood_s) else None
+        return self.changed.grid if self.changed.update(self.stood_s) else None
+
+    @property
+    def stood_s(self) -> np.ndarray:
+        """(H, W) for how long something that the map does not know was seen to stand in each cell, seconds."""
+        return np.where(self.cells, (self.seen_s - self.since_s).max(axis=0), 0.0)
 
     def _count(self, number: int, map_from_body: np.ndarray, scan: Scan, *, hits: np.ndarray, now_s: float) -> None:
         """Count a scan in the layer of that number."""

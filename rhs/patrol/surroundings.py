@@ -82,6 +82,7 @@ class Surroundings:
             scan, self.one_eye = motion.scan, True
         self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
         seen = []
+        self.at_eye.walks = self.below.walks = np.isfinite(self.came_s)
         things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
         if scan is not None:
             seen.append((self.at_eye, self.looked_s[0], self.at_eye.votes.copy(), self.at_eye.look(
@@ -128,8 +129,8 @@ class Surroundings:
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
 
     def came_near(self, point_m: np.ndarray) -> bool:
-        """Whether something that was seen to come stands near the point (2,) of the body frame."""
-        cells = np.argwhere(np.isfinite(self.came_s))
+        """Whether something that was seen to come, not long out of sight, stands near the point (2,) of the body frame."""
+        cells = np.argwhere(np.isfinite(self.came_s) & (self.came_s >= self.now_s - self.fade_s))
         gaps = self.in_body((cells[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m) - point_m
         return bool((np.hypot(*gaps.T) < CAME_NEAR_M).any())
 
@@ -210,7 +211,8 @@ class Surroundings:
         if self.moved_s > -np.inf:  # so may a trail of votes that a pet left too near to be seen cleared
             stale = below & (self.below_s[near] < self.now_s - self.low_s)
             below[stale] = self._on_map(self.in_body(middles[stale]))
-        at_eye |= beside & remembered & (self.at_eye.votes[near] >= least)  # nobody saw it go
+        beside &= self.came_s[near] >= self.now_s - self.low_s  # nobody saw it go; but who came goes on after a while
+        at_eye |= beside & remembered & (self.at_eye.votes[near] >= least)
         below |= beside & (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - self.remember_s)
         found = np.nonzero(at_eye | below)
         points = middles[found]
