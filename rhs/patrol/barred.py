@@ -93,6 +93,11 @@ class Barred:
         self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
         return None
 
+    @property
+    def _blind_m(self) -> float:
+        """Metres within which the camera looks over the floor."""
+        return self.obstacle.blind_m if self.obstacle is not None else 0.0
+
     def _way_left(self, pose: np.ndarray) -> Path:
         """The way past what was seen to stay, as if nothing else stood there; the map's if there is none."""
         goal_m, nothing = np.array(self.book.missions[-1].goal_m), np.zeros((0, 2))
@@ -105,8 +110,8 @@ class Barred:
     def _approach(self, way: Path, at_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Along the way that is left up to what bars it: seen from near it may leave room, and who walks off is followed.
         None where the robot is there."""
-        blind_m = self.obstacle.blind_m if self.obstacle is not None else 0.0
-        stretch = short_of(way.points_m, pose[:2], at_m, max(blind_m, WATCH_M) + self.pace.step_m) if way.found else []
+        stop_m = max(self._blind_m, WATCH_M) + self.pace.step_m
+        stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else []
         if len(stretch) < 2 or np.linalg.norm(stretch[-1] - pose[:2]) < self.pace.step_m or self.approached >= MOST_APPROACH:
             return None
         self.approached += 1
@@ -131,7 +136,7 @@ class Barred:
         comes = self.guard.moves and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
         if comes or not self.guard.moves and (self.contacts or self.returned >= MOST_RETURNS):
             return False
-        self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s))
+        self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s, pose[:2], self._blind_m))
         return gone
 
     def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
@@ -144,7 +149,7 @@ class Barred:
     def _watching(self, at_m: np.ndarray, pose: np.ndarray) -> Twist:
         """Stand still for a view, turned to what is waited for, and back from it as far as the camera sees the floor there:
         else nobody sees it go."""
-        near = self.obstacle is not None and np.linalg.norm(at_m - pose[:2]) < self.obstacle.blind_m
+        near = np.linalg.norm(at_m - pose[:2]) < self._blind_m
         if near and self.backed < MOST_BACK_TO_SEE and (back := self._back(pose)) is not None:
             self.backed += 1
             return back

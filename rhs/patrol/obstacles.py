@@ -89,16 +89,27 @@ class ObstacleWatch:
         near: np.ndarray = where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
         return near
 
-    def forget_gone(self, now_s: float) -> bool:
+    def forget_gone(self, now_s: float, at_m: np.ndarray, blind_m: float) -> bool:
         """Forget what has been out of sight for longer than it was seen to stand: it may have gone. Whether there was any.
+        Not what is low and within blind_m of the robot at (2,): it would not be seen to be still there.
         A box seen twice in a minute is remembered for another, somebody who stood there for two seconds is not. A rule of
         thumb in the place of the persistence filter (Rosen, Mason and Leonard 2016, Towards lifelong feature-based mapping
         in semi-static environments)."""
         gone = self.cells
         for layer, seen_s, since_s in zip((self.at_eye, self.below), self.seen_s, self.since_s, strict=True):
             stays = (layer.votes > 0.0) & (now_s - seen_s <= np.maximum(seen_s - since_s, LEAST_KEPT_S))
+            if layer is self.below and blind_m > 0.0:
+                stays |= self.near(at_m, blind_m) & (layer.votes > 0.0)
             layer.votes[~inflate(stays, BESIDE_CELLS)] = 0.0
         return bool((gone & ~self.cells).any())
+
+    def near(self, at_m: np.ndarray, within_m: float) -> np.ndarray:
+        """(H, W) bool: cells whose middle is so near to the point (2,) of the map."""
+        rows, columns = (np.arange(count) + 0.5 for count in self.grid.shape)
+        y_m, x_m = (steps * self.grid.resolution_m for steps in (rows, columns))
+        gaps_m = np.hypot(y_m[:, None] + self.grid.origin_m[1] - at_m[1], x_m[None] + self.grid.origin_m[0] - at_m[0])
+        close: np.ndarray = gaps_m < within_m
+        return close
 
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
              now_s: float = 0.0, moves: bool = False) -> None:
