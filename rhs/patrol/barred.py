@@ -111,7 +111,7 @@ class Barred:
         """Along the way that is left up to what bars it: seen from near it may leave room, and who walks off is followed.
         None where the robot is there."""
         stop_m = max(self._blind_m, WATCH_M) + self.pace.step_m
-        stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else []
+        stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else np.zeros((0, 2))
         if len(stretch) < 2 or np.linalg.norm(stretch[-1] - pose[:2]) < self.pace.step_m or self.approached >= MOST_APPROACH:
             return None
         self.approached += 1
