@@ -83,6 +83,14 @@ def first_on_way(way: Path, things_m: np.ndarray, at_m: np.ndarray, near_m: floa
     return nearest
 
 
+def short_of(way_m: np.ndarray, at_m: np.ndarray, thing_m: np.ndarray, stop_m: float) -> np.ndarray:
+    """(M, 2) the stretch of the way (N, 2) from the place nearest to `at_m` up to stop_m before the thing (2,)."""
+    ahead = ahead_on_path(way_m, at_m, np.inf)
+    near = np.linalg.norm(ahead - thing_m, axis=1) < stop_m
+    stretch: np.ndarray = ahead[:np.argmax(near)] if near.any() else ahead
+    return stretch
+
+
 def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:
     """The next command that follows `path_m` (N >= 2, 2) from the believed pose."""
     x, y, yaw = planar(map_from_body)

@@ -89,22 +89,35 @@ class ObstacleWatch:
         near: np.ndarray = where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
         return near
 
-    def forget_gone(self, now_s: float) -> bool:
+    def forget_gone(self, now_s: float, at_m: np.ndarray, blind_m: float) -> bool:
         """Forget what has been out of sight for longer than it was seen to stand: it may have gone. Whether there was any.
+        Not what is low and within blind_m of the robot at (2,): it would not be seen to be still there.
         A box seen twice in a minute is remembered for another, somebody who stood there for two seconds is not. A rule of
         thumb in the place of the persistence filter (Rosen, Mason and Leonard 2016, Towards lifelong feature-based mapping
         in semi-static environments)."""
         gone = self.cells
         for layer, seen_s, since_s in zip((self.at_eye, self.below), self.seen_s, self.since_s, strict=True):
             stays = (layer.votes > 0.0) & (now_s - seen_s <= np.maximum(seen_s - since_s, LEAST_KEPT_S))
+            if layer is self.below and blind_m > 0.0:
+                stays |= self.near(at_m, blind_m) & (layer.votes > 0.0)
             layer.votes[~inflate(stays, BESIDE_CELLS)] = 0.0
         return bool((gone & ~self.cells).any())
 
+    def near(self, at_m: np.ndarray, within_m: float) -> np.ndarray:
+        """(H, W) bool: cells whose middle is so near to the point (2,) of the map."""
+        rows, columns = (np.arange(count) + 0.5 for count in self.grid.shape)
+        y_m, x_m = (steps * self.grid.resolution_m for steps in (rows, columns))
+        gaps_m = np.hypot(y_m[:, None] + self.grid.origin_m[1] - at_m[1], x_m[None] + self.grid.origin_m[0] - at_m[0])
+        close: np.ndarray = gaps_m < within_m
+        return close
+
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
-             now_s: float = 0.0) -> None:
-        """Count one view: its scan, and what its whole depth image shows besides."""
+             now_s: float = 0.0, moves: bool = False) -> None:
+        """Count one view: its scan, and what its whole depth image shows besides. moves: something was seen to, lately."""
         from rhs.estimation.scans.votes import low_only
 
+        for layer in (self.at_eye, self.below):
+            layer.walks[:] = moves
         if scan is not None:
             self._count(0, map_from_body, scan, hits=self._unknown(map_from_body, scan), now_s=now_s)
         if obstacle is not None:
@@ -117,8 +130,12 @@ class ObstacleWatch:
         """The map with what has gone and what came to stay, where it may change and did."""
         if self.changed is None:
             return None
-        stood_s = np.where(self.cells, (self.seen_s - self.since_s).max(axis=0), 0.0)
-        return self.changed.grid if self.changed.update(stood_s) else None
+        return self.changed.grid if self.changed.update(self.stood_s) else None
+
+    @property
+    def stood_s(self) -> np.ndarray:
+        """(H, W) for how long something that the map does not know was seen to stand in each cell, seconds."""
+        return np.where(self.cells, (self.seen_s - self.since_s).max(axis=0), 0.0)
 
     def _count(self, number: int, map_from_body: np.ndarray, scan: Scan, *, hits: np.ndarray, now_s: float) -> None:
         """Count a scan in the layer of that number."""

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rhs.api.contracts import Blockage, Blocked, Source
-from rhs.api.geometry import inverse, planar, wrap
+from rhs.api.contracts import Source
+from rhs.api.geometry import inverse, planar
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
 from rhs.api.robot_shape import Footprint
 from rhs.api.task import Parts
-from rhs.api.validate import check_blocked, check_capture
+from rhs.api.validate import check_capture
 from rhs.estimation.survey import known_free
 
-from .aside import PATIENCE_VIEWS, Aside
+from .barred import MOST_BARRED, Barred
 from .changed_map import ChangedMap
-from .control import Pace, Progress, ahead_on_path, closest_gap, first_on_way, steer, target_on, turn, turns
+from .control import Pace, closest_gap, steer, target_on, turn
 from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
@@ -27,16 +27,10 @@ from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
 from .surroundings import SURE
 
-WAIT_S = 0.5  # one view of waiting
-WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
-WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
-MOST_BARRED = 6  # commands refused on end after which a gap hardly wider than the robot is not tried again
-MOST_BACK, MOST_BACK_TO_SEE, MOST_RETURNS = 2, 5, 3  # times a place: back to find a way, to see, to what barred a way before
-LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)  # forth and back
 
 
-class Sentinel:
+class Sentinel(Barred):
     """Pilot of the patrol. One call of `decide` per view; the book of missions is in `book`."""
 
     phase, believer = "patrol", "localiser"
@@ -71,13 +65,8 @@ class Sentinel:
                                    votes=self.settings.advanced.guard.votes, changed=self.changed)
 
     def _begin_place(self) -> None:
-        self.path: Path | None = None
-        self.attempts = 0
-        self.queued: list[Twist] = []  # commands before anything else is planned
-        self.looked_again = False
-        self.seen_obstacles: list[np.ndarray] = []
-        self.progress, self.aside = Progress(), Aside()
-        self.waited = self.views_spent = self.lost_steps = self.contacts = self.barred = self.backed = self.returned = 0
+        super()._begin_place()
+        self.views_spent = self.lost_steps = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -102,7 +91,8 @@ class Sentinel:
         sure = belief.status is BeliefStatus.TRACKING
         self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else None
         if sure:
-            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=self.guard.around.now_s)
+            around = self.guard.around
+            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=around.now_s, moves=around.moves)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -154,10 +144,6 @@ class Sentinel:
         pose = planar(belief.map_from_body)
         self.watch.bump(in_map(points, pose))
         return self._back(pose)
-
-    def _back(self, pose: np.ndarray) -> Twist | None:
-        """A little back the way the robot came, if the map and what it has seen leave room there."""
-        return self.guard.back_off(self.watch.walls_near(pose))
 
     def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[Event]) -> Twist | None:
         """The next command of the current mission, or None when it has just ended."""
@@ -237,125 +223,6 @@ class Sentinel:
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
 
-    def _near_things(self, pose: np.ndarray, *, walls: bool = False) -> np.ndarray:
-        """(K, 2) metres in the map: what the robot has seen round itself lately and the map does not know; walls: or knows
-        nearly there, as one eye is off by as much as its way keeps from a wall. Where things move, what it has not looked at
-        for a while may have gone; not what its guard refuses to pass again and again."""
-        lately_s = self.settings.advanced.guard.fade_s if self.guard.moves and self.barred < MOST_BARRED else np.inf
-        points = in_map(self.guard.around.things(lately_s), pose)
-        near: np.ndarray = points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
-        return near
-
-    def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
-        """A robot that stands too near to things to set off goes back a little. Where something seen bars every way, ask the
-        replan part. Else, or if it wants to go on: forget what was seen and look again once; then give the place up, with
-        the planner's reason."""
-        if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
-            self.backed += 1
-            return back
-        seen = self.grid.centres(np.argwhere(self.watch.cells))
-        if self.barred:
-            seen = np.concatenate([seen, self._near_things(pose)])
-        at = self._in_the_way(seen, pose) if len(seen) else pose[:2]
-        if len(seen):
-            if self._goes_aside(at, pose) or self._may_have_gone(at, pose):
-                return self._wait(at, pose, events)
-            mission = self.book.current
-            command = self._answer(self._told(at, pose, no_way=True), pose, events)
-            if command is not None or self.book.current is not mission:
-                return command
-        if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
-            return self._wait(at, pose, events)
-        if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
-            self.looked_again = True
-            self.watch.forget()
-            self.guard.around.forget_specks()
-            self.queued = turns(LOOK_AGAIN_TURNS, self.pace)
-            return turn(-self.pace.turn_step_rad, self.pace)
-        touched = f" (touches: {self.contacts})" if self.contacts else ""
-        self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
-        return None
-
-    def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
-        """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
-        waits = self.guard.moves and not self.contacts and self.waited >= PATIENCE_VIEWS
-        goes = (waits or self.aside.goal_m is not None) and self.aside.go(
-            pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells))
-        self.waited = 0 if goes else self.waited
-        return goes
-
-    def _may_have_gone(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
-        """Whether anything that was seen before may have gone, and is forgotten: where something moves, and else a few times
-        a place. Who is seen to come and stands in the way here is waited for first."""
-        comes = self.guard.moves and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
-        if comes or not self.guard.moves and (self.contacts or self.returned >= MOST_RETURNS):
-            return False
-        self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s))
-        return gone
-
-    def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
-        """Stand for a view before what is in the way; the plan that failed is tried again."""
-        self.waited, self.progress.still = self.waited + 1, 0
-        self.attempts -= self.path is None and not self.guard.moves
-        events.append(event)
-        return self._watching(at_m, pose)
-
-    def _in_the_way(self, seen_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """(2,) that of the things seen (K, 2) which bars the way that the map alone leaves."""
-        way = self.roads.plan(pose[:2], np.array(self.book.missions[-1].goal_m), squeeze=self.guard.sees,
-                              obstacles=np.zeros(self.grid.shape, bool), things_m=np.zeros((0, 2)))
-        return first_on_way(way, seen_m, pose[:2], self.radius_m + self.settings.margin_m)
-
-    def _blockage(self, pose: np.ndarray) -> Blockage | None:
-        """What the map does not know and stands on the path ahead."""
-        assert self.path is not None
-        ahead = ahead_on_path(self.path.points_m, pose[:2], self.settings.watch_m)
-        hits = self.watch.on_way(ahead, self.radius_m + self.settings.margin_m - 0.5 * self.grid.resolution_m)
-        if len(hits) == 0:
-            return None
-        known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)
-        return self._told(hits.mean(axis=0), pose, known=known)
-
-    def _told(self, at_m: np.ndarray, pose: np.ndarray, *, known: bool = True, no_way: bool = False) -> Blockage:
-        """What the replan part is told of something in the way there."""
-        return Blockage(at_m, known, self.waited, self.book.skipped(), self.book.others(pose[:2]), no_way)
-
-    def _answer(self, blockage: Blockage, pose: np.ndarray, events: list[Event]) -> Twist | None:
-        """Do what the replan part says of the blockage: a command to wait, or None and no path any more."""
-        answer, at = check_blocked(self.replan.blocked(blockage), who=self.who.get("replan", "replan")), blockage.at_m
-        if answer in (Blocked.WAIT, Blocked.ASK):
-            return self._wait(at, pose, events, event=Event.WAIT if answer is Blocked.WAIT else Event.ASK)
-        if blockage.no_way and answer in (Blocked.REPLAN, Blocked.NEW_MISSION):
-            return None  # it is looked at once more
-        self.path, self.waited = None, 0
-        self.seen_obstacles.append(at)
-        near = f"obstacle near ({at[0]:.1f}, {at[1]:.1f}) m"
-        if answer is Blocked.SKIP and blockage.others and blockage.skipped < self.settings.tries:
-            self.book.put_off(pose[:2])
-            self._finish(MissionStatus.SKIPPED, near, events)
-        elif answer in (Blocked.GIVE_UP, Blocked.SKIP):
-            self._finish(MissionStatus.GAVE_UP, near, events)
-        elif answer is Blocked.NEW_MISSION:
-            self.book.close(MissionStatus.ABORTED, near)
-            self.book.open(pose[:2]).replans += 1
-            events.append(Event.BLOCKED)
-        else:
-            self.book.missions[-1].replans += 1
-            events.append(Event.REPLAN)
-        return None
-
-    def _watching(self, at_m: np.ndarray, pose: np.ndarray) -> Twist:
-        """Stand still for a view, turned to what is waited for, and back from it as far as the camera sees the floor there:
-        else nobody sees it go."""
-        near = self.obstacle is not None and np.linalg.norm(at_m - pose[:2]) < self.obstacle.blind_m
-        if near and self.backed < MOST_BACK_TO_SEE and (back := self._back(pose)) is not None:
-            self.backed += 1
-            return back
-        bearing = float(wrap(np.arctan2(at_m[1] - pose[1], at_m[0] - pose[0]) - pose[2]))
-        if abs(bearing) > WATCH_RAD and self.guard.sees and not self.pace.arc_radius_m:
-            return turn(bearing, self.pace)
-        return Twist(0.0, 0.0, WAIT_S)
-
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)
         events.append(Event(status))
@@ -364,13 +231,6 @@ class Sentinel:
         if grid is not None:
             self._take_map(grid)
         self._begin_place()
-
-    def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
-        """Give the place up; later: it is tried once more, after the others if any: what is in the way may go."""
-        goes_on = self.book.others(pose[:2]) > 0 or (self.guard.moves and not self.contacts)
-        if later := later and goes_on and not self.book.skipped():
-            self.book.put_off(pose[:2])
-        self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)
 
     def _near(self, pose: np.ndarray) -> bool:
         return bool(np.linalg.norm(pose[:2] - self.book.missions[-1].goal_m) <= self.settings.arrive_m)

@@ -24,6 +24,7 @@ PATCH_M = 0.1  # grain of the ground that has to be seen
 HIDES_M = 0.5  # furniture that stands in the way is as deep as that; what of it was not seen is this near to what was
 HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
+TRAIL_S = 2.0  # nothing that walks on is seen for longer in one cell; other low things are kept unless they bar for long
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
@@ -50,6 +51,7 @@ class Surroundings:
         self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
         self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
         self.floor_s = np.full((cells, cells), -np.inf)  # the same, or when the robot stood there or could not see it better
+        self.since_s = np.full((cells, cells), np.inf)  # when the layer below first saw what stands there
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
@@ -82,6 +84,7 @@ class Surroundings:
             scan, self.one_eye = motion.scan, True
         self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
         seen = []
+        self.at_eye.walks = self.below.walks = np.isfinite(self.came_s)
         things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
         if scan is not None:
             seen.append((self.at_eye, self.looked_s[0], self.at_eye.votes.copy(), self.at_eye.look(
@@ -95,7 +98,10 @@ class Surroundings:
             looked_s[cells[:, 0], cells[:, 1]] = self.now_s
             self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
             if layer is self.below:
-                self.below_s[cells[:, 0], cells[:, 1]] = self.floor_s[cells[:, 0], cells[:, 1]] = self.now_s
+                rows, columns = cells.T
+                self.below_s[rows, columns] = self.floor_s[rows, columns] = self.now_s
+                stands = self.below.votes[rows, columns] > 0.0
+                self.since_s[rows, columns] = np.where(stands, np.minimum(self.since_s[rows, columns], self.now_s), np.inf)
         self._stand()
 
     def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
@@ -128,8 +134,8 @@ class Surroundings:
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
 
     def came_near(self, point_m: np.ndarray) -> bool:
-        """Whether something that was seen to come stands near the point (2,) of the body frame."""
-        cells = np.argwhere(np.isfinite(self.came_s))
+        """Whether something that was seen to come, not long out of sight, stands near the point (2,) of the body frame."""
+        cells = np.argwhere(np.isfinite(self.came_s) & (self.came_s >= self.now_s - self.fade_s))
         gaps = self.in_body((cells[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m) - point_m
         return bool((np.hypot(*gaps.T) < CAME_NEAR_M).any())
 
@@ -143,7 +149,7 @@ class Surroundings:
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
         self.seen_s[:] = self.below_s[:] = self.floor_s[:] = -np.inf
-        self.came_s[:] = np.inf
+        self.came_s[:] = self.since_s[:] = np.inf
         for looked_s in self.looked_s:
             looked_s[:] = -np.inf
 
@@ -178,7 +184,8 @@ class Surroundings:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
         times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, *self.looked_s)]
-        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), (self.came_s, np.inf), *times):
+        ages = [(array, np.inf) for array in (self.came_s, self.since_s)]
+        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), *ages, *times):
             kept = np.full_like(array, empty)
             height, width = array.shape
             to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
@@ -209,8 +216,11 @@ class Surroundings:
         below = (self.below.votes[near] >= least) & fresh & (self.below_s[near] >= self.now_s - within_s)
         if self.moved_s > -np.inf:  # so may a trail of votes that a pet left too near to be seen cleared
             stale = below & (self.below_s[near] < self.now_s - self.low_s)
+            if self.keeps_beside:
+                stale &= self.below_s[near] - self.since_s[near] < TRAIL_S
             below[stale] = self._on_map(self.in_body(middles[stale]))
-        at_eye |= beside & remembered & (self.at_eye.votes[near] >= least)  # nobody saw it go
+        beside &= self.came_s[near] >= self.now_s - self.low_s  # nobody saw it go; but who came goes on after a while
+        at_eye |= beside & remembered & (self.at_eye.votes[near] >= least)
         below |= beside & (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - self.remember_s)
         found = np.nonzero(at_eye | below)
         points = middles[found]

@@ -45,6 +45,14 @@ def test_beams_through_a_cell_clear_it_and_what_has_stood_for_long_is_gone_after
     assert votes_at(votes, 2.53) == 2.0, "something in front says nothing of what is behind it"
 
 
+def test_what_walks_is_forgotten_in_three_views_through_it_unless_a_beam_ends_beside_it(votes):
+    votes.walks[:] = True
+    for range_m, left in ((np.inf, 0.0), (2.19, 3.5)):
+        look(votes, beams(2.03), 50)
+        look(votes, beams(range_m), 3)
+        assert votes_at(votes, 2.53) == left
+
+
 def test_where_a_beam_is_blind_it_clears_nothing(votes):
     look(votes, beams(2.03), 3)
     look(votes, beams(np.inf, blind_m=3.0), 10)

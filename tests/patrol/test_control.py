@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.geometry import se2
 from rhs.api.records import Path, PlanReason
-from rhs.patrol.control import Pace, ahead_on_path, closest_on_path, first_on_way, points_at, steer, turn
+from rhs.patrol.control import Pace, ahead_on_path, closest_on_path, first_on_way, points_at, short_of, steer, turn
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
 CORNER = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0]])
@@ -67,3 +67,10 @@ def test_the_first_thing_on_the_way_is_not_the_nearest_one():
     things = np.array([[0.5, 1.0], [3.1, 2.5], [2.9, 1.0]])
     assert np.array_equal(first_on_way(way, things, here, 0.3), things[2])
     assert np.array_equal(first_on_way(way, things[:1], here, 0.3), things[0]), "none is on it: the nearest"
+
+
+def test_a_way_is_driven_up_to_so_far_before_what_stands_on_it():
+    way = np.array([[0.0, 0.0], [4.0, 0.0]])
+    ahead = short_of(way, np.array([0.5, 0.1]), np.array([3.0, 0.0]), 1.0)
+    assert np.allclose(ahead[0], [0.5, 0.0]) and 1.9 < ahead[-1, 0] <= 2.0
+    assert len(short_of(way, np.array([2.5, 0.0]), np.array([3.0, 0.0]), 1.0)) == 0, "it is there"

@@ -350,7 +350,7 @@ def test_what_stood_for_a_while_is_remembered_for_as_long_and_what_was_seen_in_p
         for at_s in seen_s:
             watch.look(se2(1.0, 1.0, 0.0), Scan(BEARINGS, ranges_m, 6.0), now_s=at_s)
         assert watch.cells.any()
-        return not watch.forget_gone(now_s) and bool(watch.cells.any())
+        return not watch.forget_gone(now_s, np.zeros(2), 0.0) and bool(watch.cells.any())
 
     assert left((10.0, 11.0, 40.0), 65.0) and not left((38.0, 39.0, 40.0), 65.0)
     assert left((38.0, 39.0, 40.0), 43.0) and not left((10.0, 11.0, 40.0), 75.0)

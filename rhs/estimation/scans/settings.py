@@ -209,10 +209,13 @@ class VoteSettings:
     clear: float = 0.5
     """votes that a beam passing through a cell takes from it; one that ends there gives 1. A thing is seen ending beams more
     surely than passing them: a beam beside it passes the same cell"""
+    gone: float = 2.0
+    """the same of what was seen to move, where no beam of that view ends within 15 cm of the cell: it has gone on. Somebody
+    who has is forgotten in three views then, in nine at `clear`"""
     most: float = 5.0
     """votes a cell keeps: what has gone is forgotten after most / clear views through it"""
     short_m: float = 0.15
     """the last stretch before a beam's end speaks neither way, metres: noise of depth and of the pose"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, clear=(0.0, 10.0), most=(1.0, 1000.0), short_m=(0.0, 5.0))
+        check_ranges("", self, clear=(0.0, 10.0), gone=(0.0, 1000.0), most=(1.0, 1000.0), short_m=(0.0, 5.0))

@@ -17,16 +17,18 @@ from rhs.api.records import Scan
 from .rays import HIT, mark_stretches
 from .settings import VoteSettings
 
+BESIDE_M = 0.15  # where no beam ends so near to a cell, those that pass it do not pass beside what stands there
 SAME_M, SAME_PER_M = 0.15, 0.05  # two beams that end this near one another see the same thing
 
 
 class Votes:
-    """(H, W) votes for a thing in each cell, in [0, most]; `origin_m` is the corner of cell (0, 0)."""
+    """(H, W) votes for a thing in each cell, in [0, most]; `origin_m` is the corner of cell (0, 0). walks (H, W) bool: cells
+    of what may walk on: there a view through which nothing ends near by takes `gone` votes."""
 
     def __init__(self, shape: tuple[int, int], resolution_m: float, origin_m: tuple[float, float],
                  settings: VoteSettings) -> None:
         self.resolution_m, self.origin_m, self.settings = resolution_m, np.array(origin_m, float), settings
-        self.votes = np.zeros(shape, np.float32)
+        self.votes, self.walks = np.zeros(shape, np.float32), np.zeros(shape, np.bool_)
         self._marks = np.zeros(shape, np.uint8)
         self._touched = np.zeros((self._marks.size, 2), np.int32)
 
@@ -43,18 +45,27 @@ class Votes:
         at = (start - self.origin_m) / self.resolution_m
         count = mark_stretches(self._marks, self._touched, at, angles, stretches, ends)
         cells: np.ndarray = self._touched[:count].copy()
-        _count(self.votes, self._marks, cells, np.float32(self.settings.clear), np.float32(self.settings.most))
+        settings, beside = self.settings, round(BESIDE_M / self.resolution_m)
+        steps = np.array([settings.clear, settings.gone, settings.most], np.float32)
+        _count(self.votes, self._marks, self.walks, cells, steps, beside)
         return cells
 
 
 @compiled
-def _count(votes: np.ndarray, marks: np.ndarray, cells: np.ndarray, clear: np.float32, most: np.float32) -> None:
-    """Add the marks to the votes of their cells, and clear them."""
+def _count(votes: np.ndarray, marks: np.ndarray, walks: np.ndarray, cells: np.ndarray, steps: np.ndarray,
+           beside: int) -> None:
+    """Add the marks to the votes of their cells, and clear them. steps: (clear, gone, most); beside: cells."""
+    clear, gone, most = steps
     for row, column in cells:
         if marks[row, column] == HIT:
             votes[row, column] = min(votes[row, column] + np.float32(1.0), most)
-        else:
-            votes[row, column] = max(votes[row, column] - clear, np.float32(0.0))
+        elif votes[row, column] > np.float32(0.0):
+            step = clear
+            if walks[row, column]:
+                near = marks[max(row - beside, 0):row + beside + 1, max(column - beside, 0):column + beside + 1]
+                step = clear if (near == HIT).any() else gone
+            votes[row, column] = max(votes[row, column] - step, np.float32(0.0))
+    for row, column in cells:
         marks[row, column] = 0
 
 

@@ -1,0 +1,213 @@
+"""Where no way is left past what was seen: go nearer to what bars it, aside for who comes, wait, look again, give up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rhs.api.contracts import Blockage, Blocked, Replan
+from rhs.api.geometry import se2, wrap
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Event, MissionStatus, Path, Scan, Twist
+from rhs.api.validate import check_blocked
+
+from .aside import PATIENCE_VIEWS, Aside
+from .changed_map import STAYS_S
+from .control import Pace, Progress, ahead_on_path, first_on_way, short_of, steer, target_on, turn, turns
+from .guard import Guard
+from .mission import Logbook, MissionSettings
+from .obstacles import ObstacleWatch, in_body, in_map
+from .planning import RoomyPlanner
+
+WAIT_S = 0.5  # one view of waiting
+WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
+WATCH_M, MOST_APPROACH = 0.8, 200  # what bars the way is looked at from so near; commands to get there, a place
+WATCH_RAD = np.radians(15.0)  # what is waited for is kept this near the middle of the view
+MOST_BARRED = 6  # commands refused on end after which a gap hardly wider than the robot is not tried again
+MOST_BACK, MOST_BACK_TO_SEE, MOST_RETURNS = 2, 5, 3  # times a place: back to find a way, to see, to what barred a way before
+LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)  # forth and back
+
+
+class Barred:
+    """The part of a sentinel that knows what to do then."""
+
+    settings: MissionSettings
+    book: Logbook
+    grid: OccupancyGrid
+    roads: RoomyPlanner
+    watch: ObstacleWatch
+    guard: Guard
+    pace: Pace
+    replan: Replan
+    who: Mapping[str, str]
+    obstacle: Scan | None
+    radius_m: float
+
+    def _begin_place(self) -> None:
+        self.path: Path | None = None
+        self.seen_obstacles: list[np.ndarray] = []
+        self.queued: list[Twist] = []  # commands before anything else is planned
+        self.looked_again, self.last_reason = False, ""
+        self.progress, self.aside = Progress(), Aside()
+        self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
+
+    def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
+        """End the mission."""
+        raise NotImplementedError
+
+    def _back(self, pose: np.ndarray) -> Twist | None:
+        """A little back the way the robot came, if the map and what it has seen leave room there."""
+        return self.guard.back_off(self.watch.walls_near(pose))
+
+    def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
+        """A robot that stands too near to things to set off goes back a little. Where something seen bars every way, ask the
+        replan part. Else, or if it wants to go on: forget what was seen and look again once; then give the place up, with
+        the planner's reason."""
+        if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
+            self.backed += 1
+            return back
+        seen = self.grid.centres(np.argwhere(self.watch.cells))
+        if self.barred:
+            seen = np.concatenate([seen, self._near_things(pose)])
+        way = self._way_left(pose)
+        at = first_on_way(way, seen, pose[:2], self.radius_m + self.settings.margin_m) if len(seen) else pose[:2]
+        if len(seen):
+            if self.aside.goal_m is None and (nearer := self._approach(way, at, pose, events)) is not None:
+                return nearer
+            if self._goes_aside(at, pose) or self._may_have_gone(at, pose):
+                return self._wait(at, pose, events)
+            mission = self.book.current
+            command = self._answer(self._told(at, pose, no_way=True), pose, events)
+            if command is not None or self.book.current is not mission:
+                return command
+        if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
+            return self._wait(at, pose, events)
+        if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
+            self.looked_again = True
+            self.watch.forget()
+            self.guard.around.forget_specks()
+            self.queued = turns(LOOK_AGAIN_TURNS, self.pace)
+            return turn(-self.pace.turn_step_rad, self.pace)
+        touched = f" (touches: {self.contacts})" if self.contacts else ""
+        self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
+        return None
+
+    @property
+    def _blind_m(self) -> float:
+        """Metres within which the camera looks over the floor."""
+        return self.obstacle.blind_m if self.obstacle is not None else 0.0
+
+    def _way_left(self, pose: np.ndarray) -> Path:
+        """The way past what was seen to stay, as if nothing else stood there; the map's if there is none."""
+        goal_m, nothing = np.array(self.book.missions[-1].goal_m), np.zeros((0, 2))
+        for stays in (self.watch.stood_s >= STAYS_S, np.zeros(self.grid.shape, bool)):
+            way = self.roads.plan(pose[:2], goal_m, squeeze=self.guard.sees, obstacles=stays, things_m=nothing)
+            if way.found:
+                break
+        return way
+
+    def _approach(self, way: Path, at_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist | None:
+        """Along the way that is left up to what bars it: seen from near it may leave room, and who walks off is followed.
+        None where the robot is there."""
+        stop_m = max(self._blind_m, WATCH_M) + self.pace.step_m
+        stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else np.zeros((0, 2))
+        if len(stretch) < 2 or np.linalg.norm(stretch[-1] - pose[:2]) < self.pace.step_m or self.approached >= MOST_APPROACH:
+            return None
+        self.approached += 1
+        target_m = in_body(target_on(stretch, pose[:2], self.pace), pose)
+        command, why = self.guard.allow(steer(stretch, se2(*pose), self.pace), target_m)
+        if command is not None:
+            self.attempts -= not self.guard.moves
+            events.extend([why] if why is not None else [])
+        return command
+
+    def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
+        """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
+        waits = self.guard.moves and not self.contacts and self.waited >= PATIENCE_VIEWS
+        goes = (waits or self.aside.goal_m is not None) and self.aside.go(
+            pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells))
+        self.waited = 0 if goes else self.waited
+        return goes
+
+    def _may_have_gone(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
+        """Whether anything that was seen before may have gone, and is forgotten: where something moves, and else a few times
+        a place. Who is seen to come and stands in the way here is waited for first."""
+        comes = self.guard.moves and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
+        if comes or not self.guard.moves and (self.contacts or self.returned >= MOST_RETURNS):
+            return False
+        self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s, pose[:2], self._blind_m))
+        return gone
+
+    def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
+        """Stand for a view before what is in the way; the plan that failed is tried again."""
+        self.waited, self.progress.still = self.waited + 1, 0
+        self.attempts -= self.path is None and not self.guard.moves
+        events.append(event)
+        return self._watching(at_m, pose)
+
+    def _watching(self, at_m: np.ndarray, pose: np.ndarray) -> Twist:
+        """Stand still for a view, turned to what is waited for, and back from it as far as the camera sees the floor there:
+        else nobody sees it go."""
+        near = np.linalg.norm(at_m - pose[:2]) < self._blind_m
+        if near and self.backed < MOST_BACK_TO_SEE and (back := self._back(pose)) is not None:
+            self.backed += 1
+            return back
+        bearing = float(wrap(np.arctan2(at_m[1] - pose[1], at_m[0] - pose[0]) - pose[2]))
+        if abs(bearing) > WATCH_RAD and self.guard.sees and not self.pace.arc_radius_m:
+            return turn(bearing, self.pace)
+        return Twist(0.0, 0.0, WAIT_S)
+
+    def _near_things(self, pose: np.ndarray, *, walls: bool = False) -> np.ndarray:
+        """(K, 2) metres in the map: what the robot has seen round itself lately and the map does not know; walls: or knows
+        nearly there, as one eye is off by as much as its way keeps from a wall. Where things move, what it has not looked at
+        for a while may have gone; not what its guard refuses to pass again and again."""
+        lately_s = self.settings.advanced.guard.fade_s if self.guard.moves and self.barred < MOST_BARRED else np.inf
+        points = in_map(self.guard.around.things(lately_s), pose)
+        near: np.ndarray = points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
+        return near
+
+    def _told(self, at_m: np.ndarray, pose: np.ndarray, *, known: bool = True, no_way: bool = False) -> Blockage:
+        """What the replan part is told of something in the way there."""
+        return Blockage(at_m, known, self.waited, self.book.skipped(), self.book.others(pose[:2]), no_way)
+
+    def _blockage(self, pose: np.ndarray) -> Blockage | None:
+        """What the map does not know and stands on the path ahead."""
+        assert self.path is not None
+        ahead = ahead_on_path(self.path.points_m, pose[:2], self.settings.watch_m)
+        hits = self.watch.on_way(ahead, self.radius_m + self.settings.margin_m - 0.5 * self.grid.resolution_m)
+        if len(hits) == 0:
+            return None
+        known = any(np.linalg.norm(hits - seen, axis=1).min() < 1.5 for seen in self.seen_obstacles)
+        return self._told(hits.mean(axis=0), pose, known=known)
+
+    def _answer(self, blockage: Blockage, pose: np.ndarray, events: list[Event]) -> Twist | None:
+        """Do what the replan part says of the blockage: a command to wait, or None and no path any more."""
+        answer, at = check_blocked(self.replan.blocked(blockage), who=self.who.get("replan", "replan")), blockage.at_m
+        if answer in (Blocked.WAIT, Blocked.ASK):
+            return self._wait(at, pose, events, event=Event.WAIT if answer is Blocked.WAIT else Event.ASK)
+        if blockage.no_way and answer in (Blocked.REPLAN, Blocked.NEW_MISSION):
+            return None  # it is looked at once more
+        self.path, self.waited = None, 0
+        self.seen_obstacles.append(at)
+        near = f"obstacle near ({at[0]:.1f}, {at[1]:.1f}) m"
+        if answer is Blocked.SKIP and blockage.others and blockage.skipped < self.settings.tries:
+            self.book.put_off(pose[:2])
+            self._finish(MissionStatus.SKIPPED, near, events)
+        elif answer in (Blocked.GIVE_UP, Blocked.SKIP):
+            self._finish(MissionStatus.GAVE_UP, near, events)
+        elif answer is Blocked.NEW_MISSION:
+            self.book.close(MissionStatus.ABORTED, near)
+            self.book.open(pose[:2]).replans += 1
+            events.append(Event.BLOCKED)
+        else:
+            self.book.missions[-1].replans += 1
+            events.append(Event.REPLAN)
+        return None
+
+    def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
+        """Give the place up; later: it is tried once more, after the others if any: what is in the way may go."""
+        goes_on = self.book.others(pose[:2]) > 0 or (self.guard.moves and not self.contacts)
+        if later := later and goes_on and not self.book.skipped():
+            self.book.put_off(pose[:2])
+        self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)
