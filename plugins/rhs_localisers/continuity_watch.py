@@ -1,6 +1,6 @@
 """Has the robot watched its own way? Each view is compared with the one before, by key-points and scans
-(rhs.estimation.views.motion_consistency). Where it may spare key-points the scan is asked first: while that goes on and lies on the
-walls, key-points are compared only as often as half of what the last of them saw leaves the view."""
+(rhs.estimation.views.motion_consistency). Where it may spare key-points the scan is asked first: while that goes on and lies
+on the walls, key-points are compared only as often as half of what the last of them saw leaves the view."""
 
 from __future__ import annotations
 

@@ -3,8 +3,9 @@
 Between places the belief is dead reckoning with a growing covariance, and every few views the scan is laid onto the map
 (rhs.estimation.scans.scan_match): it corrects what it can see, which along a corridor is the side and the heading.
 Every few views the place database is asked; its verified answers confirm, correct or replace the guesses
-(rhs.estimation.filters.pose_hypotheses). When it abstains nothing changes. A robot that watched its way, and knows its pose better
-than a place could tell it, asks more seldom, and has no key-points looked for in views that the scan vouches for.
+(rhs.estimation.filters.pose_hypotheses). When it abstains nothing changes. A robot that watched its
+way, and whom a place would tell less than a bit, asks more seldom, and has no key-points looked for in views that the scan
+vouches for; nothing corrects it there, as the errors of scans and places hold each other only where both are heard.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ class PlaceLocaliser:
             answer, self._last_asked = self._ask(observation), self._steps
             self._use_places(possible(answer, self._walls, s.advanced.confirmation), observation, scan)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
-        if self._matcher is not None and scan is not None and self._steps % s.match_every == 0:
+        if self._matcher is not None and scan is not None and self._steps % s.match_every == 0 and not self._watching.spared:
             self._state = replace(
                 self._state, guesses=tuple(laid_on_map(g, scan, self._matcher) for g in self._state.guesses))
         self._steps += 1
@@ -212,14 +213,14 @@ class PlaceLocaliser:
 
     def _spares(self) -> bool:
         """Whether this view needs no key-points, if its scan vouches for it: a robot that is sure and watched its way has
-        asked the places lately, and knows its pose better than they could tell it."""
+        asked the places lately, and they would tell it little."""
         if self._doubts() or not self._confirmation.held or self._contradiction.pending:
             return False
         if self._steps % self._settings.every:
             return self._advanced.seldom > 1
         best = self._state.best
-        return best is not None and self._steps - self._last_asked < self._advanced.seldom and worth(
-            best.covariance, self._fix) < 1.0
+        return best is not None and self._steps - self._last_asked < self._advanced.seldom and (
+            told_bits(best.covariance, self._fix) < self._advanced.least_bits)
 
     def _ask(self, observation: Observation) -> PlaceAnswer:
         assert self._database is not None, "learn() comes before update()"
@@ -256,11 +257,13 @@ class PlaceLocaliser:
         return BeliefStatus.CONVERGING if weight >= self._settings.lost_below else BeliefStatus.LOST
 
 
-def worth(covariance: np.ndarray, fix: np.ndarray) -> float:
-    """How much a place with covariance `fix` (6, 6) tells of a pose on the floor with `covariance` (6, 6): the largest ratio
-    of their variances over all directions. Below 1 it takes less than half a bit, log2(1 + ratio) / 2, from any of them."""
-    s = np.sqrt(np.diag(fix)[[0, 1, 5]])
-    return float(np.linalg.eigvalsh(covariance[np.ix_([0, 1, 5], [0, 1, 5])] / np.outer(s, s))[-1])
+def told_bits(covariance: np.ndarray, fix: np.ndarray) -> float:
+    """What a place with covariance `fix` (6, 6), diagonal, tells of a pose on the floor with `covariance` (6, 6), in the
+    direction of which it tells most: bits of information, log2(1 + ratio of the variances) / 2."""
+    rows = [0, 1, 5]
+    s = np.sqrt(np.diag(fix)[rows])
+    ratio = np.linalg.eigvalsh(covariance[np.ix_(rows, rows)] / np.outer(s, s))[-1]
+    return float(0.5 * np.log2(1.0 + max(ratio, 0.0)))
 
 
 def left_on_loop(at_end: np.ndarray, share: float) -> np.ndarray:
