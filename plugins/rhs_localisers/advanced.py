@@ -101,7 +101,7 @@ class SiftDbAdvanced(ByPlaces):
     """the drift of the odometry keeps its sign for about so long, metres"""
     least_bits: float = 1.0
     """a robot that watched its way asks the places as usual only where they would tell it so much of its pose, in the
-    direction of which they tell most: log2(1 + ratio of its variance and theirs) / 2; one bit answers one question by yes or no"""
+    direction of which they tell most: log2(1 + ratio of its variance and theirs) / 2; one bit answers one yes-no question"""
     seldom: int = 9
     """else every so many views. In between no key-points are looked for while its scan goes on and lies on walls: one that
     was carried off to where its scan fits as well finds out by then; 1: asks as any other"""
