@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
 
+_PLAIN = {float, int, bool, str, type(None)}  # most of what records hold
 Value = TypeVar("Value")
 
 
@@ -15,16 +17,24 @@ def freeze(value: Value) -> Value:
     """The same value; every array in it, in its records and sequences, can no longer be written to."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
-    elif isinstance(value, (tuple, list)):
-        for item in value:
-            freeze(item)
-    elif isinstance(value, Mapping):
-        for item in value.values():
-            freeze(item)
-    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for item in dataclasses.fields(value):
-            freeze(getattr(value, item.name))
+    else:
+        for item in _items_of(type(value))(value):
+            if type(item) not in _PLAIN:
+                freeze(item)
     return value
+
+
+@cache
+def _items_of(kind: type) -> Callable[[Any], Iterable[Any]]:
+    """What gives the items of a value of this type: looked up once, as a survey's views are frozen each time one is read."""
+    if issubclass(kind, (tuple, list)):
+        return iter
+    if issubclass(kind, Mapping):
+        return lambda value: value.values()
+    if dataclasses.is_dataclass(kind):
+        names = [item.name for item in dataclasses.fields(kind)]
+        return lambda value: [getattr(value, name) for name in names]
+    return lambda value: ()
 
 
 def frozen_copy(array: np.ndarray) -> np.ndarray:
