@@ -71,9 +71,11 @@ def main(words: list[str] | None = None) -> int:
 def entry() -> int:
     """The console script `rhs`. What a part started ends with it: processes, and threads that would be waited for."""
     from rhs.base.processes import adopt_orphans, kill_strays
+    from rhs.reports import beside
 
     adopt_orphans()
     first_run.allow()
+    beside.allow()
     try:
         code = main()
     except KeyboardInterrupt:  # a second one, while the first was answered
