@@ -86,9 +86,10 @@ class ContinuityWatch:
         self._left = None
 
     def _vouches(self, last: Scan | None, motion: Motion, expected: np.ndarray | None) -> bool:
-        """Whether the scan goes on from the last one and lies on the walls, and the odometry followed its way."""
-        return motion.status is Tracking.OK and self.on_walls(expected) and scan_continuity(
-            last, self._scan, motion.previous_from_body, self._rules) is Continuity.GOES_ON
+        """Whether the odometry followed its way, and the scan goes on from the last one and lies on the walls: whatever the
+        key-points were to say, `_compared` would then say that the view goes on."""
+        return motion.status is Tracking.OK and self.on_walls(expected) and self._passer_by(last, motion) and (
+            scan_continuity(last, self._scan, motion.previous_from_body, self._rules) is Continuity.GOES_ON)
 
     def _compared(self, scan: Scan | None, observation: Observation, motion: Motion,
                   expected: np.ndarray | None) -> Continuity:
