@@ -15,6 +15,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
     os.environ[_name] = "1"
 
 import argparse  # noqa: E402
+import gc  # noqa: E402
 import signal  # noqa: E402
 import threading  # noqa: E402
 import warnings  # noqa: E402
@@ -27,6 +28,7 @@ from . import first_run  # noqa: E402
 from .commands import command, plugin_files  # noqa: E402
 from .one_run import Terminated, complain, one_run, signal_code  # noqa: E402
 
+COLLECT_AFTER = 20_000  # new objects: what is loaded at the start is no garbage, and a run makes little
 USAGE = "python -m rhs [options] key=value ..."
 
 
@@ -73,6 +75,7 @@ def entry() -> int:
     from rhs.base.processes import adopt_orphans, kill_strays
     from rhs.reports import beside
 
+    gc.set_threshold(COLLECT_AFTER)
     adopt_orphans()
     first_run.allow()
     beside.allow()

@@ -3,17 +3,13 @@ processor. Whatever goes wrong there, the run draws them itself."""
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
-import threading
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 
 from rhs.base.processes import die_with_parent
 
-STANDS_BACK = 10  # nice(2), while it loads
 DRAWN = "drawn"
 CODE = "import sys; sys.path[:] = sys.argv[1:]; from rhs.reports.beside import serve; serve()"
 _allowed = False
@@ -58,18 +54,10 @@ class Drawer:
 def serve() -> None:
     """Load what draws, hear of a folder, draw it and say so."""
     die_with_parent()
-    loading = threading.Thread(target=_load)  # a thread of its own: nobody may make himself nicer for a while only
-    loading.start()
-    loading.join()
-    if folder := sys.stdin.readline().rstrip("\n"):
-        from . import report
+    import matplotlib.backends.backend_agg  # noqa: F401
 
+    from . import report
+
+    if folder := sys.stdin.readline().rstrip("\n"):
         report.pictures(Path(folder))
         sys.stdout.write(f"{DRAWN}\n")
-
-
-def _load() -> None:
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), STANDS_BACK)
-    for name in ("matplotlib.backends.backend_agg", "matplotlib.figure", "rhs.reports.report"):
-        import_module(name)
