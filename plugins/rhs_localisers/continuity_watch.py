@@ -46,8 +46,7 @@ class ContinuityWatch:
         somebody who passes close by, and tell nothing; where most of the scan lies on walls too, nobody was carried off.
         sparing: do not look for key-points where the scan alone says that the view goes on."""
         scan, self._scan = self._scan, observation.scan
-        still = self._image is not None and np.array_equal(self._image, observation.image)  # a camera that hangs
-        self._image = observation.image
+        still = self._hangs(observation)
         self._since = self._since @ motion.previous_from_body
         if self._left is not None:
             self._left = self._left[0], self._left[1] @ motion.previous_from_body
@@ -57,6 +56,11 @@ class ContinuityWatch:
         self._previous = None if self._features is None else (self._features, self._since)
         self._features, self._since = features(observation, self._settings), np.eye(4)
         return self._compared(scan, observation, motion, expected)
+
+    def _hangs(self, observation: Observation) -> bool:
+        """Whether the picture is the last one: no camera sees the same twice, but one that hangs."""
+        last, self._image = self._image, observation.image
+        return last is not None and self._image is not None and np.array_equal(last, self._image)
 
     def overlaps(self, camera: Camera, motion: np.ndarray | None = None) -> bool:
         """Whether half of the last key-points with depth, and enough to tell anything, are still in view; after one more

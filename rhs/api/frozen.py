@@ -18,7 +18,8 @@ def freeze(value: Value) -> Value:
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     else:
-        for item in _items_of(type(value))(value):
+        kind: type = type(value)
+        for item in _items_of(kind)(value):
             if type(item) not in _PLAIN:
                 freeze(item)
     return value
