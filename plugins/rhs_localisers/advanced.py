@@ -99,6 +99,12 @@ class SiftDbAdvanced(ByPlaces):
     """weight below which a guess is dropped"""
     steady_m: float = 5.0
     """the drift of the odometry keeps its sign for about so long, metres"""
+    least_bits: float = 1.0
+    """a robot that watched its way asks the places as usual only where they would tell it so much of its pose, in the
+    direction of which they tell most: log2(1 + ratio of its variance and theirs) / 2; one bit answers one yes-no question"""
+    seldom: int = 9
+    """else every so many views. In between no key-points are looked for while its scan goes on and lies on walls: one that
+    was carried off to where its scan fits as well finds out by then; 1: asks as any other"""
     pictured_share: float = 0.5
     """a map drawn by one camera errs by this share of what the survey's last view was unsure by before its loop was closed:
     the most that is left on a closed loop. Scans laid on it err alike: no belief in it is surer"""
@@ -115,7 +121,8 @@ class SiftDbAdvanced(ByPlaces):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_ranges("", self, gate_probability=(0.5, 1.0 - 1e-12), keep=(1, 10_000), floor=(0.0, 0.5), steady_m=(0.0, 1e4),
-                     pictured_share=(0.0, 10.0), pictured_sigma_m=(0.0, 10.0), pictured_sigma_rad=(0.0, 3.0))
+                     least_bits=(0.0, 100.0), seldom=(1, 10_000), pictured_share=(0.0, 10.0),
+                     pictured_sigma_m=(0.0, 10.0), pictured_sigma_rad=(0.0, 3.0))
 
 
 @dataclass

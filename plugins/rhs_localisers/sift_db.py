@@ -3,7 +3,9 @@
 Between places the belief is dead reckoning with a growing covariance, and every few views the scan is laid onto the map
 (rhs.estimation.scans.scan_match): it corrects what it can see, which along a corridor is the side and the heading.
 Every few views the place database is asked; its verified answers confirm, correct or replace the guesses
-(rhs.estimation.filters.pose_hypotheses). When it abstains nothing changes.
+(rhs.estimation.filters.pose_hypotheses). When it abstains nothing changes. A robot that watched its
+way, and whom a place would tell less than a bit, asks more seldom, and has no key-points looked for in views that the scan
+vouches for; nothing corrects it there, as the errors of scans and places hold each other only where both are heard.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ from rhs.estimation.filters.pose_hypotheses import (
 )
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.views.explainability import expected
-from rhs.estimation.views.features import features
+from rhs.estimation.views.features import features, foretell
 from rhs.estimation.views.motion_consistency import Continuity
 from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, Recognised, shares
 from rhs.estimation.views.place_memory import memory_of
@@ -58,7 +60,7 @@ class PlaceLocaliser:
         self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
         self._matcher: ScanMatcher | None = None  # ... and, if that is wished, to correct the belief by
         self._grid: OccupancyGrid | None = None
-        self._steps = 0
+        self._steps, self._last_asked = 0, 0
         self._of_fix = np.zeros((6, 6))  # what a place lifted on pictures errs by besides what its key-points say ...
         self._of_map = np.zeros((6, 6))  # ... and covariance of a map drawn by one camera, which no fix in it takes away
         self._contradicted = False
@@ -78,6 +80,7 @@ class PlaceLocaliser:
         if pictured:
             self._of_fix = flat(a.pictured_sigma_m**2, a.pictured_sigma_rad**2)
             self._of_map = self._of_fix + left_on_loop(views[-1].covariance, a.pictured_share)
+        self._fix = self._of_fix + flat(a.places.place_sigma_m**2, np.radians(a.places.place_sigma_deg) ** 2)
         self._grid = grid
         self._walls = ScanMatcher(grid, a.pictured if pictured else a.match) if grid is not None else None
         self._watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
@@ -86,7 +89,7 @@ class PlaceLocaliser:
 
     def start(self, belief: Belief | None) -> None:
         """Begin from a belief, or anywhere."""
-        self._steps, self._contradicted = 0, False
+        self._steps, self._last_asked, self._contradicted = 0, 0, False
         self._before = None
         self._watching.begin()
         self._contradiction = Contradiction(self._advanced.confirmation)
@@ -107,13 +110,15 @@ class PlaceLocaliser:
         details: dict[str, float] = {}
         scan = observation.scan if observation.scan is not None else motion.scan
         if self._due():
-            answer = self._ask(observation)
+            answer, self._last_asked = self._ask(observation), self._steps
             self._use_places(possible(answer, self._walls, s.advanced.confirmation), observation, scan)
             details = {"place_inliers": _inliers(answer), "place_verified": float(len(answer.verified))}
-        if self._matcher is not None and scan is not None and self._steps % s.match_every == 0:
+        if self._matcher is not None and scan is not None and self._steps % s.match_every == 0 and not self._watching.spared:
             self._state = replace(
                 self._state, guesses=tuple(laid_on_map(g, scan, self._matcher) for g in self._state.guesses))
         self._steps += 1
+        if not self._spares() or not self._watching.overlaps(observation.camera, motion.previous_from_body):
+            foretell(self._context.features, observation.index + 1)
         return self._belief(details)
 
     def _watch(self, observation: Observation, motion: Motion, noise: np.ndarray) -> None:
@@ -121,7 +126,7 @@ class PlaceLocaliser:
         from the one before the break: then somebody passed close by, and what was known before, moved since, holds."""
         best = self._state.best
         expected = None if best is None else planar(best.map_from_body)
-        seen = self._watching.goes_on(observation, motion, expected)
+        seen = self._watching.goes_on(observation, motion, expected, sparing=self._spares())
         if seen is not Continuity.GOES_ON and motion.status is Tracking.OK and (
                 self._hides(observation.scan, best) or self._watching.on_walls(expected)):
             # the odometry saw past who stands there, or saw what few key-points did not show
@@ -133,7 +138,7 @@ class PlaceLocaliser:
             self._before = self._state
             self._watching.settle()
             if seen is Continuity.BROKEN:
-                self._watching.keep_last(motion.previous_from_body)
+                self._watching.keep_last()
         elif self._before is not None:
             self._before = predict(self._before, motion.previous_from_body, noise, self._trust)
             if self._watching.resumed(observation.camera):
@@ -200,9 +205,22 @@ class PlaceLocaliser:
             scan, self._walls, planar(best.map_from_body), self._advanced.confirmation)
 
     def _due(self) -> bool:
+        return self._doubts() or (self._steps % self._settings.every == 0 and not self._watching.spared)
+
+    def _doubts(self) -> bool:
         sure = 1.0 - self._state.elsewhere >= self._settings.tracking_above
-        sure = sure and self._confirmation.confirmed
-        return not sure or self._contradicted or self._steps % self._settings.every == 0
+        return not (sure and self._confirmation.confirmed) or self._contradicted
+
+    def _spares(self) -> bool:
+        """Whether this view needs no key-points, if its scan vouches for it: a robot that is sure and watched its way has
+        asked the places lately, and they would tell it little."""
+        if self._doubts() or not self._confirmation.held or self._contradiction.pending:
+            return False
+        if self._steps % self._settings.every:
+            return self._advanced.seldom > 1
+        best = self._state.best
+        return best is not None and self._steps - self._last_asked < self._advanced.seldom and (
+            told_bits(best.covariance, self._fix) < self._advanced.least_bits)
 
     def _ask(self, observation: Observation) -> PlaceAnswer:
         assert self._database is not None, "learn() comes before update()"
@@ -237,6 +255,15 @@ class PlaceLocaliser:
         if weight >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
             return BeliefStatus.TRACKING
         return BeliefStatus.CONVERGING if weight >= self._settings.lost_below else BeliefStatus.LOST
+
+
+def told_bits(covariance: np.ndarray, fix: np.ndarray) -> float:
+    """What a place with covariance `fix` (6, 6), diagonal, tells of a pose on the floor with `covariance` (6, 6), in the
+    direction of which it tells most: bits of information, log2(1 + ratio of the variances) / 2."""
+    rows = [0, 1, 5]
+    s = np.sqrt(np.diag(fix)[rows])
+    ratio = np.linalg.eigvalsh(covariance[np.ix_(rows, rows)] / np.outer(s, s))[-1]
+    return float(0.5 * np.log2(1.0 + max(ratio, 0.0)))
 
 
 def left_on_loop(at_end: np.ndarray, share: float) -> np.ndarray:

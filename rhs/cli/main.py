@@ -15,6 +15,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
     os.environ[_name] = "1"
 
 import argparse  # noqa: E402
+import gc  # noqa: E402
 import signal  # noqa: E402
 import threading  # noqa: E402
 import warnings  # noqa: E402
@@ -29,6 +30,7 @@ from .arguments import JOBS, TIMEOUT, Number, add, check, limits  # noqa: E402
 from .commands import command, plugin_files  # noqa: E402
 from .one_run import Terminated, complain, one_run, signal_code  # noqa: E402
 
+COLLECT_AFTER = 20_000  # new objects: what is loaded at the start is no garbage, and a run makes little
 USAGE = "python -m rhs [options] key=value ..."
 LIMITS = {"jobs": JOBS, "timeout": TIMEOUT, "fail_fast": Number(0, low=0, high=1_000_000),
           "memory_mb": Number(0.0, low=0.0, high=1e7, unit="MB"), "retries": Number(1, low=0, high=100)}
@@ -68,9 +70,12 @@ def main(words: list[str] | None = None) -> int:
 def entry() -> int:
     """The console script `rhs`. What a part started ends with it: processes, and threads that would be waited for."""
     from rhs.base.processes import adopt_orphans, kill_strays
+    from rhs.reports import beside
 
+    gc.set_threshold(COLLECT_AFTER)
     adopt_orphans()
     first_run.allow()
+    beside.allow()
     try:
         code = main()
     except KeyboardInterrupt:  # a second one, while the first was answered

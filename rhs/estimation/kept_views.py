@@ -1,7 +1,8 @@
 """The views of a survey, kept in a file: a drive of any length takes the memory of a short one.
 
 A view is some 5 kB, with its key-points 200 kB at 640x480, and nobody looks at it before the drive is over; then all are
-looked at one after the other, and each is made anew from the file, the same to the bit.
+looked at one after the other, a dozen times, and each is made anew from the file, the same to the bit. The first of them, a
+short survey's all, are kept without their key-points once they have been made.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from rhs.api.geometry import Camera
 from rhs.api.records import Features, View
 from rhs.base.errors import RhsError
 from rhs.base.system import read_at, write_at
+
+HELD = 500  # views, some 10 kB each
 
 
 class LazyViews(Sequence[View]):
@@ -67,7 +70,7 @@ class KeptViews(LazyViews):
         self._camera_of = array("l")
         self._features: dict[int, tuple[int, int]] = {}  # row -> where they begin, and their size
         self._free: list[tuple[int, int]] = []  # of key-points that were given up
-        self._in_memory: dict[int, View] = {}  # of parts whose records cannot be written
+        self._in_memory: dict[int, View] = {}  # of parts whose records cannot be written, and those made before
 
     def __len__(self) -> int:
         return len(self._begins)
@@ -98,6 +101,8 @@ class KeptViews(LazyViews):
 
     def view(self, k: int) -> View:
         view: View = self._in_memory.get(k) or freeze(self._get(self._begins[k], self._sizes[k]))
+        if k < HELD:
+            self._in_memory[k] = view
         features = None
         if k in self._features:
             features = self._get(*self._features[k])

@@ -12,7 +12,7 @@ from rhs.api.contracts import Context
 from rhs.api.floorplan import World
 from rhs.api.geometry import se2
 from rhs.api.records import Step
-from rhs.api.spare import grant
+from rhs.api.spare import grant, granted
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
@@ -32,6 +32,8 @@ from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
 if TYPE_CHECKING:
+    from rhs.reports.beside import Drawer
+
     from .shared import SharedSurvey
 
 
@@ -125,19 +127,24 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
     if config.pictures == "off" and not config.video:
         return
     try:
-        from rhs.reports import report
-
-        if config.pictures != "off":
-            report.pictures(folder)
+        if config.pictures != "off" and not (run.drawer is not None and run.drawer.pictures(folder)):
+            report().pictures(folder)
         if config.pictures == "page":
-            report.html(folder)
+            report().html(folder)
         if config.video:
-            report.video(folder)
+            report().video(folder)
     except BaseException as error:
         row["picture_failures"] = run.said_of(error)
         write_row(folder, row)
         if isinstance(error, KeyboardInterrupt):
             raise
+
+
+def report() -> Any:
+    """The module that draws, loaded when it is needed."""
+    from rhs.reports import report
+
+    return report
 
 
 class RunContext:
@@ -147,6 +154,7 @@ class RunContext:
         self.config, self.folder, self._watch, self.shared = config, folder, watch, shared
         self.seed, self.world, self.features = config.seed, config.world, config.features
         self.log: RunLog | None = None
+        self.drawer: Drawer | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
         self._eyes: list[Eyes | Ahead] = []
@@ -224,6 +232,13 @@ class RunContext:
         """The files that grow with the steps of this run."""
         self.log = open_log(self.config, parts, world, self.folder, self._watch)
         return self.log
+
+    def draw_beside(self) -> None:
+        """Have the pictures drawn by another process, where a processor is to spare."""
+        if granted() and self.config.pictures != "off":
+            from rhs.reports.beside import Drawer
+
+            self.drawer = Drawer()
 
     # --- for the run ------------------------------------------------------------------------------------------------
 

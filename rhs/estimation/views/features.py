@@ -37,6 +37,7 @@ AHEAD = 8  # views that may lie between one whose key-points were asked for and 
 
 _shared: WeakKeyDictionary[Observation, dict[Any, Callable[[], Features]]] = WeakKeyDictionary()
 _asked: dict[Any, tuple[int, int]] = {}  # index of the view last asked about, how many in a row were
+_foretold: dict[Any, int] = {}  # index of a view that will be asked about
 
 
 def features(observation: Observation, settings: FeatureSettings) -> Features:
@@ -57,15 +58,24 @@ def orb_features(observation: Observation, count: int = 500) -> Features:
     return _remember(observation, ("orb", count))
 
 
+def foretell(settings: FeatureSettings, index: int) -> None:
+    """Say that the key-points of the view with this index will be asked for, though not those of every view."""
+    if granted():
+        _foretold[settings] = index
+
+
 def foresee(observation: Observation) -> None:
-    """Where a processor is to spare, begin to find the key-points that were asked for of one view after the other."""
+    """Where a processor is to spare, begin to find the key-points that were asked for of one view after the other, or that
+    somebody said will be."""
     if not granted():
         return
-    for key, (last, row) in list(_asked.items()):
-        if row >= 2 and 0 < observation.index - last <= AHEAD:
-            known = _shared.setdefault(observation, {})
-            if key not in known:
-                known[key] = later(partial(_found, observation, key))
+    wanted = [key for key, (last, row) in _asked.items() if row >= 2 and 0 < observation.index - last <= AHEAD]
+    told = [key for key, index in _foretold.items() if index == observation.index]
+    for key in [*wanted, *told]:
+        _foretold.pop(key, None)
+        known = _shared.setdefault(observation, {})
+        if key not in known:
+            known[key] = later(partial(_found, observation, key))
 
 
 def match(a: Features, b: Features, ratio: float, *, mutual: bool = True) -> np.ndarray:
