@@ -39,7 +39,7 @@ def test_of_two_surfaces_on_one_pixel_the_nearer_is_seen():
 
 
 def test_a_typed_depth_camera_stands_where_its_last_three_numbers_say():
-    """A point 2 m before a depth camera that sits 10 cm to the right of the colour camera is seen to the right of its middle."""
+    """A point 2 m before a depth camera 10 cm to the right of the colour camera is seen 5 pixels right of its middle."""
     typed = typed_depth_camera([100.0, 100.0, 10.0, 10.0, 0.1, 0.0, 0.0])
     depth = np.full((20, 20), np.nan, np.float32)
     depth[10, 10] = 2.0
