@@ -40,8 +40,9 @@ def main(words: Sequence[str]) -> int:
         raise ConfigError("atlas: expected one file of combinations and dials: python -m rhs atlas conf/atlas/example.yaml")
     file = Path(chosen.words[0])
     atlas = read_atlas(file, chosen.runs)
+    within = limits(chosen)
     with claim_sweep(chosen.output or str(HOME / f"atlas_{file.stem}")) as claim:
-        _searched(atlas, claim.folder, limits(chosen))
+        _searched(atlas, claim.folder, within)
         sys.stdout.write(f"files: {claim.folder}\n")
     return 0
 

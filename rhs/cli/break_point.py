@@ -28,8 +28,9 @@ def main(words: Sequence[str]) -> int:
 
     chosen = parse("break", __doc__, words, runs=Number(40, low=4, high=10_000), jobs=JOBS, timeout=TIMEOUT)
     plan = break_point.plan(chosen.typed)
+    within = limits(chosen)
     with claim_sweep(plan.output) as claim:
-        accounts = _searched(plan, claim.folder, limits(chosen), chosen.runs)
+        accounts = _searched(plan, claim.folder, within, chosen.runs)
         _publish(accounts, plan.dial, claim.folder)
         width = max(len(account["combination"]) for account in accounts)
         for account in accounts:

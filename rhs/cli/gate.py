@@ -44,8 +44,9 @@ def main(words: Sequence[str]) -> int:
         raise ConfigError("gate: expected one folder of runs and a change: python -m rhs gate FOLDER planner=my_planner")
     pairs = _pairs(Path(folders[0]), change, chosen.pairs)
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
+    within = limits(chosen)
     with claim_sweep(chosen.output) as claim:
-        found = _compared(pairs, claim.folder, limits(chosen), measure, chosen.margin)
+        found = _compared(pairs, claim.folder, within, measure, chosen.margin)
         content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
         (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         sys.stdout.write(f"{in_words(found, measure, chosen.margin)}\nfiles: {claim.folder}\n")

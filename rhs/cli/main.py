@@ -162,11 +162,12 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
         print("\n".join(job.name for job in plan.jobs))
         return 0
     check(arguments, LIMITS)
+    within = limits(arguments)
     with claim_sweep(plan.output, resume=resume) as claim:
         if (claim.folder / "sweep.json").exists() and not arguments.force:
             sweep.check_same(plan, claim.folder, sweep.recall(claim.folder))
         sweep.remember(plan, claim.folder)
-        return _run_sweep(plan, claim.folder, limits(arguments))
+        return _run_sweep(plan, claim.folder, within)
 
 
 def _run_sweep(plan, folder: Path, limits) -> int:

@@ -45,9 +45,10 @@ def main(words: Sequence[str]) -> int:
 
     chosen = parse("sensitivity", __doc__, words, only="", recording="", jobs=JOBS, timeout=TIMEOUT)
     asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
+    within = limits(chosen)
     with claim_sweep(chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
         with running(len(asked.jobs)) as tell:
-            rows = kept_rows(asked.jobs, claim.folder, limits(chosen), tell=tell, keep="none")
+            rows = kept_rows(asked.jobs, claim.folder, within, tell=tell, keep="none")
         found = effects(asked, rows)
         _publish(asked, found, claim.folder)
         sys.stdout.write("\n".join([*table(found), "", *in_words(found, asked), f"files: {claim.folder}", ""]))

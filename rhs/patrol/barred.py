@@ -108,8 +108,10 @@ class Barred:
         return way
 
     def _approach(self, way: Path, at_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist | None:
-        """Along the way that is left up to what bars it: seen from near it may leave room, and who walks off is followed.
-        None where the robot is there."""
+        """Where something moves, along the way that is left up to what bars it: seen from near it may leave room, and who
+        walks off is followed. None where the robot is there already, or where all stands still."""
+        if not self.guard.moves:
+            return None
         stop_m = max(self._blind_m, WATCH_M) + self.pace.step_m
         stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else np.zeros((0, 2))
         if len(stretch) < 2 or np.linalg.norm(stretch[-1] - pose[:2]) < self.pace.step_m or self.approached >= MOST_APPROACH:
