@@ -79,7 +79,8 @@ class TaskContext(Protocol):
         """One part alone, built with this context: for kinds that need neither source nor sensor."""
 
     def lead(self, parts: Parts) -> Iterator[Step]:
-        """The loop over the survey: the camera led along its route, one Step per view."""
+        """The loop over the survey: the camera led along its route, one Step per view. It needs source, sensor and odometry;
+        a mapper, where the task has one, is shown each scan."""
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None = None) -> Iterator[Step]:
         """The same steps, written to the run folder and shown on the progress bar as they pass."""

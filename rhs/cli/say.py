@@ -18,12 +18,16 @@ SHOWN = (
     "plan_length_raw_m", "plan_optimal_m", "plan_above_optimum_pct", "plan_steps", "plan_learn_ms", "plan_ms",
     "plan_again_ms", "homotopy", "wall_ms", "real_time_factor", "peak_memory_mb",
 )
+LAST = 3  # what it cost
 
 
 def of_run(row: dict[str, Any], folder: Path) -> str:
-    """The figures of one run that say most, one a line; a run that recognised places has their table below."""
+    """The figures of one run that say most, one a line, and those of other people's plugins; a run that recognised places
+    has their table below."""
+    from rhs.config.dictionary import added
+
     lines = []
-    for name in SHOWN:
+    for name in (*SHOWN[:-LAST], *added(row), *SHOWN[-LAST:]):
         value = row.get(name, "")
         if value == "" or value is None or value != value:
             continue

@@ -5,7 +5,7 @@ Metrics say it themselves (rhs.api.metric); here stand the columns that are no m
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
@@ -168,6 +168,14 @@ def metrics(task: str = "") -> list[Metric]:
 def columns() -> dict[str, Column]:
     """Every column a row can have, by name, in the order of a table."""
     return _columns(tuple(registry.names("metric")))[0]
+
+
+def added(names: Iterable[str]) -> list[str]:
+    """Of the columns of a row, those that a plugin of somebody else put there: its metrics, and what its task returned."""
+    known = [group for group in GROUPS if group in registry.names("metric") and registry.failure("metric", group) is None]
+    ours = {metric.name for group in known for metric in registry.load("metric", group)}  # type: ignore[attr-defined]
+    ours |= {column.name for column in (*RUN, *TASKS)}
+    return [name for name in names if name not in ours and not name.startswith("plan_")]  # any plan_* is a planner's detail
 
 
 def rank(name: str) -> int | None:

@@ -18,6 +18,7 @@ from rhs.api.randomness import generator
 from rhs.api.records import FeatureSettings
 from rhs.api.settings import slip
 from rhs.api.task import Parts
+from rhs.api.validate_source import check_camera, check_facts
 from rhs.base.errors import ConfigError, ContractError
 
 from . import registry
@@ -127,6 +128,7 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
         built["source"] = build_part("source", chosen["source"], SourceContext(generator(seed, "source"), world, folder))
     source: Source = built["source"]
     try:
+        _checked(source, called("source", chosen["source"]))
         chosen = {**chosen, "source": really_there(chosen["source"], source)}
         check_combination(chosen)
         if DEGRADE in chosen and made is None:
@@ -146,6 +148,15 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
     makers = {kind: SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind for kind in KINDS}
     who = {kind: called(maker, chosen[maker]) for kind, maker in makers.items() if maker in chosen}
     return Parts(**(absent | built), features=features, provides=provides, who=who)
+
+
+def _checked(source: Source, who: str) -> None:
+    """What every other part is told by the source. Raises ConfigError: nothing has run yet."""
+    try:
+        check_camera(source.camera, who=who)
+        check_facts(source.facts, who=who)
+    except ContractError as error:
+        raise ConfigError(str(error)) from error
 
 
 def degraded(source: Source, chosen: Chosen, *, seed: int, folder: Path, features: FeatureSettings) -> Source:

@@ -94,11 +94,12 @@ def names(**parts: object) -> dict[str, str]:
 
 
 class Led:
-    """The survey: somebody leads the camera along its route; the belief is the sum of the odometry, or a SLAM's own."""
+    """The survey: somebody leads the camera along its route; the belief is the sum of the odometry, or a SLAM's own. mapper:
+    None where nothing is drawn."""
 
     phase, believer = "survey", "odometry"
 
-    def __init__(self, start: np.ndarray, mapper: Mapper, slam: Slam | None = None) -> None:
+    def __init__(self, start: np.ndarray, mapper: Mapper | None, slam: Slam | None = None) -> None:
         self.belief = Belief(start, np.diag([1e-6] * 6))
         self.mapper, self.slam = mapper, slam
         self.begun = False
@@ -114,7 +115,8 @@ class Led:
         return self.belief
 
     def note(self, belief: Belief, scan: Scan) -> None:
-        self.mapper.update(belief.map_from_body, scan)
+        if self.mapper is not None:
+            self.mapper.update(belief.map_from_body, scan)
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
         return Decision()

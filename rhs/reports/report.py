@@ -26,7 +26,7 @@ from rhs.runfolder.run import Run
 from .charts import bars, errors_over_time, stage_times
 from .drawing import draw_run, json_of, title
 from .patrol_story import patrol_story
-from .summary import SHOWN, notes_of
+from .summary import notes_of
 from .video import video
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
 
     A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
     from .observations import judged
-    from .summary import listing, summarise
+    from .summary import listing, shown, summarise
     from .table import some_rows
 
     folder, left_out = Path(folder), [] if unreadable is None else unreadable
@@ -134,7 +134,7 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
         raise RhsError(left_out[0])
     group = [name for name in CHOICES if name in table.columns and table[name].nunique(dropna=False) > 1]
     scored, summary = judged(table), summarise(table)
-    charts = [figure for name in SHOWN if (figure := bars(scored, name, group)) is not None]
+    charts = [figure for name in shown(scored) if (figure := bars(scored, name, group)) is not None]
     runs = listing(table, [])
     runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
     page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summary),

@@ -14,6 +14,7 @@ import numpy as np
 
 from rhs.base.commands import aligned, plain
 from rhs.base.errors import ConfigError
+from rhs.config.dictionary import added
 from rhs.runfolder.row import CHOICES, KEYS
 
 from .intervals import legend, mean_text, median_text, share_text
@@ -29,6 +30,12 @@ SHOWN = ("places_visited", "collisions", "ate_rmse_m", "rpe_trans_m", "end_error
 SCORES = ("success", "spl", "par2_ms", "bucket")
 
 
+def shown(table: pandas.DataFrame) -> list[str]:
+    """The columns that say most, and those that other people's plugins have added, as far as anything stands in them."""
+    strange = [name for name in added(table.columns) if not is_setting(name) and name not in SCORES]
+    return [name for name in (*SHOWN, *strange) if name in table.columns and table[name].notna().any()]
+
+
 def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Sequence[str] = (),
               cluster: str = "") -> pandas.DataFrame:
     """One row per group: runs, failed, share complete with interval, then each column's mean and interval.
@@ -40,8 +47,7 @@ def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Se
     scored = judged(table)
     check_columns(scored, [*group, *columns])
     by = list(group) or _swept(scored)
-    wanted = list(columns) or [name for name in SHOWN if name in scored.columns and scored[name].notna().any()]
-    wanted = [name for name in wanted if pd.api.types.is_numeric_dtype(scored[name])]
+    wanted = [name for name in list(columns) or shown(scored) if pd.api.types.is_numeric_dtype(scored[name])]
     scored = scored.assign(independent_=independent(table))
     parts = [((), scored)] if not by else list(scored.groupby(by, dropna=False, sort=True))
     view = pd.DataFrame([dict(zip(by, key, strict=False)) | _group_row(part, wanted, cluster) for key, part in parts])
@@ -87,7 +93,7 @@ def listing(table: pandas.DataFrame, columns: Sequence[str]) -> pandas.DataFrame
     table = table.assign(**{name: scored[name] for name in SCORES if name in scored.columns})
     check_columns(table, columns)
     swept = [name for name in _swept(table) if name not in KEYS]
-    names = list(columns) or ["status", "success", *KEYS[:-1], *swept, "seed", *SHOWN]
+    names = list(columns) or ["status", "success", *KEYS[:-1], *swept, "seed", *shown(table)]
     view = table[[name for name in names if name in table.columns]].reset_index()
     view.attrs["notes"] = [failures_told(table)]
     return view

@@ -248,13 +248,11 @@ def _view(table: pandas.DataFrame, chosen: argparse.Namespace) -> pandas.DataFra
     """What was asked for: pairs, every run, or a summary."""
     from .compare import compare
     from .observations import judged
-    from .summary import SHOWN, listing, summarise
+    from .summary import listing, shown, summarise
 
     group, columns = _words(chosen.group), _words(chosen.columns)
     if chosen.compare:
-        scored = judged(table)
-        known = [name for name in SHOWN if name in scored and scored[name].notna().any()]
-        return compare(table, chosen.compare, columns or known, cluster=chosen.cluster)
+        return compare(table, chosen.compare, columns or shown(judged(table)), cluster=chosen.cluster)
     return listing(table, columns) if chosen.rows else summarise(table, group=group, columns=columns, cluster=chosen.cluster)
 
 

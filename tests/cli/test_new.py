@@ -4,9 +4,12 @@ import sys
 
 import pytest
 
+from rhs.api.contracts import PLUGIN_KINDS, PROTOCOLS
 from rhs.cli.main import main
-from rhs.cli.new import SKELETONS
 from rhs.config import registry
+
+CHECKED = [kind for kind in PROTOCOLS if kind != "engine"]  # by rhs.testing; the others are run
+SMALL = "world=square_small"
 
 
 @pytest.fixture(autouse=True)
@@ -16,12 +19,39 @@ def afresh():
     registry.forget()
 
 
-@pytest.mark.parametrize("kind", SKELETONS)
+@pytest.mark.parametrize("kind", CHECKED)
 def test_a_new_plugin_keeps_its_contract(kind, tmp_path, capsys):
     assert main(["new", kind, f"my_{kind}", str(tmp_path / "package")]) == 0
     file = tmp_path / "package" / f"my_{kind}" / "__init__.py"
     assert main(["check", "--plugin", str(file), f"{kind}=my_{kind}"]) == 0, capsys.readouterr().out
     assert "keeps its contract" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("kind", "words", "column"), [
+    ("task", ["task=my_task", SMALL, "odometry=wheel", "most_views=5"], "way_m"),
+    ("metric", ["task=survey", SMALL, "odometry=wheel", "loop_closer=none"], "longest_step_m")])
+def test_a_new_column_is_in_what_is_printed(kind, words, column, tmp_path, capsys):
+    """What a stranger's task or metric says is not left to be looked for in row.json."""
+    main(["new", kind, f"my_{kind}", str(tmp_path / "package")])
+    file = tmp_path / "package" / f"my_{kind}" / "__init__.py"
+    assert main(["--plugin", str(file), *words, f"output={tmp_path / 'run'}", "recording=off", "pictures=off"]) == 0
+    printed = capsys.readouterr().out
+    assert any(line.split()[:1] == [column] and float(line.split()[1]) > 0.0 for line in printed.splitlines()), printed
+
+
+def test_a_new_engine_runs_a_sweep(tmp_path, capsys):
+    main(["new", "engine", "my_engine", str(tmp_path / "package")])
+    file = tmp_path / "package" / "my_engine" / "__init__.py"
+    words = ["engine=my_engine", "task=planning", SMALL, "planner=astar", "seed=0,1", f"output={tmp_path / 'sweep'}"]
+    assert main(["-m", "--plugin", str(file), *words]) == 0
+    assert "2 jobs: 2 ok" in capsys.readouterr().out
+
+
+def test_what_is_typed_next_is_printed_for_every_kind(tmp_path, capsys):
+    for kind in PLUGIN_KINDS:
+        assert main(["new", kind, f"a_{kind}", str(tmp_path / kind)]) == 0
+        told = capsys.readouterr().out
+        assert "try it:" in told and "keep it:" in told and ("check it:" in told) == (kind in CHECKED)
 
 
 def test_its_planner_finds_a_way_and_its_own_test_passes(tmp_path, monkeypatch, capsys):

@@ -18,7 +18,7 @@ from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError
 from rhs.api.files import replacing
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, Event, Scan, Step
+from rhs.api.records import Belief, Event, Step
 from rhs.api.task import StepJob, TaskContext
 from rhs.api.validate import check_belief, reach_of
 from rhs.worlds.maps import save_map
@@ -28,13 +28,6 @@ from .given_map import read_given, surveyed
 from .settings import Localise
 
 PHASE = "localise"
-
-
-class NoMapper:
-    """The map is given: nothing is drawn."""
-
-    def update(self, map_from_body: np.ndarray, scan: Scan) -> None:
-        """Look away."""
 
 
 class LocaliseJob(StepJob):
@@ -54,7 +47,6 @@ class LocaliseJob(StepJob):
         self.source: Source = self.parts.source
         if settings.kidnap_every_m:
             self.source = self.parts.source = CarriedOff(self.source, settings.kidnap_every_m, settings.kidnap_skip_m)
-        self.parts.mapper = NoMapper()  # type: ignore[assignment]
 
     def steps(self) -> Iterator[Step]:
         """Every view of the drive, believed by the localiser; the row's columns follow from the files they leave."""

@@ -1,0 +1,50 @@
+"""A localiser for rhs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rhs.api import check_range
+from rhs.api.belief import moved
+from rhs.api.contracts import Context
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation
+
+
+@dataclass
+class Skeleton:
+    """The odometry is believed."""
+
+    lost_m: float = 10.0
+    """standard deviation of a position that is not known"""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_range("localiser", "lost_m", self.lost_m, low=0.1, high=1e4)
+
+    def build(self, context: Context) -> Part:
+        return Part(self, context.rng)
+
+
+class Part:
+    """Built anew for every run; randomness comes from `rng` alone."""
+
+    def __init__(self, settings: Skeleton, rng: np.random.Generator) -> None:
+        self.settings, self.rng = settings, rng
+
+    def learn(self, views, grid) -> None:
+        """The survey's views and map: a better localiser remembers places here."""
+
+    def start(self, belief: Belief | None) -> None:
+        """None: nobody knows where the robot is."""
+        anywhere = np.diag([self.settings.lost_m**2] * 3 + [10.0] * 3)
+        self.belief = belief or Belief(np.eye(4), anywhere, BeliefStatus.LOST, 0.0)
+
+    def update(self, observation: Observation, motion: Motion) -> Belief:
+        """The belief, moved on by the odometry."""
+        self.belief = moved(self.belief, motion)
+        return self.belief
