@@ -124,12 +124,15 @@ class Source(Protocol):
 
     def begin_patrol(self) -> None:
         """The survey is over: put in the obstacles that the map must not know."""
+        return
 
     def drive(self, command: Twist) -> Capture:
         """Drive on a command, then look. Only sources that provide `driving`."""
+        raise ContractError(f"{type(self).__name__} has no drive(command); one that provides `driving` must have it")
 
     def teleport(self, world_from_body: np.ndarray) -> None:
         """Put the robot elsewhere without telling it. Only sources that provide `teleport`."""
+        raise ContractError(f"{type(self).__name__} has no teleport(pose); one that provides `teleport` must have it")
 
     def truth(self) -> np.ndarray | None:
         """True world_from_body (4x4) of the last capture, or None when nobody knows. Never handed to an estimator."""
@@ -139,7 +142,9 @@ class Source(Protocol):
         """Least true distance to anything since the last call, and whether the robot touched something. NaN: unknown."""
         return math.nan, False
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Let go of files and processes."""
+        return
 
 
 class Degradation(Protocol):
