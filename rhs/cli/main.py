@@ -39,13 +39,14 @@ LIMITS = {"jobs": JOBS, "timeout": TIMEOUT, "fail_fast": Number(0, low=0, high=1
 def main(words: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = sys.argv[1:] if words is None else words
-    debug = "--debug" in words
+    debug = "--debug" in words  # wherever it stands, before the name of a command too
+    words = [word for word in words if word != "--debug"] + ["--debug"] * debug
     warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
     ends = [number for number in ENDINGS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
     terminate = raises(Terminated)
     before = {number: signal.signal(number, terminate) for number in ends}
     try:
-        files, rest = plugin_files(list(words))
+        files, rest = plugin_files(words)
         if files:
             from rhs.config.loose import load_files
 

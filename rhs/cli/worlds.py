@@ -66,7 +66,10 @@ def _said(name: str) -> str:
     """The first words of a world's file, or of its family."""
     if is_random(name):
         return FAMILIES[parse(name).family]
-    first = find_world(name).read_text("utf-8-sig").split("\n", 1)[0]
+    path = find_world(name)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return ""
+    first = path.read_text("utf-8-sig").split("\n", 1)[0]
     return first.lstrip("# ").strip() if first.startswith("#") else ""
 
 

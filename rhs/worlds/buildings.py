@@ -16,7 +16,7 @@ from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser
 from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
-from .maps import advice_on, is_shaded, load_map
+from .maps import advice_on, is_shaded, load_map, writing_in
 from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .robot import shape_of
@@ -31,6 +31,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
 FOREIGN = (*PICTURES, *MESHES, *SCENES)
 MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
+WRITING = 5  # so many small marks in a drawn plan are likely to be a word
 APART_M = 0.5  # places that are proposed
 LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
 LEAST_ROUTE_M = 0.5  # less is no patrol: the robot has room where it stands and nowhere else
@@ -45,8 +46,8 @@ def read_building(path: Path, file: Section) -> Building:
     start_m = np.array(file.numbers("start", count=3, low=-FAR_M, high=FAR_M)[:2]) if "start" in file.nodes else None
     if path.suffix.lower() in (*MESHES, *SCENES):
         return read_solid(path, file, radius_m, start_m)
-    if path.suffix.lower() in PICTURES:
-        path = _yaml_of(path)
+    drawn = path.suffix.lower() in PICTURES
+    path = _yaml_of(path) if drawn else path
     if path.suffix.lower() == ".xacro":
         raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > "
                           f"{Path(path.stem).stem}.urdf")
@@ -57,6 +58,9 @@ def read_building(path: Path, file: Section) -> Building:
     if is_shaded(path):
         log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its "
                     "walls black on white", path.name)
+    if drawn and (marks := writing_in(grid)) >= WRITING:
+        log.warning("%s: %d marks of less than 1 m stand apart from every wall, and are built: if they are writing, write "
+                    "marks_m: 1 in %s", path.stem, marks, path.name)
     return building_of(known_part(grid), radius_m, start_m, path)
 
 

@@ -5,6 +5,7 @@ channels, occupancy is 1 - brightness (brightness itself when `negate`), and
 trinary: above occupied_thresh occupied, below free_thresh free, anything else unknown;
 scale: the same ends, a linear ramp between them, transparent pixels unknown;
 raw: pixel values 0..100 are percent, above 100 unknown; negate is ignored.
+One key is ours, which map_server leaves alone: `marks_m`, the size below which a mark that touches no wall is writing.
 The first row of the image is the highest y. Strict inequalities matter: unknown is written as grey 205, whose
 occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196.
 """
@@ -36,7 +37,8 @@ _FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map
 
 @dataclass(frozen=True)
 class MapHeader:
-    """The keys of a map_server YAML. origin: (x m, y m, yaw rad) of the lower left corner of the image."""
+    """The keys of a map_server YAML. origin: (x m, y m, yaw rad) of the lower left corner of the image. marks_m: what is not
+    free, smaller than this and apart from all else is writing or a symbol, and free; 0: nothing is."""
 
     image: FilePath
     resolution_m: float
@@ -45,6 +47,7 @@ class MapHeader:
     mode: str
     occupied_thresh: float
     free_thresh: float
+    marks_m: float = 0.0
 
 
 def load_map(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | None = None) -> OccupancyGrid:
@@ -56,6 +59,8 @@ def load_map(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | 
     """
     header = read_header(yaml_path, origin=origin)
     probability = np.flipud(_occupancy(_read_image(header.image), header))
+    if header.marks_m > 0.0:
+        probability[small_marks(probability, header.marks_m / header.resolution_m) > 0] = 0.0
     x, y, yaw = header.origin
     if abs(np.sin(yaw)) < 1e-12 and np.cos(yaw) > 0:
         return OccupancyGrid(np.ascontiguousarray(probability, np.float32), header.resolution_m, (x, y))
@@ -114,7 +119,27 @@ def read_header(yaml_path: str | FilePath, *, origin: tuple[float, float, float]
         mode=mode,
         occupied_thresh=occupied,
         free_thresh=free,
+        marks_m=_number(path, keys, "marks_m", 0.0, low=0.0, high=100.0),
     )
+
+
+def small_marks(probability: np.ndarray, most: float) -> np.ndarray:
+    """(H, W) int: from 1 on for the cells of each patch that is not free, apart from all others and less than `most` cells
+    wide and high; 0 elsewhere."""
+    import cv2
+
+    taken = ~(probability < 0.5)  # unknown too
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(taken.astype(np.uint8), connectivity=8)
+    small = (boxes[:, cv2.CC_STAT_WIDTH] < most) & (boxes[:, cv2.CC_STAT_HEIGHT] < most)
+    small[0] = False  # the free cells
+    marks: np.ndarray = np.where(small[labels], labels, 0)
+    return marks
+
+
+def writing_in(grid: OccupancyGrid, most_m: float = 1.0) -> int:
+    """How many such marks, up to a letter's size on a plan, that hold a wall's cell."""
+    marks = small_marks(grid.probability, most_m / grid.resolution_m)
+    return len(np.unique(marks[(marks > 0) & grid.occupied()]))
 
 
 def read_yaml(path: FilePath) -> dict[Any, Any]:

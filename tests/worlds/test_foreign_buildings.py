@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -254,3 +255,18 @@ def test_worlds_of_others_are_read(name, real_data):
         boxes = [b.reshape(-1, 3) for b in boxes if b[..., 2].max() > 1.0]
         middles = np.array([b[:, :2].mean(axis=0) for b in boxes])
         assert len(boxes) > 20 and (grid.probability[tuple(grid.cells(middles).T)] != 0.0).all()
+
+
+def test_a_drawn_plan_is_listed_and_what_may_be_writing_is_said(tmp_path, capsys, caplog):
+    """`rhs worlds` reads the plan, not the bytes of its picture; --debug may stand before a command."""
+    picture = np.full((200, 300), 255, np.uint8)
+    picture[[0, 1, -2, -1]] = picture[:, [0, 1, -2, -1]] = 0
+    for column in range(60, 160, 20):
+        picture[90:100, column : column + 8] = 0
+    cv2.imwrite(str(tmp_path / "flat.png"), picture)
+    write(tmp_path / "flat.yaml", "image: flat.png\nresolution: 0.04\n")
+    assert main(["--debug", "worlds", str(tmp_path / "flat.png")]) == 0
+    assert f"{tmp_path}/flat.png" in capsys.readouterr().out and "5 marks of less than 1 m" in caplog.text
+    caplog.clear()
+    write(tmp_path / "flat.yaml", "image: flat.png\nresolution: 0.04\nmarks_m: 1\n")
+    assert main(["worlds", str(tmp_path / "flat.png")]) == 0 and "marks" not in caplog.text

@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.api.grid import OccupancyGrid
-from rhs.worlds.maps import load_map, save_map
+from rhs.worlds.maps import load_map, save_map, writing_in
 
 
 def write_map(folder, pixels, **keys):
@@ -200,3 +200,15 @@ def test_an_image_that_lies_beside_its_map_is_taken_for_one_of_another_machine(t
     path.write_text(path.read_text().replace("image: m.png", f"image: {name}"))
     assert load_map(path).occupied().tolist() == [[True, False]]
     assert "taken is m.png beside it" in caplog.text
+
+
+def test_writing_on_a_plan_is_left_out_where_that_is_asked_for(tmp_path):
+    """A wall of 80 cells, two letters of 24 apart from it and one of 20 that touches it, 0.05 m a cell."""
+    picture = np.full((40, 100), 255, np.uint8)
+    picture[20, 10:90] = 0
+    picture[5:11, 20:24] = picture[5:11, 40:44] = 0
+    picture[15:20, 60:64] = 0
+    grid = load_map(write_map(tmp_path, picture, resolution=0.05))
+    assert writing_in(grid) == 2 and int(grid.occupied().sum()) == 80 + 24 + 24 + 20
+    assert int(load_map(write_map(tmp_path, picture, resolution=0.05, marks_m=0.3)).occupied().sum()) == 80 + 24 + 24 + 20
+    assert int(load_map(write_map(tmp_path, picture, resolution=0.05, marks_m=0.5)).occupied().sum()) == 80 + 20
