@@ -70,7 +70,8 @@ def _rooms(content: dict[str, Any]) -> dict[str, Any]:
 def pictures(card: Card) -> list[tuple[str, Figure]]:
     """What there is to be seen, by the kind of the part."""
     kind = card.content["part"].partition("=")[0]
-    draw = {"planner": _of_planners, "localiser": _of_localisers, "odometry": _of_odometries}.get(kind)
+    draw = {"planner": _of_planners, "localiser": _of_localisers, "odometry": _of_odometries,
+            "mapper": _of_mappers, "loop_closer": _of_loop_closers}.get(kind)
     return draw(card) if draw is not None and any(result.items for result in card.results.values()) else []
 
 
@@ -162,6 +163,41 @@ def _scatter(axes: Axes, drives: list[Any]) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     if drives:
         axes.legend(fontsize=7, frameon=False)
+
+
+def _of_mappers(card: Card) -> list[tuple[str, Figure]]:
+    from .mappers import shown
+
+    drives = card.results[card.content["part"]].items
+    figure = new_figure(2.6 * max(len(drives), 1), 2.6)
+    for number, one in enumerate(drives):
+        axes = figure.add_subplot(1, len(drives), number + 1)
+        (x, y), (rows, columns), side = one.grid.origin_m, one.grid.shape, one.grid.resolution_m
+        axes.imshow(one.grid.probability, origin="lower", cmap="Greys", vmin=0.0, vmax=1.0,
+                    extent=(x, x + columns * side, y, y + rows * side))
+        ends = np.concatenate([view.ends_m for view in shown(one.room)])
+        axes.plot(ends[:, 0], ends[:, 1], ",", color="#c1121f", alpha=0.6)
+        axes.set_title(one.room, fontsize=8)
+        axes.tick_params(labelsize=7)
+    return [("Its maps [m]; red: where beams truly ended", figure)]
+
+
+def _of_loop_closers(card: Card) -> list[tuple[str, Figure]]:
+    from .loop_closers import survey
+
+    surveys = card.results[card.content["part"]].items
+    figure = new_figure(3.0 * max(len(surveys), 1), 3.2)
+    for number, one in enumerate(surveys):
+        axes, (views, truth) = figure.add_subplot(1, len(surveys), number + 1), survey(one.survey)
+        before = np.array([view.map_from_body for view in views])
+        for poses, colour, label in ((truth, "#888888", "true"), (before, "#e08a1e", f"before: {one.before_m:.2f} m"),
+                                     (one.poses, "#1f6fb4", f"after: {one.after_m:.2f} m, {one.accepted} loops")):
+            axes.plot(poses[:, 0, 3], poses[:, 1, 3], color=colour, linewidth=1.2, label=label)
+        axes.set_title(one.survey, fontsize=8)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.legend(fontsize=6, frameon=False)
+        axes.tick_params(labelsize=7)
+    return [("Its surveys [m]", figure)]
 
 
 def _broken(card: Card) -> list[tuple[str, Figure]]:
