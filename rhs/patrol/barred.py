@@ -19,6 +19,7 @@ from .guard import Guard
 from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner
+from .surroundings import SURE
 
 WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
@@ -67,10 +68,11 @@ class Barred:
         if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
-        seen = self.grid.centres(np.argwhere(self.watch.cells))
+        way, leaves_room = self._way_left(pose)
+        bars = self.watch.cells & ~self._stays if leaves_room else self.watch.cells
+        seen = self.grid.centres(np.argwhere(bars if bars.any() else self.watch.cells))
         if self.barred:
             seen = np.concatenate([seen, self._near_things(pose)])
-        way = self._way_left(pose)
         at = first_on_way(way, seen, pose[:2], self.radius_m + self.settings.margin_m) if len(seen) else pose[:2]
         if len(seen):
             if self.aside.goal_m is None and (nearer := self._approach(way, at, pose, events)) is not None:
@@ -81,7 +83,7 @@ class Barred:
             command = self._answer(self._told(at, pose, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
-        if len(seen) and self.guard.moves and not self.contacts and self.waited < WAIT_VIEWS:  # who stands there may go
+        if len(seen) and (leaves_room or self.guard.moves) and not self.contacts and self.waited < WAIT_VIEWS:
             return self._wait(at, pose, events)
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
@@ -98,21 +100,40 @@ class Barred:
         """Metres within which the camera looks over the floor."""
         return self.obstacle.blind_m if self.obstacle is not None else 0.0
 
-    def _way_left(self, pose: np.ndarray) -> Path:
-        """The way past what was seen to stay, as if nothing else stood there; the map's if there is none."""
+    def _unseen_m(self, at_m: np.ndarray) -> float:
+        """Metres within which what stands at (2,) would not be seen to go: none where it is as high as the camera."""
+        return self._blind_m if self.watch.low(at_m) else 0.0
+
+    def _way_left(self, pose: np.ndarray) -> tuple[Path, bool]:
+        """The way past what was seen to stay, as if nothing else stood there, and whether there is one: what bars it may go.
+        The map's if there is none."""
+        stays = self._stays
+        seen_m = in_map(self.guard.around.things(least=SURE), pose)
+        there = ~self.watch.unknown(seen_m) | stays[tuple(self.grid.cells(seen_m).T)]
         goal_m, nothing = np.array(self.book.missions[-1].goal_m), np.zeros((0, 2))
-        for stays in (self.watch.stood_s >= STAYS_S, np.zeros(self.grid.shape, bool)):
-            way = self.roads.plan(pose[:2], goal_m, squeeze=self.guard.sees, obstacles=stays, things_m=nothing)
-            if way.found:
-                break
-        return way
+        way = self.roads.plan(pose[:2], goal_m, squeeze=self.guard.sees, obstacles=stays, things_m=nothing,
+                              seen_m=seen_m[there] if self._squeezes else None)
+        if way.found:
+            return way, True
+        return self.roads.plan(pose[:2], goal_m, squeeze=self.guard.sees, obstacles=np.zeros_like(stays),
+                               things_m=nothing), False
+
+    @property
+    def _stays(self) -> np.ndarray:
+        """(H, W) bool: where something was seen to stand for long."""
+        return self.watch.stood_s >= STAYS_S
+
+    @property
+    def _squeezes(self) -> bool:
+        """Whether a gap hardly wider than the robot is tried."""
+        return self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
 
     def _approach(self, way: Path, at_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Where something moves, along the way that is left up to what bars it: seen from near it may leave room, and who
         walks off is followed. None where the robot is there already, or where all stands still."""
         if not self.guard.moves:
             return None
-        stop_m = max(self._blind_m, WATCH_M) + self.pace.step_m
+        stop_m = max(self._unseen_m(at_m), WATCH_M) + self.pace.step_m
         stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else np.zeros((0, 2))
         if len(stretch) < 2 or np.linalg.norm(stretch[-1] - pose[:2]) < self.pace.step_m or self.approached >= MOST_APPROACH:
             return None
@@ -151,7 +172,7 @@ class Barred:
     def _watching(self, at_m: np.ndarray, pose: np.ndarray) -> Twist:
         """Stand still for a view, turned to what is waited for, and back from it as far as the camera sees the floor there:
         else nobody sees it go."""
-        near = np.linalg.norm(at_m - pose[:2]) < self._blind_m
+        near = np.linalg.norm(at_m - pose[:2]) < self._unseen_m(at_m)
         if near and self.backed < MOST_BACK_TO_SEE and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
@@ -208,8 +229,10 @@ class Barred:
         return None
 
     def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
-        """Give the place up; later: it is tried once more, after the others if any: what is in the way may go."""
-        goes_on = self.book.others(pose[:2]) > 0 or (self.guard.moves and not self.contacts)
-        if later := later and goes_on and not self.book.skipped():
+        """Give the place up; later: it is tried again, after the others if any: what is in the way may go. Once, or where
+        something moves as often as a place is planned anew."""
+        moves = self.guard.moves and not self.contacts
+        goes_on, often = (True, self.settings.tries) if moves else (self.book.others(pose[:2]) > 0, 1)
+        if later := later and goes_on and self.book.skipped() < often:
             self.book.put_off(pose[:2])
         self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)

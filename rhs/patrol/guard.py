@@ -73,6 +73,7 @@ class Guard:
         self.tight = False  # whether the way leads through a gap hardly wider than the robot
         self.given: Twist | None = None
         self._still = self._refused = self._held = 0
+        self._here_s = -np.inf  # when the last view was taken after anything but a turn on the spot
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 
@@ -85,6 +86,12 @@ class Guard:
     def _since_s(self) -> float:
         settings = self.settings
         return self.around.now_s - (min(settings.look_moving_s, settings.look_s) if self.moves else settings.look_s)
+
+    @property
+    def _looked_since_s(self) -> float:
+        """The same of the ground ahead: a look round takes longer than that, so what was seen since the robot began to turn
+        on the spot was seen just now; else it looks to and fro for ever."""
+        return max(min(self._since_s, self._here_s), self.around.now_s - self.settings.look_s)
 
     @property
     def moves(self) -> bool:
@@ -109,6 +116,8 @@ class Guard:
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""
         self.around.observe(observation, motion)
+        if self.given is None or self.given.forward_mps or not self.given.turn_radps:
+            self._here_s = self.around.now_s
         wished_m = abs(self.given.forward_mps) * self.given.duration_s if self.given else 0.0
         moved_m = float(np.hypot(*motion.previous_from_body[:2, 3]))
         if wished_m > LEAST_M and motion.status is not Tracking.LOST:
@@ -152,7 +161,7 @@ class Guard:
             return command, None
         wished_m = command.forward_mps * command.duration_s
         if wished_m > 0.0 and not self.around.one_eye and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
-            self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._since_s,
+            self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._looked_since_s,
                                               up_to_m=wished_m + self.settings.ahead_m)
         if self._held < MOST_HELD and (look := self._look()) is not None:
             return self._turned(look, Event.LOOK)
@@ -207,7 +216,7 @@ class Guard:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then
         never will be."""
         around, sight = self.around, self.around.sight
-        self._to_see = around.still_unseen(self._to_see, self._since_s)
+        self._to_see = around.still_unseen(self._to_see, self._looked_since_s)
         if sight is None or len(self._to_see) < FEW_PATCHES:
             return None
         bearing = np.arctan2(*around.in_body(self._to_see).T[::-1])

@@ -11,10 +11,12 @@ from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
 
 from .changed_map import ChangedMap
+from .surroundings import TRAIL_S
 
 PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
 BESIDE_CELLS = 1.5  # so near to what stays there nothing has gone, cells
 LEAST_KEPT_S = 4.0  # what was seen once only is kept so long
+TRAIL_KEPT_S = 15.0  # and a low thing near the robot, as in its surroundings (GuardSettings.look_s)
 NEAR_WALL_M, NEAR_WALL_PER_M = 0.12, 0.05  # a hit this near a wall is the wall: map and belief, and 3 degrees of heading
 
 
@@ -91,7 +93,8 @@ class ObstacleWatch:
 
     def forget_gone(self, now_s: float, at_m: np.ndarray, blind_m: float) -> bool:
         """Forget what has been out of sight for longer than it was seen to stand: it may have gone. Whether there was any.
-        Not what is low and within blind_m of the robot at (2,): it would not be seen to be still there.
+        Not what is low and within blind_m of the robot at (2,): it would not be seen to be still there; but what was seen
+        for less than TRAIL_S, as the trail of a pet is, after TRAIL_KEPT_S.
         A box seen twice in a minute is remembered for another, somebody who stood there for two seconds is not. A rule of
         thumb in the place of the persistence filter (Rosen, Mason and Leonard 2016, Towards lifelong feature-based mapping
         in semi-static environments)."""
@@ -99,9 +102,15 @@ class ObstacleWatch:
         for layer, seen_s, since_s in zip((self.at_eye, self.below), self.seen_s, self.since_s, strict=True):
             stays = (layer.votes > 0.0) & (now_s - seen_s <= np.maximum(seen_s - since_s, LEAST_KEPT_S))
             if layer is self.below and blind_m > 0.0:
-                stays |= self.near(at_m, blind_m) & (layer.votes > 0.0)
+                trail = (seen_s - since_s < TRAIL_S) & (now_s - seen_s > TRAIL_KEPT_S)
+                stays |= self.near(at_m, blind_m) & (layer.votes > 0.0) & ~trail
             layer.votes[~inflate(stays, BESIDE_CELLS)] = 0.0
         return bool((gone & ~self.cells).any())
+
+    def low(self, at_m: np.ndarray) -> bool:
+        """Whether nothing was seen at the camera's height at the point (2,) of the map."""
+        row, column = np.clip(self.grid.cells(at_m)[0], 0, np.array(self.grid.shape) - 1)
+        return bool(self.at_eye.votes[row, column] <= 0.0)
 
     def near(self, at_m: np.ndarray, within_m: float) -> np.ndarray:
         """(H, W) bool: cells whose middle is so near to the point (2,) of the map."""
@@ -140,9 +149,11 @@ class ObstacleWatch:
     def _count(self, number: int, map_from_body: np.ndarray, scan: Scan, *, hits: np.ndarray, now_s: float) -> None:
         """Count a scan in the layer of that number."""
         layer = (self.at_eye, self.below)[number]
+        before = layer.votes.copy()
         rows, columns = layer.look(map_from_body, scan, hits=hits, within_m=self.within_m).T
-        since_s = self.since_s[number, rows, columns]
-        self.since_s[number, rows, columns] = np.where(layer.votes[rows, columns] > 0.0, np.minimum(since_s, now_s), np.inf)
+        since_s, votes = self.since_s[number, rows, columns], layer.votes[rows, columns]
+        stands = (votes > 0.0) & ~(layer.walks[rows, columns] & (votes < before[rows, columns]))  # nobody: others come there
+        self.since_s[number, rows, columns] = np.where(stands, np.minimum(since_s, now_s), np.inf)
         self.seen_s[number, rows, columns] = now_s
 
     def _unknown(self, map_from_body: np.ndarray, scan: Scan) -> np.ndarray:

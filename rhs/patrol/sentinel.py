@@ -15,7 +15,7 @@ from rhs.api.task import Parts
 from rhs.api.validate import check_capture
 from rhs.estimation.survey import known_free
 
-from .barred import MOST_BARRED, Barred
+from .barred import Barred
 from .changed_map import ChangedMap
 from .control import Pace, closest_gap, steer, target_on, turn
 from .guard import Guard
@@ -186,7 +186,7 @@ class Sentinel(Barred):
         if why is not None:
             events.append(why)
         if allowed is not None:
-            self.barred = 0
+            self.barred = 0 if allowed.forward_mps else self.barred  # who only turns has not come past
             return allowed
         self.path, self.barred = None, self.barred + 1
         if self.barred % 3 == 0:
@@ -210,8 +210,7 @@ class Sentinel(Barred):
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
         things = self._near_things(pose, walls=self.guard.around.one_eye) if self.barred else np.zeros((0, 2))
-        tight = self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
-        seen = in_map(self.guard.around.things(least=SURE), pose) if tight else None
+        seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
         plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
                                seen_m=seen)
