@@ -22,6 +22,20 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXP
 SWEEP_PATH = "RHS_SWEEP_PATH"  # in the environment of the server of a sweep: where it looks for modules
 
 
+_helpers = False
+
+
+def allow_helpers() -> None:
+    """This process is a command of its own, nobody's test or library: it may start others that help it."""
+    global _helpers
+    _helpers = True
+
+
+def has_helpers() -> bool:
+    """Whether that was said."""
+    return _helpers
+
+
 def adopt_orphans() -> None:
     """Orphans among the descendants of this process become its children."""
     _prctl(PR_SET_CHILD_SUBREAPER, 1)

@@ -15,19 +15,12 @@ from contextlib import suppress
 from functools import cache
 from importlib import import_module
 
+from rhs.base import processes
 from rhs.base.data_dirs import data_dir
-from rhs.base.processes import die_with_parent
 
 KERNELS = "kernels.txt"
 STANDS_BACK = 10  # nice(2)
 CODE = "import sys; sys.path[:] = sys.argv[2:]; from rhs.cli.first_run import compile_ahead; compile_ahead(int(sys.argv[1]))"
-_allowed = False
-
-
-def allow() -> None:
-    """This process is a command of its own, nobody's test or library."""
-    global _allowed
-    _allowed = True
 
 
 @cache
@@ -35,7 +28,7 @@ def begin() -> None:
     """Start the process, once, where that is allowed and what it compiles is kept. It ends with the one that called."""
     from rhs.api.jit import kept_on_disk
 
-    if not (_allowed and kept_on_disk()):
+    if not (processes.has_helpers() and kept_on_disk()):
         return
     import subprocess
 
@@ -46,7 +39,7 @@ def begin() -> None:
 
 def compile_ahead(parent: int) -> None:
     """Compile what is listed, or read it where it is compiled already. parent: the process that this is done for."""
-    die_with_parent()
+    processes.die_with_parent()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(STANDS_BACK)
     from numba.core.sigutils import normalize_signature

@@ -25,7 +25,6 @@ from rhs.base.commands import Arguments, plain  # noqa: E402
 from rhs.base.errors import ConfigError, EngineError, RhsError  # noqa: E402
 from rhs.base.system import ENDINGS  # noqa: E402
 
-from . import first_run  # noqa: E402
 from .arguments import JOBS, TIMEOUT, Number, add, check, limits  # noqa: E402
 from .commands import command, plugin_files  # noqa: E402
 from .one_run import Terminated, complain, one_run, signal_code  # noqa: E402
@@ -70,13 +69,11 @@ def main(words: list[str] | None = None) -> int:
 
 def entry() -> int:
     """The console script `rhs`. What a part started ends with it: processes, and threads that would be waited for."""
-    from rhs.base.processes import adopt_orphans, kill_strays
-    from rhs.reports import beside
+    from rhs.base.processes import adopt_orphans, allow_helpers, kill_strays
 
     gc.set_threshold(COLLECT_AFTER)
     adopt_orphans()
-    first_run.allow()
-    beside.allow()
+    allow_helpers()
     try:
         code = main()
     except KeyboardInterrupt:  # a second one, while the first was answered

@@ -8,17 +8,10 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from rhs.base.processes import die_with_parent
+from rhs.base import processes
 
 DRAWN = "drawn"
 CODE = "import sys; sys.path[:] = sys.argv[1:]; from rhs.reports.beside import serve; serve()"
-_allowed = False
-
-
-def allow() -> None:
-    """This process is a command of its own, nobody's test or library."""
-    global _allowed
-    _allowed = True
 
 
 class Drawer:
@@ -26,7 +19,7 @@ class Drawer:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
-        if _allowed:
+        if processes.has_helpers():
             with suppress(OSError):
                 self._process = subprocess.Popen([sys.executable, "-c", CODE, *sys.path], stdin=subprocess.PIPE, text=True,
                                                  stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
@@ -53,7 +46,7 @@ class Drawer:
 
 def serve() -> None:
     """Load what draws, hear of a folder, draw it and say so."""
-    die_with_parent()
+    processes.die_with_parent()
     import matplotlib.backends.backend_agg  # noqa: F401
 
     from . import report

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from rhs.base import processes
 from rhs.base.processes import die_with_parent
 from rhs.cli import first_run
 from rhs.cli.one_run import COMPILES
@@ -22,7 +23,7 @@ import os, sys, time
 from rhs.base.processes import children
 from rhs.cli import first_run
 if sys.argv[1:] == ["allowed"]:
-    first_run.allow()
+    from rhs.base.processes import allow_helpers; allow_helpers()
 first_run.begin()
 first_run.begin()
 print(*children(os.getpid()), flush=True)
@@ -86,7 +87,7 @@ def test_none_begins_where_nothing_is_kept_on_disk(monkeypatch):
 
     begun = []
     monkeypatch.setattr(subprocess, "Popen", lambda *words, **_: begun.append(words))
-    monkeypatch.setattr(first_run, "_allowed", True)
+    monkeypatch.setattr(processes, "_helpers", True)
     for kept in (False, True):
         monkeypatch.setattr(rhs.api.jit, "_kept_on_disk", kept)
         first_run.begin.__wrapped__()
@@ -95,7 +96,7 @@ def test_none_begins_where_nothing_is_kept_on_disk(monkeypatch):
 
 def test_a_process_that_cannot_be_started_is_not_missed(monkeypatch):
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
-    monkeypatch.setattr(first_run, "_allowed", True)
+    monkeypatch.setattr(processes, "_helpers", True)
     first_run.begin.__wrapped__()
 
 

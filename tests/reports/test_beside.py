@@ -2,13 +2,13 @@
 
 import pytest
 
-from rhs.reports import beside
+from rhs.base import processes
 from rhs.reports.beside import Drawer
 
 
 @pytest.fixture
 def allowed(monkeypatch):
-    monkeypatch.setattr(beside, "_allowed", True)
+    monkeypatch.setattr(processes, "_helpers", True)
 
 
 def test_nobody_is_asked_where_it_is_not_allowed(tmp_path):
