@@ -8,7 +8,9 @@ which a part leads through rooms that no map shows. --starts stretches of --way-
 starts from nothing at each. The first half of the stretches is for tuning (--part tune), the others judge (--part
 judge). Right: 0.25 m and 5 degrees; found: right and sure (tracking) within 10 m of way. Starts in rooms that the map
 does not show cannot be found, so found_share counts those that lie on mapped ground (nine of ten poses of the first 10
-m within 1.5 m of the survey's way); wrong and sure counts every scan of every stretch.
+m within 1.5 m of the survey's way); wrong and sure counts every scan of every stretch. Where the calibration error comes
+from: bias_seeking and bias_found, the mean stated chance less the share right, of the scans before the first that was
+right and sure and of those from it on (below 0: less sure than it could be).
 """
 
 from __future__ import annotations
@@ -103,7 +105,7 @@ def stretches(truths: np.ndarray, first: int, way_m: float, count: int, part: st
 
 
 def stretch(part, led: Led, begin: int, end: int, given: GivenMap) -> tuple[dict, np.ndarray]:
-    """The row of one stretch, and (N, 4) per scan: right, sure, stated chance, CPU seconds."""
+    """The row of one stretch, and (N, 5) per scan: right, sure, stated chance, CPU seconds, found by then."""
     seen, motions, truths = led
     part.start(None)
     out, way_m, found_m, near = [], 0.0, np.nan, []
@@ -120,18 +122,21 @@ def stretch(part, led: Led, begin: int, end: int, given: GivenMap) -> tuple[dict
         if way_m <= FOUND_M:
             near.append(np.linalg.norm(given.true_way[:, :2, 3] - truths[k, :2, 3], axis=1).min() < NEAR_M
                         if given.true_way is not None else True)
-        out.append((right, sure, belief.probability, spent_s))
+        out.append((right, sure, belief.probability, spent_s, not np.isnan(found_m)))
     table = np.array(out, float)
     row = {"begin": begin, "scans": end - begin, "on_map": bool(np.mean(near) > 0.9), "found_m": round(found_m, 3)}
     return row | shares(table) | {"found_share": float(found_m <= FOUND_M)}, table
 
 
 def shares(table: np.ndarray) -> dict:
-    """Figures over the scans of a table (N, 4)."""
-    right, sure = table[:, 0] > 0, table[:, 1] > 0
+    """Figures over the scans of a table (N, 5)."""
+    right, sure, found = table[:, 0] > 0, table[:, 1] > 0, table[:, 4] > 0
+    seeking, after = (table[kept, 2] - right[kept] for kept in (~found, found))
     return {"right_share": round(float(right.mean()), 4), "right_sure_share": round(float((right & sure).mean()), 4),
             "wrong_sure_share": round(float((sure & ~right).mean()), 4),
             "ece": round(calibration_error(table[:, 2], right), 4),
+            "bias_seeking": round(float(seeking.mean()), 4) if len(seeking) else np.nan,
+            "bias_found": round(float(after.mean()), 4) if len(after) else np.nan,
             "update_cpu_ms": round(1e3 * float(table[:, 3].mean()), 2)}
 
 
