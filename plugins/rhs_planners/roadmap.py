@@ -105,11 +105,11 @@ def _in_sight(grid, points, order, at, limit):
 @typed(_OUT(POINTS, _INTS, _INTS, _INTS, _FLAGS, _PAIR(_POINT, 2), _PAIR(_OUT, 2)))
 def _search(points, offsets, others, numbers, open_, ends, links):
     """A* from ends[0] over links[0], open edges and links[1] to ends[1]; the vertices passed, in order."""
-    start, goal = ends
-    from_start, to_goal = links
+    (start, goal), (from_start, to_goal) = ends, links
     n = len(points)
-    cost, parent = np.full(n, np.inf), np.full(n, -1)
-    last = np.full(n, np.inf)  # from a vertex joined to the goal, straight on
+    cost, parent, last = np.empty(n), np.empty(n, np.int64), np.empty(n)  # last: from a vertex joined to the goal
+    for v in range(n):  # np.full takes a quarter of a second to compile
+        cost[v], parent[v], last[v] = np.inf, -1, np.inf
     keys, items = np.empty(len(others) + n + 1), np.empty(len(others) + n + 1, np.int64)
     size, best, best_at = 0, np.inf, -1
     for v in to_goal:

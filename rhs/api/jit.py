@@ -39,7 +39,9 @@ def _kept(function: _Function, *signature: Any, **options: Any) -> _Function:
     _collect_less()
     _save_in_turn()
     njit: Any = numba.njit
-    options = {"nogil": True} | options  # nothing compiled touches Python's objects: other threads go on meanwhile
+    # Nothing compiled touches Python's objects: other threads go on meanwhile. A division by zero is infinite or no number,
+    # as NumPy's: no branch that raises stands at each division.
+    options = {"nogil": True, "error_model": "numpy"} | options
     try:
         return cast(_Function, njit(*signature, cache=True, **options)(function))
     except RuntimeError as error:

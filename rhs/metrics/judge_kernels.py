@@ -152,15 +152,18 @@ def visibility_search(grid, corners, signs, ends):
     at both its ends, which keeps the optimum and drops nearly all tests.
     """
     n = len(corners) + 2
-    nodes = np.empty((n, 2))
+    nodes, cost, estimate = np.empty((n, 2)), np.empty(n), np.empty(n)
+    parent, closed = np.empty(n, np.int64), np.empty(n, np.uint8)
     for k in range(n):  # one number at a time: numba takes seconds over the copy of a row
         row = corners[k] if k < n - 2 else ends[k - n + 2]
         nodes[k, 0], nodes[k, 1] = row[0], row[1]
-    cost, estimate = np.full(n, np.inf), np.full(n, np.inf)
-    parent, closed = np.full(n, -1), np.zeros(n, np.uint8)
+        cost[k], estimate[k], parent[k], closed[k] = np.inf, np.inf, -1, 0
     cost[n - 2] = estimate[n - 2] = 0.0
     while True:
-        u = int(np.argmin(estimate))
+        u = 0
+        for v in range(1, n):
+            if estimate[v] < estimate[u]:
+                u = v
         if estimate[u] == np.inf:
             return np.empty((0, 2))
         if u == n - 1:

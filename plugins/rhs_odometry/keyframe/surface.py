@@ -58,7 +58,7 @@ def _fit(depth, pixels, half, least_known, rough, out):
     for i in range(pixels.shape[0]):
         if not (np.isfinite(pixels[i, 0]) and np.isfinite(pixels[i, 1])):
             continue
-        u, v = int(np.round(pixels[i, 0])), int(np.round(pixels[i, 1]))
+        u, v = int(np.rint(pixels[i, 0])), int(np.rint(pixels[i, 1]))
         if u < 0 or v < 0 or u >= width or v >= height:
             continue
         n = su = sv = suu = suv = svv = sr = sur = svr = srr = 0.0

@@ -62,8 +62,11 @@ def _count(votes: np.ndarray, marks: np.ndarray, walks: np.ndarray, cells: np.nd
         elif votes[row, column] > np.float32(0.0):
             step = clear
             if walks[row, column]:
-                near = marks[max(row - beside, 0):row + beside + 1, max(column - beside, 0):column + beside + 1]
-                step = clear if (near == HIT).any() else gone
+                step = gone
+                for r in range(max(row - beside, 0), min(row + beside + 1, marks.shape[0])):
+                    for c in range(max(column - beside, 0), min(column + beside + 1, marks.shape[1])):
+                        if marks[r, c] == HIT:
+                            step = clear
             votes[row, column] = max(votes[row, column] - step, np.float32(0.0))
     for row, column in cells:
         marks[row, column] = 0
