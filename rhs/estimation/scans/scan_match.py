@@ -99,7 +99,8 @@ class ScanMatcher:
         in stochastic mapping, IEEE Trans. Robotics and Automation 17(6): individual compatibility)."""
         away, jacobian, _ = self._against_walls(points, state)
         spread = np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian) + self.settings.sigma_m**2
-        return away**2 <= gate(1, self.settings.compatible) * spread
+        near: np.ndarray = away**2 <= gate(1, self.settings.compatible) * spread
+        return near
 
     def _linear(self, points: np.ndarray, at: np.ndarray,
                 told: np.ndarray | bool = True) -> tuple[np.ndarray, np.ndarray, float]:
