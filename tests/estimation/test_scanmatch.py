@@ -63,16 +63,6 @@ def test_a_scan_that_fits_nowhere_near_is_refused():
     assert ScanMatcher(grid).match(Scan(np.zeros(3), np.full(3, np.nan), 8.0), np.array([8.0, 1.0, 0.0]), PRIOR) is None
 
 
-def test_a_box_before_a_wall_is_not_laid_on_the_wall():
-    """A quarter of a metre before the end wall and as wide as the corridor; the robot is where it believes, to 5 cm."""
-    grid, truth = _corridor(end_wall=True), np.array([16.0, 1.0, 0.0])
-    bare, boxed = _corridor(end_wall=True), np.array(grid.probability)
-    boxed[1:20, 196:198] = 0.98
-    scan = _scan(OccupancyGrid(boxed, 0.1, (0.0, 0.0)), truth)
-    found = ScanMatcher(bare).match(scan, truth, np.diag([0.05**2, 0.05**2, np.radians(1.0) ** 2]))
-    assert found is None or abs(_wrong(truth, found.state)[0]) < 0.02
-
-
 def test_an_empty_map_and_no_motion_beyond_the_prior():
     empty = OccupancyGrid(np.full((20, 20), 0.02, np.float32), 0.1, (0.0, 0.0))
     assert ScanMatcher(empty).match(_scan(_corridor(True), (8.0, 1.0, 0.0)), np.array([1.0, 1.0, 0.0]), PRIOR) is None

@@ -66,9 +66,8 @@ class ScanMatcher:
             return None
         prior = np.linalg.inv(covariance)
         start, at = np.asarray(state, float), np.array(state, float)
-        told = self._compatible(points, start, covariance)
         for _ in range(self.settings.iterations):
-            information, pull, _ = self._linear(points, at, told)
+            information, pull, _ = self._linear(points, at)
             kept, seen = self._trusted(information)
             if seen == 0:
                 return None
@@ -77,7 +76,7 @@ class ScanMatcher:
             at = _composed(at, np.clip(step, -0.3, 0.3))
             if np.abs(step).max() < 1e-4:
                 break
-        information, _, share = self._linear(points, at, told)
+        information, _, share = self._linear(points, at)
         kept, seen = self._trusted(information)
         shift = _seen_from(start, at)
         if share < self.settings.least_share or shift @ prior @ shift > gate(3, self.settings.gate_probability):
@@ -93,35 +92,20 @@ class ScanMatcher:
         """Metres from a state (3,) to the nearest wall; inf in a map without walls."""
         return float("inf") if self._empty else float(self._lookup(np.asarray(state, float)[None, :2])[0][0])
 
-    def _compatible(self, points: np.ndarray, state: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """(B,) bool: whether an end may be of the wall next to it, with the state (3,) as sure as its covariance says: one
-        further off is of something before that wall which the map does not hold (Neira and Tardos 2001, Data association
-        in stochastic mapping, IEEE Trans. Robotics and Automation 17(6): individual compatibility)."""
-        away, jacobian, _ = self._against_walls(points, state)
-        spread = np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian) + self.settings.sigma_m**2
-        near: np.ndarray = away**2 <= gate(1, self.settings.compatible) * spread
-        return near
-
-    def _linear(self, points: np.ndarray, at: np.ndarray,
-                told: np.ndarray | bool = True) -> tuple[np.ndarray, np.ndarray, float]:
-        """Information (3, 3), its vector (3,) and the share of ends on walls, at a state. told (B,): ends that may be."""
-        away, jacobian, on_wall = self._against_walls(points, at)
-        on_wall = on_wall & told
-        weight = np.where(on_wall, self.settings.trust / self.settings.sigma_m**2, 0.0)
-        weight = weight / (1.0 + (away / (2.0 * self.settings.sigma_m)) ** 2)
-        weighted = jacobian * weight[:, None]
-        return weighted.T @ jacobian, -weighted.T @ away, float(on_wall.mean())
-
-    def _against_walls(self, points: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of ends (B, 2) seen from a state: how far they lie off the nearest wall's line (B,), how that changes with the
-        state's perturbation (B, 3), and whether they lie within reach of that wall and before it (B,)."""
+    def _linear(self, points: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Information (3, 3), its vector (3,) and the share of ends on walls, at a state."""
         c, s = np.cos(at[2]), np.sin(at[2])
         turned = points @ np.array([[c, s], [-s, c]])
         gap, away, slope, facing = self._lookup(turned + at[:2])
         from_behind = (turned * facing).sum(axis=1) > self.settings.behind_cos * np.hypot(*turned.T)
+        on_wall = (gap < self.settings.reach_m) & ~from_behind
+        weight = np.where(on_wall, self.settings.trust / self.settings.sigma_m**2, 0.0)
+        weight = weight / (1.0 + (away / (2.0 * self.settings.sigma_m)) ** 2)
         by_x, by_y = slope @ np.array([c, s]), slope @ np.array([-s, c])
         by_yaw = slope[:, 0] * -turned[:, 1] + slope[:, 1] * turned[:, 0]
-        return away, np.stack([by_x, by_y, by_yaw], axis=1), (gap < self.settings.reach_m) & ~from_behind
+        jacobian = np.stack([by_x, by_y, by_yaw], axis=1)
+        weighted = jacobian * weight[:, None]
+        return weighted.T @ jacobian, -weighted.T @ away, float(on_wall.mean())
 
     def _lookup(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """At map positions (N, 2): distance to the nearest wall (N,), signed distance to its line (N,), the line's normal

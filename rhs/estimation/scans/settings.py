@@ -40,14 +40,12 @@ class MatchSettings:
     """Gauss-Newton steps at most"""
     gate_probability: float = 0.999
     """chance that a true match passes the chi-square gate of its shift against the prior"""
-    compatible: float = 0.95
-    """chance that an end on a wall passes the same of its own distance; 0.95: the usual one of individual compatibility"""
 
     def __post_init__(self) -> None:
         check_ranges("", self, beams=(8, 100_000), range_max_m=(0.1, 1000.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
                      reach_m=(1e-3, 100.0), least_share=(0.0, 1.0), blind_below=(0.0, 1.0), floor_m=(0.0, 10.0),
                      lever_m=(1e-3, 1000.0), behind_cells=(1, 100), behind_cos=(0.0, 1.0), iterations=(1, 1000),
-                     gate_probability=(0.5, 1.0 - 1e-12), compatible=(0.5, 1.0 - 1e-12))
+                     gate_probability=(0.5, 1.0 - 1e-12))
 
 
 @dataclass(frozen=True)
