@@ -149,7 +149,7 @@ class ObstacleWatch:
     def _count(self, number: int, map_from_body: np.ndarray, scan: Scan, *, hits: np.ndarray, now_s: float) -> None:
         """Count a scan in the layer of that number."""
         layer = (self.at_eye, self.below)[number]
-        before = layer.votes.copy()
+        before = layer.votes.copy() if layer.walks.any() else layer.votes
         rows, columns = layer.look(map_from_body, scan, hits=hits, within_m=self.within_m).T
         since_s, votes = self.since_s[number, rows, columns], layer.votes[rows, columns]
         stands = (votes > 0.0) & ~(layer.walks[rows, columns] & (votes < before[rows, columns]))  # nobody: others come there
