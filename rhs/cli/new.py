@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rhs.api.contracts import PLUGIN_KINDS, PROTOCOLS
+from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 from rhs.config.loose import class_name
 
@@ -28,8 +29,10 @@ BESIDE = {"source": "sensor=laser task=survey",
 def main(words: Sequence[str]) -> int:
     """The command."""
     if len(words) not in (2, 3) or words[0] not in PLUGIN_KINDS:
-        raise ConfigError(f"new: say a kind ({', '.join(PLUGIN_KINDS)}) and a name, for example: "
-                          f"python -m rhs new planner my_planner")
+        unknown = words and words[0] not in PLUGIN_KINDS
+        wrong = f"{words[0]} is no kind{nearest(words[0], list(PLUGIN_KINDS))}" if unknown else "say a kind and a name"
+        raise ConfigError(f"new: {wrong}; for example: python -m rhs new planner my_planner; "
+                          f"kinds: {', '.join(PLUGIN_KINDS)}")
     kind, name = words[0], words[1]
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise ConfigError(f"new {kind} {name}: a plugin's name is small letters, digits and _")
