@@ -2,10 +2,12 @@
 
 The first mission that did not end at its place is looked at, from its beginning to its end; what was unbroken when it
 began is counted as of its beginning. Each link is named once, where it first complained, in the order in which they did.
+Where neither odometry nor localiser complained in it, what they said in the survey is counted: the map is of then.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,6 +16,7 @@ from rhs.api.metric import RunFiles, columns_of
 Step = Mapping[str, str]
 OF_EVENT = {"no_plan": "plan: no path", "blocked": "something unknown on the path", "stopped": "no room ahead",
             "replan": "a new plan", "lost": "the robot looks for itself", "gave_up": "gave up"}
+OF_ESTIMATES = ("odometry ", "the gate ", "localiser ")  # how their complaints begin
 MOST_WORDS = 5
 
 
@@ -40,9 +43,26 @@ def cause(run: RunFiles) -> str:
     if failed is None:
         return ""
     what = f"{failed['place']}: {failed['reason'] or 'the run ended on the way'}"
-    sequence = [f"view {view} {words}" for view, words in
-            first_of_failed([step for step in run.steps if step["phase"] == "patrol"], missions)]
+    survey, patrol = ([step for step in run.steps if step["phase"] == phase] for phase in ("survey", "patrol"))
+    complained = first_of_failed(patrol, missions)
+    sequence = [f"view {view} {words}" for view, words in complained]
+    if not any(words.startswith(OF_ESTIMATES) for _, words in complained):
+        sequence = said_in(survey) + sequence
     return f"{what}; " + (", then ".join(sequence[:MOST_WORDS]) if sequence else "no part complained before")
+
+
+def said_in(survey: Sequence[Step]) -> list[str]:
+    """What the estimators complained of in the survey, how often and since when: one part of the sentence, or none."""
+    first: dict[str, int] = {}
+    count: Counter[str] = Counter()
+    for step in survey:
+        for _, words in complaints(step):
+            link = words.partition(" (")[0]
+            if link.startswith(OF_ESTIMATES):
+                first.setdefault(link, int(step["index"]))
+                count[link] += 1
+    told = " and ".join(f"{link} (views: {count[link]} of {len(survey)}, first {first[link]})" for link in first)
+    return [f"in the survey {told}"] if first else []
 
 
 def first_failed(missions: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:

@@ -1,12 +1,13 @@
 """Shapley shares by hand and by their axioms; the sentence; where a patrol went off; what complained first."""
 
 from itertools import permutations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rhs.metrics.blame import MEASURES, judged, losses_of, off_since
-from rhs.metrics.cause import first_complaints
+from rhs.metrics.cause import cause, first_complaints
 from rhs.metrics.shares import shapley, shapley_of_orders, subsets
 
 
@@ -144,3 +145,20 @@ def test_complaints_come_in_the_order_in_which_they_began():
     views = [step(4, mission="0", **lost), step(5, **lost), step(6, belief_status="lost", **path), step(7, **lost)]
     assert first_complaints(views, views[1:]) == [  # of the view before, too
         (4, "odometry lost (no features)"), (6, "localiser lost"), (6, "the robot looks for itself"), (6, "plan: no path")]
+
+
+def failed_run(views):
+    missions = [{"mission": 1, "place": "kitchen", "status": "gave_up", "reason": "no path: never_seen"}]
+    return SimpleNamespace(steps=views, json=lambda name: missions)
+
+
+def test_where_the_patrol_says_nothing_the_survey_that_drew_the_map_is_asked():
+    survey = [step(k, phase="survey", motion_status=status) for k, status in enumerate(["ok", "lost", "degenerate", "lost"])]
+    patrol = [step(4, event="no_plan+gave_up")]
+    assert cause(failed_run(survey + patrol)) == (
+        "kitchen: no path: never_seen; in the survey odometry lost (views: 2 of 4, first 1) and odometry degenerate (views: "
+        "1 of 4, first 2), then view 4 plan: no path")
+    lost = [step(4, event="no_plan+gave_up", motion_status="lost")]
+    assert "survey" not in cause(failed_run(survey + lost))
+    well = [step(k, phase="survey") for k in range(4)]
+    assert cause(failed_run(well + [step(4)])) == "kitchen: no path: never_seen; no part complained before"
