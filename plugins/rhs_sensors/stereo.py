@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 from rhs.api.errors import ConfigError, check_range, check_ranges
-from rhs.estimation.scans.settings import BandSettings
+from rhs.estimation.scans.settings import BandSettings, FloorEndSettings
 
 from .wheeled import Wheeled
 
@@ -28,6 +28,7 @@ class StereoAdvanced:
     texture_half_px: int = 4
     """texture is measured in a square of this half side, pixels"""
     obstacle: BandSettings = field(default_factory=lambda: BandSettings(floor_m=0.1, floor_per_m=0.05, range_m=3.0))
+    floor_end: FloorEndSettings = field(default_factory=FloorEndSettings)
 
     def __post_init__(self) -> None:
         check_ranges("", self, step_penalty=(0.0, 1e4), jump_penalty=(0.0, 1e4), speckle_px=(0, 100_000),

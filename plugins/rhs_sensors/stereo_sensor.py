@@ -1,4 +1,5 @@
-"""The sensor `stereo`: noise on both images, depth from their disparity (stereo_matching), the scans of a depth camera."""
+"""The sensor `stereo`: noise on both images, depth from their disparity (stereo_matching), the scans of a depth camera, and
+before plain walls, which have no disparity, where the floor ends."""
 
 from __future__ import annotations
 
@@ -6,9 +7,10 @@ import numpy as np
 
 from rhs.api.contracts import Context
 from rhs.api.errors import ContractError
-from rhs.api.records import Capture, Observation
+from rhs.api.records import Capture, Observation, Scan
 from rhs.api.spare import both
 from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_of
+from rhs.estimation.scans.floor_end import FloorEnds, filled
 from rhs.estimation.scans.obstacle_scan import ObstacleScanner
 
 from .degrade import Encoders, frozen, image_of, noisy_image, size
@@ -37,18 +39,34 @@ class StereoSensor:
         image, right = both(lambda: noisy_image(clean, sigma, self._left_rng),
                             lambda: noisy_image(clean_right, sigma, self._right_rng))
         depth = frozen(pair.depth(image, right))
+        scan, obstacle = self._scans(depth)
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
             image=image,
             depth=depth,
-            scan=self._rows.scan(depth),
+            scan=scan,
             command=capture.command,
             wheel=self._encoders.read(capture.travel, exact=capture.sensed),
             extras={RIGHT_IMAGE: right},
-            obstacle=None if self._band is None else self._band.scan(depth),
+            obstacle=obstacle,
         )
+
+    def _scans(self, depth: np.ndarray) -> tuple[Scan, Scan | None]:
+        """The scan at the camera's height and that of obstacles, both up to the end of the floor where depth is blank."""
+        scan = self._rows.scan(depth)
+        if self._band is None:
+            return scan, None
+        z = self._band.thinned(depth)
+        floor = self._band.floor(z)
+        obstacle = self._band.scan(depth, floor)
+        if not np.isnan(scan.ranges_m).any():
+            return scan, obstacle
+        ends, bearings = self._ends.ranges(z, floor), self._band.bearings_rad
+        walls = np.where(np.isinf(ends), np.nan, ends)  # the floor goes on, and nobody knows what stands on it there
+        free = ends if self._ends.reach_m >= obstacle.max_range_m else walls
+        return filled(scan, bearings, walls), filled(obstacle, bearings, free)
 
     def _right_of(self, capture: Capture) -> np.ndarray:
         """The right image. Raises ContractError where there is none, or of another size."""
@@ -67,5 +85,8 @@ class StereoSensor:
         self._pair = pair = StereoPair(self._camera, camera_of(capture.extras[RIGHT_CAMERA]), self._settings)
         self._rows = ScanRows(self._camera, reach(self._settings, pair))
         if self._camera.height_m > 0.0:  # of a recording whose camera hangs nobody knows where, nobody knows the floor
-            self._band = ObstacleScanner(self._camera, self._settings.advanced.obstacle, max_range_m=pair.max_range_m)
+            advanced = self._settings.advanced
+            self._band = ObstacleScanner(self._camera, advanced.obstacle, max_range_m=pair.max_range_m)
+            sure_m = (1.0 - 2.0 * self._settings.depth_error_share) * pair.max_range_m  # nearer ends are not the reach's
+            self._ends = FloorEnds(self._band, advanced.floor_end, sure_m=sure_m)
         return pair

@@ -137,6 +137,7 @@ PATROL = columns_of(
     ("path_optimal_informed_m", "m",
      "shortest way that learns of obstacles where this robot saw them, through the places it reached",
      "rhs.metrics.path_judge"),
+    tasks=("patrol", "blame"),  # a survey alone was asked to visit none
     counts=("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions"),
 )
 STAGES_MS = columns_of(

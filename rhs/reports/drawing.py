@@ -33,7 +33,7 @@ def title(row: dict[str, Any]) -> str:
                _number(row, "found_share", "found after {:.0%} of the starts"),
                _number(row, "belief_wrong_sure_share", "wrong and sure {:.1%}"),
                _number(row, "map_agreement", "map agreement {:.1%}"), _number(row, "collisions", "{:.0f} collisions")]
-    if row.get("places_total") and row.get("patrol_steps") != 0:  # a survey alone was asked to visit none
+    if row.get("places_total") and row.get("patrol_steps") != 0:  # rows of old said so of a survey too
         numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
     if row.get("status") not in (None, "ok"):
         numbers.insert(0, f"{row['status']}: {str(row.get('reason', ''))[:80]}")

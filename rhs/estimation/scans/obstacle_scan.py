@@ -40,9 +40,9 @@ class ObstacleScanner:
         self._flat = np.hypot(self._rays[..., 0], self._rays[..., 1])
         self._reach_m = min(settings.range_m, max_range_m)
         bearing = np.arctan2(self._rays[..., 1], self._rays[..., 0])
-        self._bearings = freeze(np.sort(bearing[len(self._rows) // 2]).astype(float))
-        between = 0.5 * (self._bearings[1:] + self._bearings[:-1])
-        self._bins = np.searchsorted(between, bearing).astype(np.int32)  # each pixel's nearest beam
+        self.bearings_rad = freeze(np.sort(bearing[len(self._rows) // 2]).astype(float))
+        between = 0.5 * (self.bearings_rad[1:] + self.bearings_rad[:-1])
+        self.beam_of = np.searchsorted(between, bearing).astype(np.int32)  # (rows, columns) each pixel's nearest beam
         self._origin = (float(self._eye_m[0]), float(self._eye_m[1]))
         self.height_m = settings.robot_height_m or camera.height_m + settings.headroom_m
         self._blind_m = self._seen_from_m()
@@ -57,9 +57,15 @@ class ObstacleScanner:
         z = self.thinned(depth)
         plane, known = self.floor(z) if floor is None else floor
         slack = np.float32(depth_times * self.settings.floor_per_m + (0.0 if known else self.settings.unsure_per_m))
-        ranges = _nearest(z, self._rays, self._flat, self._bins, self._eye_m, plane.astype(np.float32),
+        ranges = _nearest(z, self._rays, self._flat, self.beam_of, self._eye_m, plane.astype(np.float32),
                           (np.float32(self.settings.floor_m), slack, np.float32(self.height_m), np.float32(self._reach_m)))
-        return Scan(self._bearings, freeze(ranges), self._reach_m, self._origin, self._blind_m)
+        return Scan(self.bearings_rad, freeze(ranges), self._reach_m, self._origin, self._blind_m)
+
+    def heights(self, z: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the pixels of a thinned depth image: metres above a floor (3,), NaN unknown; metres away along the floor;
+        whether they look down."""
+        x, y, up = (z * self._rays[..., axis] + self._eye_m[axis] for axis in range(3))
+        return up - (plane[0] + plane[1] * x + plane[2] * y), z * self._flat, self._rays[..., 2] < 0.0
 
     def floor(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
         """((3,) a, b, c of the floor a + b x + c y in the body frame, whether it was seen) of a thinned depth image."""

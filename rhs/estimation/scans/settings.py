@@ -203,6 +203,29 @@ class BandSettings:
 
 
 @dataclass(frozen=True)
+class FloorEndSettings:
+    """What of a column of a depth image is a floor that ends before a blank wall (rhs.estimation.scans.floor_end)."""
+
+    floor_m: float = 0.05
+    """floor is within this of the plane fitted to it, metres,"""
+    floor_per_m: float = 0.05
+    """and within this share of the distance more: what two eyes know a distance to"""
+    floor_below: float = 0.5
+    """least share of the column below the end that is floor: texture with holes ends nowhere"""
+    known_above: float = 0.2
+    """most of it between the end and the horizon that is known: something that is known stands for itself"""
+    least_rows: int = 3
+    """fewer rows of floor, or blank ones up to the horizon, of the thinned image say nothing"""
+    range_m: float = 3.0
+    """further ends are left to later views, metres: up to there they were within 0.28 m in 95 of 100 columns of three
+    drawn buildings"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, floor_m=(0.0, 1.0), floor_per_m=(0.0, 0.5), floor_below=(0.0, 1.0), known_above=(0.0, 1.0),
+                     least_rows=(1, 10_000), range_m=(0.2, 100.0))
+
+
+@dataclass(frozen=True)
 class VoteSettings:
     """Obstacles as votes of a grid, for and against (rhs.estimation.scans.votes)."""
 
