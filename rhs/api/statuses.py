@@ -61,6 +61,8 @@ class Event(StrEnum):
     """the path was left or is blocked by what was seen before: a new one is planned in the same mission"""
     BLOCKED = "blocked"
     """something the map does not know stands on the path: the mission was broken off and begun anew"""
+    VENTURE = "venture"
+    """no way is left over ground that was seen: one is planned over ground that nobody has looked at, too"""
     WAIT = "wait"
     """the robot stands still before something on its path"""
     ASK = "ask"

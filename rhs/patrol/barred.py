@@ -18,7 +18,7 @@ from .control import Pace, Progress, ahead_on_path, first_on_way, short_of, stee
 from .guard import Guard
 from .mission import Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map
-from .planning import RoomyPlanner
+from .planning import RoomyPlanner, with_unseen
 from .surroundings import SURE
 
 WAIT_S = 0.5  # one view of waiting
@@ -33,9 +33,11 @@ LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)  # forth and bac
 class Barred:
     """The part of a sentinel that knows what to do then."""
 
+    phase: str
     settings: MissionSettings
     book: Logbook
     grid: OccupancyGrid
+    free: np.ndarray
     roads: RoomyPlanner
     watch: ObstacleWatch
     guard: Guard
@@ -49,12 +51,20 @@ class Barred:
         self.path: Path | None = None
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
-        self.looked_again, self.last_reason = False, ""
+        self.looked_again, self.ventured, self.last_reason = False, False, ""
         self.progress, self.aside = Progress(), Aside()
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         """End the mission."""
+        raise NotImplementedError
+
+    def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
+        """Plan the way to the current place; whether there is one."""
+        raise NotImplementedError
+
+    def _drive_on(self, free: np.ndarray) -> None:
+        """Plan over these cells."""
         raise NotImplementedError
 
     def _back(self, pose: np.ndarray) -> Twist | None:
@@ -63,8 +73,8 @@ class Barred:
 
     def _after_failed_plan(self, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """A robot that stands too near to things to set off goes back a little. Where something seen bars every way, ask the
-        replan part. Else, or if it wants to go on: forget what was seen and look again once; then give the place up, with
-        the planner's reason."""
+        replan part. Else, or if it wants to go on: forget what was seen and look again once; then try ground that nobody has
+        looked at; then give the place up, with the planner's reason."""
         if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
@@ -91,9 +101,25 @@ class Barred:
             self.guard.around.forget_specks()
             self.queued = turns(LOOK_AGAIN_TURNS, self.pace)
             return turn(-self.pace.turn_step_rad, self.pace)
+        if self._ventures(pose, events):
+            return None  # there is a path now
         touched = f" (touches: {self.contacts})" if self.contacts else ""
         self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
         return None
+
+    def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
+        """Whether there is a way over ground that nobody has looked at, tried once a place: the robot's guard lets it go as
+        far as it sees, and what stands there turns up as an obstacle on its path."""
+        if self.ventured or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
+            return False
+        self.ventured, reason, planned = True, self.last_reason, list[Event]()
+        self._drive_on(with_unseen(self.grid, self.free, self.settings.advanced.unseen_m))
+        if self._plan(pose, planned):
+            events += [Event.VENTURE, *planned]
+            return True
+        self._drive_on(self.free)
+        self.last_reason = reason
+        return False
 
     @property
     def _blind_m(self) -> float:

@@ -20,8 +20,14 @@ ELSEWHERE_M = 0.5  # so far off places put off may be tried again
 class MissionAdvanced:
     """Thresholds of the patrol."""
 
+    unseen_m: float = 1.0
+    """where no way is left, ground that nobody has looked at is tried as far as this from what was seen to be free, metres:
+    what a table hides, not the outside of the building; 0: none"""
     guard: GuardSettings = field(default_factory=GuardSettings)
     explore: ExploreSettings = field(default_factory=ExploreSettings)
+
+    def __post_init__(self) -> None:
+        check_range("", "unseen_m", self.unseen_m, low=0.0, high=1000.0, unit="m")
 
 
 @dataclass

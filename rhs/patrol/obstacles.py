@@ -66,11 +66,16 @@ class ObstacleWatch:
         walls = grid.occupied()
         self._walls_m = grid.centres(np.argwhere(walls))
         gap_cells = distance_transform_edt(~walls) if walls.any() else np.full(grid.shape, np.inf)
-        self.gap_m = np.where(free, gap_cells * grid.resolution_m, 0.0)  # to the nearest wall; 0 where nothing is known
+        self._wall_gap_m = gap_cells * grid.resolution_m
+        self.watch_on(free)
         self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
         # of each: when a beam of it last passed a cell or ended there; one at eye height says nothing of what lies lower
         self.seen_s = np.full((2, *grid.shape), -np.inf)
         self.since_s = np.full((2, *grid.shape), np.inf)  # when it first saw what stands there, also if forgotten since
+
+    def watch_on(self, free: np.ndarray) -> None:
+        """Tell things on these cells (H, W) from the map's walls, and take no notice of others."""
+        self.gap_m = np.where(free, self._wall_gap_m, 0.0)  # to the nearest wall; 0 where nothing is known
 
     def forget(self) -> None:
         """A new mission begins with the map as surveyed."""

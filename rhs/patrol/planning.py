@@ -113,6 +113,15 @@ class RoomyPlanner:
         return bool(things[tuple(self.grid.cells(goal_m[None])[0])])
 
 
+def with_unseen(grid: OccupancyGrid, free: np.ndarray, reach_m: float) -> np.ndarray:
+    """(H, W) bool: free cells, and those within reach_m of one that nobody has looked at."""
+    from scipy.ndimage import distance_transform_edt
+
+    near = distance_transform_edt(~free) * grid.resolution_m <= reach_m
+    with_them: np.ndarray = free | (np.isnan(grid.probability) & near)
+    return with_them
+
+
 class TightMap:
     """Gaps hardly wider than the robot: the map of a patrol in finer cells, with what was seen just now where it was seen.
 

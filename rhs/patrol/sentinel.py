@@ -58,11 +58,16 @@ class Sentinel(Barred):
 
     def _take_map(self, grid: OccupancyGrid) -> None:
         """Plan and watch on this map from now on."""
-        self.grid, free = grid, known_free(grid, self.views, self.radius_m)
-        self.roads = RoomyPlanner(self.planner, grid, free, radius_m=self.radius_m, settings=self.settings,
-                                  who=self.who["planner"])
-        self.watch = ObstacleWatch(grid, free, tolerance_m=self.settings.wall_tolerance_m,
+        self.grid, self.free = grid, known_free(grid, self.views, self.radius_m)
+        self.watch = ObstacleWatch(grid, self.free, tolerance_m=self.settings.wall_tolerance_m,
                                    votes=self.settings.advanced.guard.votes, changed=self.changed)
+        self._drive_on(self.free)
+
+    def _drive_on(self, free: np.ndarray) -> None:
+        """Plan over these cells (H, W), and watch for things on them."""
+        self.roads = RoomyPlanner(self.planner, self.grid, free, radius_m=self.radius_m, settings=self.settings,
+                                  who=self.who["planner"])
+        self.watch.watch_on(free)
 
     def _begin_place(self) -> None:
         super()._begin_place()
@@ -229,6 +234,8 @@ class Sentinel(Barred):
         self.watch.forget()
         if grid is not None:
             self._take_map(grid)
+        elif self.ventured:
+            self._drive_on(self.free)
         self._begin_place()
 
     def _near(self, pose: np.ndarray) -> bool:
