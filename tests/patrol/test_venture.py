@@ -1,0 +1,67 @@
+"""Where no way is left over ground that was seen, the robot tries what nobody has looked at, as far as it sees."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flatland import Flatland, Oracle, Through, parts, ring
+from test_policies import barrier
+
+from rhs.api.grid import OccupancyGrid
+from rhs.patrol.loop import steps
+from rhs.patrol.mission import MissionAdvanced, MissionSettings
+from rhs.patrol.planning import with_unseen
+from rhs.patrol.sentinel import Sentinel
+from rhs_replan import GoRound
+
+PLACE = (("a", 6.5, 1.0),)
+UNSEEN = np.s_[61:79, 30:44]  # a stretch of the corridor at the far side, 1.4 m of it
+
+
+def patrol(hidden, *, unseen_m=1.0):
+    """Missions and events of a ring whose near way is barred, and whose far way the survey saw but for a stretch."""
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACE, hidden=hidden)
+    grid = world.grid()
+    probability = grid.probability.copy()
+    probability[UNSEEN] = np.nan
+    oracle = Oracle(world)
+    given = parts(oracle)
+    given.planner.corners, given.replan = False, GoRound()
+    settings = MissionSettings(advanced=replace(MissionAdvanced(), unseen_m=unseen_m))
+    sentinel = Sentinel(given, replace(grid, probability=probability), (), places=PLACE, radius_m=world.radius,
+                        settings=settings)
+    out = []
+    for step in steps(world, Through(world.camera), oracle, sentinel):
+        out.append(step)
+        assert len(out) < 2000, "the patrol does not end"
+    assert not any(step.collided for step in out)
+    return sentinel.book.missions, [str(event) for step in out for event in step.events]
+
+
+def test_a_stretch_that_nobody_saw_is_driven_where_there_is_no_other_way():
+    missions, events = patrol(barrier())
+    assert str(missions[-1].status) == "arrived" and events.count("venture") == 1
+
+
+def test_without_the_setting_the_place_is_given_up():
+    missions, events = patrol(barrier(), unseen_m=0.0)
+    assert (str(missions[-1].status), missions[-1].reason) == ("gave_up", "no path: disconnected")
+    assert "venture" not in events
+
+
+def test_a_wall_in_the_unseen_stretch_is_found_untouched_and_the_place_given_up():
+    missions, events = patrol(barrier((35, 38)))
+    assert str(missions[-1].status) == "gave_up" and events.count("venture") >= 1
+
+
+def test_nothing_is_ventured_while_a_known_way_is_left():
+    missions, events = patrol(np.zeros((80, 80), bool))
+    assert str(missions[-1].status) == "arrived" and "venture" not in events
+
+
+@pytest.mark.parametrize("reach_m, cells", [(0.0, 0), (0.1, 1), (0.3, 3)])
+def test_unseen_ground_counts_up_to_its_reach_and_walls_never(reach_m, cells):
+    """A row of five free cells, a wall, and five unseen ones at the other end."""
+    grid = OccupancyGrid(np.array([[0.95] + 5 * [0.05] + 5 * [np.nan]], np.float32), 0.1, (0.0, 0.0))
+    got = with_unseen(grid, grid.free(), reach_m + 1e-6)
+    assert got[0, 1:6].all() and not got[0, 0] and got[0, 6:].sum() == cells
