@@ -114,7 +114,7 @@ class SiftDbAdvanced(ByPlaces):
     pictured_sigma_rad: float = 0.015
     """the same of the heading, radians"""
     pictured: MatchSettings = field(
-        default_factory=lambda: MatchSettings(range_max_m=3.0, sigma_m=0.12, trust=0.03, floor_m=0.12))
+        default_factory=lambda: MatchSettings(range_max_m=3.0, sigma_m=0.12, trust=0.03, floor_m=0.12, unmapped=0.0))
     """a scan read off pictures, laid onto the map: its error grows with the range and goes together from view to view
     (believed like a measured one it moved the robot by up to 0.23 m at once in random:loop/3)"""
 

@@ -22,7 +22,7 @@ from rhs.api.geometry import planar, se2, wrap
 from rhs.api.grid import OccupancyGrid, nearest_open
 from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Scan, Step, Twist
 from rhs.api.task import Parts
-from rhs.estimation.scans.settings import VoteSettings
+from rhs.estimation.scans.settings import MatchSettings, VoteSettings
 from rhs.estimation.survey import FURNITURE, FURNITURE_VOTES
 
 from .control import turns
@@ -40,6 +40,7 @@ HOME = "home"
 MATCH_AFTER, REDRAW = 10, 5  # views that make a map worth matching with, and views between two drawings of it
 PLANAR = (0, 1, 5)  # x, y, yaw of a covariance (6, 6)
 LEAST_DOUBT = np.diag([1e-4, 1e-4, 1e-4])  # since the last match: 1 cm and half a degree, odometries promise too much
+ALL_DRAWN = MatchSettings(unmapped=0.0)  # a map just drawn holds what stands there
 STOOD = 0.05  # chance that something stands where the robot's own body was
 
 
@@ -101,7 +102,7 @@ class Explorer(Sentinel):
         if scan is None or self.views_in_all < MATCH_AFTER:
             return belief
         if self.matcher is None or self.views_in_all % REDRAW == 0:
-            self.matcher = ScanMatcher(self.mapper.grid())
+            self.matcher = ScanMatcher(self.mapper.grid(), ALL_DRAWN)
         planar_of = np.ix_(PLANAR, PLANAR)
         match = self.matcher.match(scan, planar(belief.map_from_body), belief.covariance[planar_of] + LEAST_DOUBT)
         if match is None:

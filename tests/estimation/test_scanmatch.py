@@ -11,6 +11,7 @@ from rhs.api.records import FeatureSettings, Motion, Scan, Tracking, View
 from rhs.estimation.scans.rays import cast
 from rhs.estimation.scans.scan_loops import ScanLoopSettings, scan_edges
 from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.scans.settings import MatchSettings
 from rhs.estimation.views.loops import travelled_m
 from rhs_loop_closers.pose_graph_config import PoseGraph
 
@@ -61,6 +62,28 @@ def test_a_scan_that_fits_nowhere_near_is_refused():
     elsewhere = Scan(np.linspace(-0.5, 0.5, 161), np.full(161, 0.6), 8.0)  # something stands before the camera
     assert ScanMatcher(grid).match(elsewhere, np.array([8.0, 1.0, 0.0]), PRIOR) is None
     assert ScanMatcher(grid).match(Scan(np.zeros(3), np.full(3, np.nan), 8.0), np.array([8.0, 1.0, 0.0]), PRIOR) is None
+
+
+SURE = np.diag([0.05**2, 0.05**2, np.radians(1.0) ** 2])
+
+
+def test_a_box_before_a_wall_is_not_laid_on_the_wall():
+    """A quarter of a metre before the end wall and as wide as the corridor; the robot is where it believes, to 5 cm."""
+    bare, truth = _corridor(end_wall=True), np.array([16.0, 1.0, 0.0])
+    boxed = np.array(bare.probability)
+    boxed[1:20, 196:198] = 0.98
+    scan = _scan(OccupancyGrid(boxed, 0.1, (0.0, 0.0)), truth)
+    found = ScanMatcher(bare).match(scan, truth, SURE)
+    assert abs(_wrong(truth, found.state)[0]) < 0.02
+    assert found.covariance[0, 0] > 0.9 * SURE[0, 0] and found.covariance[1, 1] < 0.7 * SURE[1, 1]
+    taken = ScanMatcher(bare, MatchSettings(unmapped=0.0)).match(scan, truth, SURE)
+    assert _wrong(truth, taken.state)[0] > 0.08  # every end believed to be of the map
+
+
+def test_a_wall_found_nearer_by_the_error_of_the_belief_pulls_it_there():
+    grid, truth = _corridor(end_wall=True), (16.0, 1.0, 0.0)
+    found = ScanMatcher(grid).match(_scan(grid, truth), np.array([15.92, 1.0, 0.0]), SURE)
+    assert abs(_wrong(truth, found.state)[0]) < 0.05
 
 
 def test_an_empty_map_and_no_motion_beyond_the_prior():

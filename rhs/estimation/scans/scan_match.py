@@ -6,12 +6,14 @@ point-to-line matching, Censi 2008), robust weights, with the believed pose as p
 over the walls without a change: the Hessian says so, and what it does not see the prior keeps. Deviations from plain
 Gauss-Newton: information that is small against the best seen direction is noise of the cells and set to zero, and no
 direction is ever called sharper than the map is drawn. A wall that the map knows from one side only is met from that
-side only: the unseen back of a pillar is no part of its mapped front.
+side only: the unseen back of a pillar is no part of its mapped front. A surface seen before a wall pulls by the chance that
+it is that wall, and not something before it that the map does not hold.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +35,17 @@ class ScanMatch:
     covariance: np.ndarray
     share: float
     seen: int
+
+
+class _Met(NamedTuple):
+    """Of ends: metres off the nearest wall's line (B,), signed along its normal (B, 2), how that changes with the state's
+    perturbation (B, 3), the sign of what lies on the robot's side (B,), 0 without a line, and if it is near (B,)."""
+
+    away: np.ndarray
+    jacobian: np.ndarray
+    normal: np.ndarray
+    side: np.ndarray
+    on_wall: np.ndarray
 
 
 class ScanMatcher:
@@ -60,14 +73,15 @@ class ScanMatcher:
         return self.match_points(ends(scan, self.settings), state, covariance)
 
     def match_points(self, points: np.ndarray, state: np.ndarray, covariance: np.ndarray) -> ScanMatch | None:
-        """The same for points (B, 2) of walls in the body frame. None when too few lie on walls, when nothing is seen,
-        or when the fit lies where the prior cannot be."""
+        """The same for points (B, 2) of walls in the body frame, in the order of their beams. None when too few lie on
+        walls, when nothing is seen, or when the fit lies where the prior cannot be."""
         if self._empty or len(points) < 8:
             return None
         prior = np.linalg.inv(covariance)
         start, at = np.asarray(state, float), np.array(state, float)
+        chance = self._mapped(points, start, covariance)
         for _ in range(self.settings.iterations):
-            information, pull, _ = self._linear(points, at)
+            information, pull, _ = self._linear(points, at, chance)
             kept, seen = self._trusted(information)
             if seen == 0:
                 return None
@@ -76,7 +90,7 @@ class ScanMatcher:
             at = _composed(at, np.clip(step, -0.3, 0.3))
             if np.abs(step).max() < 1e-4:
                 break
-        information, _, share = self._linear(points, at)
+        information, _, share = self._linear(points, at, chance)
         kept, seen = self._trusted(information)
         shift = _seen_from(start, at)
         if share < self.settings.least_share or shift @ prior @ shift > gate(3, self.settings.gate_probability):
@@ -92,20 +106,51 @@ class ScanMatcher:
         """Metres from a state (3,) to the nearest wall; inf in a map without walls."""
         return float("inf") if self._empty else float(self._lookup(np.asarray(state, float)[None, :2])[0][0])
 
-    def _linear(self, points: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Information (3, 3), its vector (3,) and the share of ends on walls, at a state."""
+    def _mapped(self, points: np.ndarray, state: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+        """(B,) chance of each end, in the order of the beams, to be of the wall next to it.
+
+        One for each surface, a run of neighbours: the error of the pose moves all of its ends alike, and so does a thing
+        before the wall. The chance is that of probabilistic data association (Bar-Shalom and Tse 1975, Tracking in a
+        cluttered environment with probabilistic data association, Automatica 11): the surface's distance as likely as
+        belief, map and beams leave it, against a thing anywhere within reach. Deviation: none stands behind a wall."""
+        s, chance = self.settings, np.ones(len(points))
+        if s.unmapped <= 0.0:
+            return chance
+        met = self._against_walls(points, state)
+        jacobian, before, known = met.jacobian * met.side[:, None], met.away * met.side, met.on_wall & (met.side != 0.0)
+        normal = met.normal * met.side[:, None]
+        bent = (normal[1:] * normal[:-1]).sum(axis=1) < np.cos(np.radians(s.bend_deg))
+        apart = np.abs(np.diff(before)) > s.step_sigmas * s.sigma_m
+        surface = np.cumsum(np.append(True, bent | apart | ~known[1:] | ~known[:-1]))
+        for one in np.unique(surface[known]):
+            mine = surface == one
+            gap_m, slope = float(np.median(before[mine])), jacobian[mine].mean(axis=0)
+            if gap_m > 0.0:
+                variance = slope @ covariance @ slope + s.floor_m**2 + s.sigma_m**2 / (s.trust * mine.sum())
+                wall = (1.0 - s.unmapped) * np.exp(-0.5 * gap_m**2 / variance) / np.sqrt(2.0 * np.pi * variance)
+                chance[mine] = wall / (wall + s.unmapped / s.reach_m)
+        return chance
+
+    def _linear(self, points: np.ndarray, at: np.ndarray,
+                chance: np.ndarray | float = 1.0) -> tuple[np.ndarray, np.ndarray, float]:
+        """Information (3, 3), its vector (3,) and the share of ends on walls, at a state. chance (B,): of each end."""
+        met = self._against_walls(points, at)
+        weight = np.where(met.on_wall, self.settings.trust / self.settings.sigma_m**2, 0.0) * chance
+        weight = weight / (1.0 + (met.away / (2.0 * self.settings.sigma_m)) ** 2)
+        weighted = met.jacobian * weight[:, None]
+        return weighted.T @ met.jacobian, -weighted.T @ met.away, float(met.on_wall.mean())
+
+    def _against_walls(self, points: np.ndarray, at: np.ndarray) -> _Met:
+        """What the ends (B, 2) seen from a state (3,) lie next to."""
         c, s = np.cos(at[2]), np.sin(at[2])
         turned = points @ np.array([[c, s], [-s, c]])
         gap, away, slope, facing = self._lookup(turned + at[:2])
         from_behind = (turned * facing).sum(axis=1) > self.settings.behind_cos * np.hypot(*turned.T)
-        on_wall = (gap < self.settings.reach_m) & ~from_behind
-        weight = np.where(on_wall, self.settings.trust / self.settings.sigma_m**2, 0.0)
-        weight = weight / (1.0 + (away / (2.0 * self.settings.sigma_m)) ** 2)
         by_x, by_y = slope @ np.array([c, s]), slope @ np.array([-s, c])
         by_yaw = slope[:, 0] * -turned[:, 1] + slope[:, 1] * turned[:, 0]
         jacobian = np.stack([by_x, by_y, by_yaw], axis=1)
-        weighted = jacobian * weight[:, None]
-        return weighted.T @ jacobian, -weighted.T @ away, float(on_wall.mean())
+        side = -np.sign((turned * slope).sum(axis=1))
+        return _Met(away, jacobian, slope, side, (gap < self.settings.reach_m) & ~from_behind)
 
     def _lookup(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """At map positions (N, 2): distance to the nearest wall (N,), signed distance to its line (N,), the line's normal

@@ -40,12 +40,21 @@ class MatchSettings:
     """Gauss-Newton steps at most"""
     gate_probability: float = 0.999
     """chance that a true match passes the chi-square gate of its shift against the prior"""
+    unmapped: float = 0.2
+    """share of the surfaces seen before a wall that are of things which the map does not hold. In 12 furnished buildings
+    replayed with drifts of 0 and 0.02 no view went wrong at 0.1 to 0.3; at 0.05 1 % did, and at 0.5 a drift that was there
+    went less well corrected. 0: every end is of the map, as of points in no order"""
+    step_sigmas: float = 2.0
+    """neighbouring ends whose distances to the wall differ by more times sigma_m are of two surfaces"""
+    bend_deg: float = 30.0
+    """and those at walls that turn by more, degrees: LineSettings.corner_deg"""
 
     def __post_init__(self) -> None:
         check_ranges("", self, beams=(8, 100_000), range_max_m=(0.1, 1000.0), sigma_m=(1e-4, 10.0), trust=(1e-6, 1.0),
                      reach_m=(1e-3, 100.0), least_share=(0.0, 1.0), blind_below=(0.0, 1.0), floor_m=(0.0, 10.0),
                      lever_m=(1e-3, 1000.0), behind_cells=(1, 100), behind_cos=(0.0, 1.0), iterations=(1, 1000),
-                     gate_probability=(0.5, 1.0 - 1e-12))
+                     gate_probability=(0.5, 1.0 - 1e-12), unmapped=(0.0, 0.99), step_sigmas=(0.1, 1000.0),
+                     bend_deg=(0.1, 180.0))
 
 
 @dataclass(frozen=True)
@@ -90,7 +99,7 @@ class ScanLoopSettings:
     """cells of map and cloud, metres"""
     least_points: int = 50
     """fewer wall points on either side say nothing"""
-    match: MatchSettings = field(default_factory=lambda: MatchSettings(sigma_m=0.05, trust=0.1))
+    match: MatchSettings = field(default_factory=lambda: MatchSettings(sigma_m=0.05, trust=0.1, unmapped=0.0))
 
     def __post_init__(self) -> None:
         check_ranges("", self, within_m=(0.01, 100.0), turned_deg=(0.0, 180.0), min_way_m=(0.0, 1e4), there_m=(0.1, 1000.0),
