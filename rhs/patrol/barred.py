@@ -135,7 +135,8 @@ class Barred:
         The map's if there is none."""
         stays = self._stays
         seen_m = in_map(self.guard.around.things(least=SURE), pose)
-        there = ~self.watch.unknown(seen_m) | stays[tuple(self.grid.cells(seen_m).T)]
+        cells = np.clip(self.grid.cells(seen_m), 0, np.array(self.grid.shape) - 1)  # some may lie beside the map
+        there = ~self.watch.unknown(seen_m) | stays[tuple(cells.T)]
         goal_m, nothing = np.array(self.book.missions[-1].goal_m), np.zeros((0, 2))
         way = self.roads.plan(pose[:2], goal_m, squeeze=self.guard.sees, obstacles=stays, things_m=nothing,
                               seen_m=seen_m[there] if self._squeezes else None)
