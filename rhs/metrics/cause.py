@@ -7,7 +7,6 @@ Where neither odometry nor localiser complained in it, what they said in the sur
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,7 +15,7 @@ from rhs.api.metric import RunFiles, columns_of
 Step = Mapping[str, str]
 OF_EVENT = {"no_plan": "plan: no path", "blocked": "something unknown on the path", "stopped": "no room ahead",
             "replan": "a new plan", "lost": "the robot looks for itself", "gave_up": "gave up"}
-OF_ESTIMATES = ("odometry ", "the gate ", "localiser ")  # how their complaints begin
+ESTIMATORS = {"odometry", "gate", "localise"}  # links that complain of what they know
 MOST_WORDS = 5
 
 
@@ -44,25 +43,26 @@ def cause(run: RunFiles) -> str:
         return ""
     what = f"{failed['place']}: {failed['reason'] or 'the run ended on the way'}"
     survey, patrol = ([step for step in run.steps if step["phase"] == phase] for phase in ("survey", "patrol"))
-    complained = first_of_failed(patrol, missions)
-    sequence = [f"view {view} {words}" for view, words in complained]
-    if not any(words.startswith(OF_ESTIMATES) for _, words in complained):
+    sequence = [f"view {view} {words}" for view, words in first_of_failed(patrol, missions)]
+    if not any(link in ESTIMATORS for step in of_mission(patrol, failed) for link, _ in complaints(step)):
         sequence = said_in(survey) + sequence
     return f"{what}; " + (", then ".join(sequence[:MOST_WORDS]) if sequence else "no part complained before")
 
 
 def said_in(survey: Sequence[Step]) -> list[str]:
     """What the estimators complained of in the survey, how often and since when: one part of the sentence, or none."""
-    first: dict[str, int] = {}
-    count: Counter[str] = Counter()
+    views: dict[str, list[str]] = {}
     for step in survey:
-        for _, words in complaints(step):
-            link = words.partition(" (")[0]
-            if link.startswith(OF_ESTIMATES):
-                first.setdefault(link, int(step["index"]))
-                count[link] += 1
-    told = " and ".join(f"{link} (views: {count[link]} of {len(survey)}, first {first[link]})" for link in first)
-    return [f"in the survey {told}"] if first else []
+        for link, words in complaints(step):
+            if link in ESTIMATORS:
+                views.setdefault(words.partition(" (")[0], []).append(step["index"])
+    told = " and ".join(f"{words} (views: {len(at)} of {len(survey)}, first {at[0]})" for words, at in views.items())
+    return [f"in the survey {told}"] if views else []
+
+
+def of_mission(patrol: Sequence[Step], mission: Mapping[str, Any]) -> list[Step]:
+    """The views of one mission."""
+    return [step for step in patrol if step["mission"] == str(mission["mission"])]
 
 
 def first_failed(missions: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
@@ -75,7 +75,7 @@ def first_of_failed(patrol: Sequence[Step], missions: Sequence[Mapping[str, Any]
     failed = first_failed(missions)
     if failed is None:
         return []
-    return first_complaints(patrol, [step for step in patrol if step["mission"] == str(failed["mission"])])
+    return first_complaints(patrol, of_mission(patrol, failed))
 
 
 def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[tuple[int, str]]:

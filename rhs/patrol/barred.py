@@ -108,7 +108,7 @@ class Barred:
         return None
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
-        """Whether there is a way over ground that nobody has looked at, tried once a place: the robot's guard lets it go as
+        """Whether there is a way over ground that nobody has looked at, tried once a mission: the guard lets the robot go as
         far as it sees, and what stands there turns up as an obstacle on its path."""
         if self.ventured or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
             return False

@@ -64,13 +64,13 @@ class ObstacleScanner:
     def heights(self, z: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of the pixels of a thinned depth image: metres above a floor (3,), NaN unknown; metres away along the floor;
         whether they look down."""
-        x, y, up = (z * self._rays[..., axis] + self._eye_m[axis] for axis in range(3))
+        x, y, up = self._points(z)
         return up - (plane[0] + plane[1] * x + plane[2] * y), z * self._flat, self._rays[..., 2] < 0.0
 
     def floor(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
         """((3,) a, b, c of the floor a + b x + c y in the body frame, whether it was seen) of a thinned depth image."""
         settings = self.settings
-        x, y, up = (z * self._rays[..., axis] + self._eye_m[axis] for axis in range(3))
+        x, y, up = self._points(z)
         low, high = slice(SPAN_PX, None, 2), slice(None, -SPAN_PX, 2)
         with np.errstate(invalid="ignore"):
             along = np.hypot(x[low] - x[high], y[low] - y[high])
@@ -81,6 +81,11 @@ class ObstacleScanner:
         if len(x) < settings.floor_patches:
             return np.zeros(3), False
         return _plane(np.stack([np.ones_like(x), x, y], axis=1), up)
+
+    def _points(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x, y and z in the body frame of the pixels of a thinned depth image."""
+        x, y, up = (z * self._rays[..., axis] + self._eye_m[axis] for axis in range(3))
+        return x, y, up
 
     def _seen_from_m(self) -> float:
         """Metres from which on all above the floor is in the picture; the whole reach of a camera that never sees it."""
