@@ -226,7 +226,8 @@ class FloorEndSettings:
     least_rows: int = 3
     """fewer rows of floor, or blank ones up to the horizon, of the thinned image say nothing"""
     range_m: float = 3.0
-    """further ends are left to later views, metres: up to there nine in ten are within 0.28 m (tests/benchmarks/floor_ends.py)"""
+    """further ends are left to later views, metres: up to there nine in ten are within 0.28 m
+    (tests/benchmarks/floor_ends.py)"""
 
     def __post_init__(self) -> None:
         check_ranges("", self, floor_m=(0.0, 1.0), floor_per_m=(0.0, 0.5), floor_below=(0.0, 1.0), known_above=(0.0, 1.0),
