@@ -112,8 +112,11 @@ class Barred:
         far as it sees, and what stands there turns up as an obstacle on its path."""
         if self.ventured or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
             return False
+        wider = with_unseen(self.grid, self.free, self.settings.advanced.unseen_m)
+        if not (wider & ~self.free).any():
+            return False
         self.ventured, reason, planned = True, self.last_reason, list[Event]()
-        self._drive_on(with_unseen(self.grid, self.free, self.settings.advanced.unseen_m))
+        self._drive_on(wider)
         if self._plan(pose, planned):
             events += [Event.VENTURE, *planned]
             return True

@@ -104,7 +104,7 @@ def test_a_suite_is_run_gone_on_with_and_verified(tmp_path, monkeypatch, capsys)
              str(tmp_path / "entry")]
     assert main(words) == 0
     first, kept = (tmp_path / "runs" / "corridor-v1.csv").read_bytes(), sorted((tmp_path / "entry").glob("*/row.json"))
-    assert len(kept) == 2 and first.count(b"\n") == 3 and b"odometry=wheel,square_small,1,ok,1,4,4,0," in first
+    assert len(kept) == 2 and first.count(b"\n") == 3 and b"odometry=wheel,square_small,1,ok,1,4,4,,,0.0" in first
     one = tmp_path / "runs" / kept[0].parent.name
     other = (tmp_path / "runs" / kept[1].parent.name / "row.json").stat().st_mtime_ns
     (one / "row.json").unlink()
