@@ -31,7 +31,9 @@ LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)  # forth and bac
 
 
 class Barred:
-    """The part of a sentinel that knows what to do then."""
+    """The part of a sentinel that knows what to do then. rebuffed: it touched something on a way over unseen ground."""
+
+    rebuffed = False
 
     phase: str
     settings: MissionSettings
@@ -108,9 +110,9 @@ class Barred:
         return None
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
-        """Whether there is a way over ground that nobody has looked at, tried once a mission: the guard lets the robot go as
-        far as it sees, and what stands there turns up as an obstacle on its path."""
-        if self.ventured or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
+        """Whether there is a way over ground that nobody has looked at, tried once a mission, and no more once something was
+        touched on such a way: the guard lets the robot go as far as it sees, and what stands there becomes an obstacle."""
+        if self.ventured or self.rebuffed or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
             return False
         wider = with_unseen(self.grid, self.free, self.settings.advanced.unseen_m)
         if not (wider & ~self.free).any():

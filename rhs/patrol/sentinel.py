@@ -141,7 +141,7 @@ class Sentinel(Barred):
         """After a touch: mark what was not seen, go back the way the robot came, plan anew; None without room behind."""
         events.append(Event.CONTACT)
         self.contacts += 1
-        self.path = None
+        self.path, self.rebuffed = None, self.rebuffed or self.ventured
         points = self.guard.bump()
         self.search.turn_away()
         if belief.status is not BeliefStatus.TRACKING:

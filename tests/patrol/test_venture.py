@@ -18,9 +18,22 @@ PLACE = (("a", 6.5, 1.0),)
 UNSEEN = np.s_[61:79, 30:44]  # a stretch of the corridor at the far side, 1.4 m of it
 
 
-def patrol(hidden, *, unseen_m=1.0):
+class Glass(Flatland):
+    """With a pane that no beam meets."""
+
+    pane = np.zeros((80, 80), bool)
+
+    def _gap(self, xy):
+        seen, self.occupied = self.occupied, self.occupied | self.pane
+        gap = super()._gap(xy)
+        self.occupied = seen
+        return gap
+
+
+def patrol(hidden, *, unseen_m=1.0, pane=None, places=PLACE):
     """Missions and events of a ring whose near way is barred, and whose far way the survey saw but for a stretch."""
-    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACE, hidden=hidden)
+    world = Glass(ring(), (1.0, 1.0, 0.0), places, hidden=hidden)
+    world.pane = world.pane if pane is None else pane
     grid = world.grid()
     probability = grid.probability.copy()
     probability[UNSEEN] = np.nan
@@ -28,13 +41,13 @@ def patrol(hidden, *, unseen_m=1.0):
     given = parts(oracle)
     given.planner.corners, given.replan = False, GoRound()
     settings = MissionSettings(advanced=replace(MissionAdvanced(), unseen_m=unseen_m))
-    sentinel = Sentinel(given, replace(grid, probability=probability), (), places=PLACE, radius_m=world.radius,
+    sentinel = Sentinel(given, replace(grid, probability=probability), (), places=places, radius_m=world.radius,
                         settings=settings)
     out = []
     for step in steps(world, Through(world.camera), oracle, sentinel):
         out.append(step)
         assert len(out) < 2000, "the patrol does not end"
-    assert not any(step.collided for step in out)
+    assert pane is not None or not any(step.collided for step in out)
     return sentinel.book.missions, [str(event) for step in out for event in step.events]
 
 
@@ -52,6 +65,13 @@ def test_without_the_setting_the_place_is_given_up():
 def test_a_wall_in_the_unseen_stretch_is_found_untouched_and_the_place_given_up():
     missions, events = patrol(barrier((35, 38)))
     assert str(missions[-1].status) == "gave_up" and events.count("venture") >= 1
+
+
+def test_who_touched_something_there_does_not_try_again_for_the_next_place():
+    pane = barrier((35, 36)) & ~barrier()
+    missions, events = patrol(barrier(), pane=pane, places=(*PLACE, ("b", 6.5, 3.0)))
+    assert all(str(mission.status) != "arrived" for mission in missions)
+    assert events.count("contact") >= 1 and events.count("venture") == 1
 
 
 def test_nothing_is_ventured_while_a_known_way_is_left():
