@@ -110,10 +110,13 @@ class Barred:
         return None
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
-        """Whether there is a way over ground that nobody has looked at, tried once a mission, and no more once something was
-        touched on such a way: the guard lets the robot go as far as it sees, and what stands there becomes an obstacle."""
+        """Whether there is a way over ground that nobody has looked at: the guard lets the robot go as far as it sees, and
+        what stands there becomes an obstacle. Tried once a mission when the other places are done, and no more once something
+        was touched there."""
         if self.ventured or self.rebuffed or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
             return False
+        if self.book.others(pose[:2]) and not self.book.skipped():
+            return False  # first those that can be reached without
         wider = with_unseen(self.grid, self.free, self.settings.advanced.unseen_m)
         if not (wider & ~self.free).any():
             return False

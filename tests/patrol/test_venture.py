@@ -74,6 +74,12 @@ def test_who_touched_something_there_does_not_try_again_for_the_next_place():
     assert events.count("contact") >= 1 and events.count("venture") == 1
 
 
+def test_places_that_can_be_reached_without_come_first():
+    missions, events = patrol(barrier(), places=(*PLACE, ("near", 1.0, 3.0)))
+    assert [(m.place, str(m.status)) for m in missions] == [("a", "skipped"), ("near", "arrived"), ("a", "arrived")]
+    assert events.count("venture") == 1 and events.index("venture") > events.index("arrived")
+
+
 def test_nothing_is_ventured_while_a_known_way_is_left():
     missions, events = patrol(np.zeros((80, 80), bool))
     assert str(missions[-1].status) == "arrived" and "venture" not in events
