@@ -111,8 +111,8 @@ class Barred:
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
         """Whether there is a way over ground that nobody has looked at: the guard lets the robot go as far as it sees, and
-        what stands there becomes an obstacle. Tried once a mission when the other places are done, and no more once something
-        was touched there."""
+        what stands there becomes an obstacle. Tried once a mission when the other places are done, and no more once
+        something was touched there."""
         if self.ventured or self.rebuffed or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
             return False
         if self.book.others(pose[:2]) and not self.book.skipped():
