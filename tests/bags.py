@@ -9,7 +9,10 @@ import cv2
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from rhs.api.geometry import Camera
+
 WIDTH, HEIGHT, F = 64, 48, 50.0
+CAMERA = Camera(WIDTH, HEIGHT, F, F, 31.5, 23.5)
 KINDS = ("ros2_mcap", "ros2_sqlite", "ros1")
 
 
@@ -60,11 +63,11 @@ class BagFile:
         extra = {"seq": 0} if self.ros1 else {}
         return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **extra)
 
-    def image(self, topic: str, stamp_s: float, pixels: np.ndarray, encoding: str) -> None:
+    def image(self, topic: str, stamp_s: float, pixels: np.ndarray, encoding: str, frame: str = "camera") -> None:
         data = np.ascontiguousarray(pixels)
         fields = dict(height=data.shape[0], width=data.shape[1], encoding=encoding, is_bigendian=0,
                       step=data.strides[0], data=data.view(np.uint8).ravel())
-        self.put(topic, stamp_s, self.make("sensor_msgs/msg/Image", header=self.header(stamp_s), **fields))
+        self.put(topic, stamp_s, self.make("sensor_msgs/msg/Image", header=self.header(stamp_s, frame), **fields))
 
     def compressed(self, topic: str, stamp_s: float, pixels: np.ndarray, form: str) -> None:
         data = cv2.imencode(".png", pixels)[1].ravel()
@@ -73,14 +76,15 @@ class BagFile:
         message = self.make("sensor_msgs/msg/CompressedImage", header=self.header(stamp_s), format=form, data=data)
         self.put(topic, stamp_s, message)
 
-    def camera_info(self, topic: str, stamp_s: float, distortion=(0.0,) * 5, model: str = "plumb_bob") -> None:
-        k, r = np.array([F, 0, 31.5, 0, F, 23.5, 0, 0, 1.0]), np.eye(3).ravel()
+    def camera_info(self, topic: str, stamp_s: float, distortion=(0.0,) * 5, model: str = "plumb_bob",
+                    camera: Camera = CAMERA) -> None:
+        k, r = np.array([camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1.0]), np.eye(3).ravel()
         p = np.hstack([k.reshape(3, 3), np.zeros((3, 1))]).ravel()
         names = {"D": np.array(distortion, float), "K": k, "R": r, "P": p}
         names = names if self.ros1 else {n.lower(): v for n, v in names.items()}
         roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-        message = self.make("sensor_msgs/msg/CameraInfo", header=self.header(stamp_s), height=HEIGHT, width=WIDTH,
-                            distortion_model=model, binning_x=0, binning_y=0, roi=roi, **names)
+        message = self.make("sensor_msgs/msg/CameraInfo", header=self.header(stamp_s), height=camera.height,
+                            width=camera.width, distortion_model=model, binning_x=0, binning_y=0, roi=roi, **names)
         self.put(topic, stamp_s, message)
 
     def pose(self, x: float, y: float, yaw: float):

@@ -159,7 +159,7 @@ def open_recording(settings) -> Recording:
 
 
 # Which settings a format has a use for: what was typed for another is refused, not ignored.
-MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame"), "carmen": ("scan_mount",),
+MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame", "depth_camera"), "carmen": ("scan_mount",),
           "tum": ("camera_mount", "depth_camera"), "seven_scenes": ("camera_mount", "depth_camera"),
           "kitti": ("camera_mount", "rate_hz", "stereo"), "run": ("stereo",),
           "euroc": ("camera_mount", "stereo"), "video": ("camera_mount", "rate_hz"), "frames": ("camera_mount", "rate_hz"),

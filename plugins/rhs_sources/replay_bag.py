@@ -6,6 +6,7 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
+from os.path import commonprefix
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,12 @@ from rhs.recording.mcap_scan import open_scan
 
 from . import replay_bag_messages as ros
 from .carmen.log import NO_CAMERA
+from .replay_bag_depth import SAID_REGISTERED, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
 from .replay_images import check_depth, check_pair
 from .replay_mounts import Mounts, fixed_links, mount_of, mounted
+from .replay_register import DepthCamera, typed_depth_camera
 from .replay_tum import Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -37,6 +40,7 @@ class Topics:
     info: str = ""
     scan: str = ""
     wheel: str = ""
+    depth_info: str = ""
 
     def provide(self) -> frozenset[str]:
         """What the views will hold, in the words of a part's needs."""
@@ -66,7 +70,9 @@ def open_bag(path: Path, settings) -> Recording:
         found = {topic: info.msgtype for topic, info in reader.topics.items()}
         topics = choose_topics(found, settings, str(path))
         placed = _placed(reader, topics, settings)
-        camera = _camera(reader, topics, settings, path) if topics.color else NO_CAMERA
+        camera = NO_CAMERA
+        if topics.color:
+            camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
         truth = read_truth(reader, found, settings, camera)
@@ -122,14 +128,24 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
     if color and not depth and not cloud and settings.depth_topic != "none":
         raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
     infos = of("CameraInfo")
-    beside = [t for t in infos if color and t.rsplit("/", 1)[0] == color.removesuffix("/compressed").rsplit("/", 1)[0]]
-    return Topics(color, depth, cloud, pick("info", beside or infos) if color else "", scan, pick("wheel", of("Odometry")))
+    info = pick("info", _beside(color, infos)) if color else ""
+    deep = _beside(depth, infos) if depth else []
+    return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
+
+
+def _beside(topic: str, infos: list[str]) -> list[str]:
+    """Of the topics of CameraInfo those whose names have the most folders in common with a topic's."""
+    def shared(info: str) -> int:
+        return len(commonprefix([topic.split("/"), info.split("/")]))
+
+    most = max(map(shared, infos), default=0)
+    return [info for info in infos if shared(info) == most]
 
 
 def _best(name: str, fitting: list[str], where: str) -> str:
     """The only fitting topic; of several the one registered to colour, or the raw one of a raw-compressed pair."""
     if len(fitting) > 1:
-        better = [t for t in fitting if "registered" in t or "aligned" in t] if name == "depth" else []
+        better = [t for t in fitting if any(word in t for word in SAID_REGISTERED)] if name == "depth" else []
         raw = [t for t in (better or fitting) if not t.endswith(("/compressed", "/compressedDepth"))]
         fitting = raw or better or fitting
     if len(fitting) > 1:
@@ -167,17 +183,21 @@ def _opened(path: Path):
         raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
 
 
-def _camera(reader, topics: Topics, settings, path: Path) -> Camera:
+def _recorded(reader, info: str, images: str) -> Camera | None:
+    """The camera of a topic of images, as the first CameraInfo says."""
+    return ros.camera_of(_first(reader, info), rectified="rect" in images) if info else None
+
+
+def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -> Camera:
     """The camera: of the user, else of the first CameraInfo; its size checked against the first image."""
-    recorded = None
-    if topics.info:
-        recorded = ros.camera_of(_first(reader, topics.info), rectified="rect" in topics.color)
+    recorded = _recorded(reader, topics.info, topics.color)
     first = ros.color_of(_first(reader, topics.color), topics.color)
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:
         message = _first(reader, topics.depth)
         depth = ros.depth_of(message, topics.depth, scale=settings.depth_scale, max_depth_m=np.inf)
-        check_pair(first, depth, f"{topics.color} and {topics.depth}")
+        if registered:
+            check_pair(first, depth, f"{topics.color} and {topics.depth}")
         check_depth(depth, scale=settings.depth_scale or 1000.0, where=topics.depth)
     return camera
 
@@ -201,11 +221,12 @@ def _messages(reader, topics: set[str]) -> Iterator:
 @dataclass(frozen=True, eq=False)
 class Placed:
     """Where the sensors sit: 4x4 body_from_scanner, body_from_camera (optical) and camera_from_cloud (of a lidar:
-    body_from_cloud); None where nothing is said of it."""
+    body_from_cloud); None where nothing is said of it. depth: took the depth images, where it is not the colour camera."""
 
     scan: np.ndarray | None
     camera: np.ndarray | None
     cloud: np.ndarray | None
+    depth: DepthCamera | None = None
 
 
 def _placed(reader, topics: Topics, settings) -> Placed:
@@ -215,10 +236,11 @@ def _placed(reader, topics: Topics, settings) -> Placed:
                                (typed_camera, "camera_mount", topics.color)):
         if typed is not None and not topic:
             raise ConfigError(f"source.{name}: {settings.path} holds nothing that is mounted so; leave it out")
-    tree = Mounts(fixed_links(_transforms(reader)), settings.body_frame, wheels=_wheel_frame(reader, topics))
+    links = fixed_links(_transforms(reader))
+    tree = Mounts(links, settings.body_frame, wheels=_frame(reader, topics.wheel, moved=True))
 
     def of(topic: str) -> np.ndarray | None:
-        frame = _first(reader, topic).header.frame_id if topic else ""
+        frame = _frame(reader, topic)
         found = tree.of(frame, to_the_end=topic in (topics.scan, topics.around)) if frame else None
         if found is None and settings.body_frame and frame:
             raise ConfigError(f"source.body_frame={settings.body_frame}: no fixed tf links join it to {frame}; found "
@@ -232,7 +254,19 @@ def _placed(reader, topics: Topics, settings) -> Placed:
     cloud = None
     if topics.cloud and camera is not None and (body_from_cloud := of(topics.cloud)) is not None and typed_camera is None:
         cloud = inverse(camera) @ body_from_cloud
-    return Placed(scan, camera, cloud)
+    return Placed(scan, camera, cloud, _depth_camera(reader, topics, settings, links))
+
+
+def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera | None:
+    """As typed, else as the bag says."""
+    typed = typed_depth_camera(settings.depth_camera)
+    if typed is not None and not topics.depth:
+        raise ConfigError(f"source.depth_camera: {settings.path} holds no depth images; leave it out")
+    if typed is not None or not topics.depth:
+        return typed
+    frames = _frame(reader, topics.color), _frame(reader, topics.depth)
+    cameras = _recorded(reader, topics.info, topics.color), _recorded(reader, topics.depth_info, topics.depth)
+    return depth_camera_of(frames, links, cameras, topics.depth)
 
 
 def _transforms(reader) -> Iterator:
@@ -245,9 +279,10 @@ def _transforms(reader) -> Iterator:
                 yield child, parent, ros.pose_of(t, topic), topic == "/tf_static"
 
 
-def _wheel_frame(reader, topics: Topics) -> str:
-    """The frame whose motion the wheels tell, if they say so."""
-    return str(_first(reader, topics.wheel).child_frame_id) if topics.wheel else ""
+def _frame(reader, topic: str, *, moved: bool = False) -> str:
+    """The frame of a topic's first message; moved: the one whose motion wheels tell. Empty without a topic."""
+    message = _first(reader, topic) if topic else None
+    return "" if message is None else str(message.child_frame_id if moved else message.header.frame_id)
 
 
 def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], counts: Counter) -> Iterator:
@@ -308,6 +343,7 @@ def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) 
     depth = None
     if deep is not None and topics.depth:
         depth = ros.depth_of(deep[1], topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
+        depth = depth if placed.depth is None else placed.depth.registered(depth, camera)
     elif deep is not None:
         depth = ros.cloud_depth(deep[1], topics.cloud, camera, max_depth_m=settings.max_depth_m,
                                 camera_from_cloud=placed.cloud)

@@ -30,7 +30,7 @@ class Replay:
     depth_camera: list[float] = field(default_factory=list)
     """Of depth images that a camera beside the one of colour took, not registered to it: its [fx,fy,cx,cy] in pixels, or
     [fx,fy,cx,cy,x_m,y_m,z_m] with where it sits in the axes of the colour camera (right, down, ahead). Empty: depth is
-    registered, but for camera=seven_scenes. Of folders of the forms tum and seven_scenes."""
+    registered, but for camera=seven_scenes, or what a bag says. Of bags and folders of the forms tum and seven_scenes."""
     format: str = "auto"
     """How to read the path: auto, tum, seven_scenes, kitti, euroc, run (run.mcap), bag, carmen, video,
     frames (numbered images) or clouds; auto looks at the files."""

@@ -9,6 +9,7 @@ too short by up to that share, and key-points get depths from up to 30 pixels aw
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,23 +23,34 @@ SAME_SURFACE = 0.02  # readings within this share of the nearest one on a pixel 
 @dataclass(frozen=True, eq=False)
 class DepthCamera:
     """A camera that measures depth beside one that sees colour. fx, fy, cx, cy in pixels of the depth image;
-    color_from_depth (4x4): its points in the colour camera."""
+    color_from_depth (4x4): its points in the colour camera; distortion: of its lens, OpenCV's order."""
 
     fx: float
     fy: float
     cx: float
     cy: float
     color_from_depth: np.ndarray
+    distortion: tuple[float, ...] = ()
 
     def registered(self, depth: np.ndarray, color: Camera) -> np.ndarray:
         """(H, W) float32 metres along the optical axis of the colour camera, NaN unknown, of a depth image (h, w)."""
         shape = color.height, color.width
         nearest, total, count = np.full(shape, np.inf), np.zeros(shape), np.zeros(shape)
-        own = np.array([self.fx, self.fy, self.cx, self.cy])
-        theirs = np.array([color.fx, color.fy, color.cx, color.cy])
-        _carry(depth, own, theirs, self.color_from_depth, (nearest, total, count))
+        slopes = _slopes(depth.shape, (self.fx, self.fy, self.cx, self.cy), self.distortion)
+        theirs = np.array([color.fx, color.fy, color.cx, color.cy, color.skew])
+        lens = np.array((*color.distortion, *[0.0] * 8)[:8])
+        _carry(depth, slopes, self.color_from_depth, (theirs, lens), (nearest, total, count))
         with np.errstate(invalid="ignore"):
             return np.where(count > 0, total / count, np.nan).astype(np.float32)
+
+
+@lru_cache(maxsize=4)
+def _slopes(shape: tuple[int, int], numbers: tuple[float, ...], distortion: tuple[float, ...]) -> np.ndarray:
+    """(h, w, 2) x / z and y / z of the rays of the pixels of a camera, the lens undone."""
+    fx, fy, cx, cy = numbers
+    camera = Camera(shape[1], shape[0], fx, fy, cx, cy, distortion=distortion)
+    v, u = np.mgrid[: shape[0], : shape[1]].astype(float)
+    return np.ascontiguousarray(camera.rays(np.stack([u.ravel(), v.ravel()], axis=1))[:, :2].reshape(*shape, 2))
 
 
 def check_depth_camera(values) -> None:
@@ -62,8 +74,9 @@ def typed_depth_camera(values) -> DepthCamera | None:
 
 
 @compiled
-def _carry(depth, own, theirs, pose, out):
+def _carry(depth, slopes, pose, seen_by, out):
     """Fill nearest, total and count (H, W) of the depths that fall on each pixel of the colour camera."""
+    theirs, lens = seen_by
     nearest, total, count = out
     for averaging in range(2):
         for v in range(depth.shape[0]):
@@ -71,12 +84,13 @@ def _carry(depth, own, theirs, pose, out):
                 z = depth[v, u]
                 if not z > 0.0:  # false for NaN
                     continue
-                x, y = (u - own[2]) / own[0] * z, (v - own[3]) / own[1] * z
+                x, y = slopes[v, u, 0] * z, slopes[v, u, 1] * z
                 far = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
                 if far <= 0.0:
                     continue
-                column = theirs[0] * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / far + theirs[2]
-                row = theirs[1] * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / far + theirs[3]
+                column, row = _bent((pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / far,
+                                    (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / far, lens)
+                column, row = theirs[0] * column + theirs[4] * row + theirs[2], theirs[1] * row + theirs[3]
                 i, j = int(np.floor(row + 0.5)), int(np.floor(column + 0.5))
                 if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
                     continue
@@ -85,3 +99,12 @@ def _carry(depth, own, theirs, pose, out):
                 elif far <= nearest[i, j] * (1.0 + SAME_SURFACE):
                     total[i, j] += far
                     count[i, j] += 1.0
+
+
+@compiled
+def _bent(x, y, lens):
+    """`rhs.api.distortion.distorted` of one point."""
+    r2 = x * x + y * y
+    radial = (1.0 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]))) / (1.0 + r2 * (lens[5] + r2 * (lens[6] + r2 * lens[7])))
+    return (x * radial + 2.0 * lens[2] * x * y + lens[3] * (r2 + 2.0 * x * x),
+            y * radial + lens[2] * (r2 + 2.0 * y * y) + 2.0 * lens[3] * x * y)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bags import KINDS, BagFile
 from painted_room import observe, paintings
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import Camera, exp_se3, inverse, se2
+from rhs.api.geometry import Camera, exp_se3, inverse, se2, se3
+from rhs_sources.replay_bag_depth import depth_camera_of
 from rhs_sources.replay_cameras import DEPTH_CAMERAS
 from rhs_sources.replay_config import Replay
 from rhs_sources.replay_register import DepthCamera, typed_depth_camera
@@ -53,3 +55,85 @@ def test_a_typed_depth_camera_stands_where_its_last_three_numbers_say():
 def test_what_is_no_depth_camera_is_refused(values):
     with pytest.raises(ConfigError, match="depth_camera"):
         Replay(path="x", depth_camera=values)
+
+
+BESIDE_M = 0.05  # the depth camera of these bags is this far to the right of the colour camera
+FINER = Camera(200, 150, 182.0, 182.0, 98.0, 76.0)
+
+
+def pair_bag(folder, kind, *, tf=True, registered=False):
+    """Two views of the painted room by a colour camera and a depth camera of other intrinsics beside it; the depth that the
+    colour camera would have measured."""
+    mount, textures = COLOR.body_from_camera, paintings()
+    seen = observe(COLOR, STANDS, textures)
+    right = se3(np.eye(3), np.array([BESIDE_M, 0.0, 0.0]))
+    deep = observe(FINER, STANDS @ mount @ right @ inverse(mount), textures).depth
+    name = "/cam/aligned_depth_to_color" if registered else "/cam/depth"
+    with BagFile(folder, kind) as bag:
+        for stamp in (1.0, 1.1):
+            if tf:
+                bag.transform("/tf_static", stamp, "color_optical", "depth_optical", BESIDE_M)
+            bag.camera_info("/cam/color/camera_info", stamp, camera=COLOR)
+            bag.camera_info(f"{name}/camera_info", stamp, camera=COLOR if registered else FINER)
+            bag.image("/cam/color/image_raw", stamp, seen.image, "rgb8", "color_optical")
+            bag.image(f"{name}/image_raw", stamp, seen.depth if registered else deep, "32FC1", "depth_optical")
+    return bag.path, seen.depth
+
+
+def read(path, **settings):
+    source = Replay(path=str(path), **settings).build(None)
+    capture = source.lead()
+    source.close()
+    return capture
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_says_where_its_depth_camera_is(tmp_path, kind):
+    path, wanted = pair_bag(tmp_path, kind)
+    carried = read(path).depth
+    assert carried.shape == wanted.shape == (120, 160)
+    inner = (slice(12, 108), slice(20, 140))
+    assert np.isfinite(carried[inner]).mean() > 0.97
+    assert np.nanmedian(np.abs(carried / wanted - 1.0)[inner]) < 2e-3
+
+
+def test_a_depth_camera_that_is_typed_for_a_bag_wins(tmp_path):
+    path, _ = pair_bag(tmp_path, "ros2_mcap", tf=False)
+    typed = read(path, depth_camera=[182.0, 182.0, 98.0, 76.0, BESIDE_M, 0.0, 0.0]).depth
+    (tmp_path / "tf").mkdir()
+    joined, _ = pair_bag(tmp_path / "tf", "ros2_mcap")
+    assert np.array_equal(typed, read(joined).depth, equal_nan=True)
+
+
+def test_depth_named_registered_is_left_as_it_is(tmp_path):
+    path, wanted = pair_bag(tmp_path, "ros2_mcap", registered=True)
+    assert np.array_equal(read(path).depth, wanted, equal_nan=True)
+
+
+def test_a_depth_frame_that_nothing_joins_to_colour_is_said(tmp_path, caplog):
+    path, _ = pair_bag(tmp_path, "ros2_mcap", tf=False)
+    assert np.isfinite(read(path).depth).any()
+    assert "depth_optical" in caplog.text and "source.depth_camera=" in caplog.text
+
+
+def test_one_frame_and_one_camera_in_another_size_are_registered():
+    half = Camera(80, 60, 65.6, 65.6, 40.0, 30.0)
+    assert depth_camera_of(("c", "/c"), {}, (COLOR, half), "/depth") is None
+    assert depth_camera_of(("c", "c"), {}, (COLOR, None), "/depth") is None
+    assert depth_camera_of(("c", "c"), {}, (COLOR, FINER), "/depth").fx == 182.0
+
+
+def test_the_lens_of_either_camera_is_minded():
+    """A point at the corner: a lens moves it in the picture of colour, and the ray of its pixel in that of depth."""
+    lens, flat = (0.1, -0.02, 0.003, -0.002, 0.0), Camera(200, 200, 100.0, 100.0, 99.5, 99.5)
+    bent = Camera(200, 200, 100.0, 100.0, 99.5, 99.5, distortion=lens)
+    point = flat.rays(np.array([[160.0, 150.0]]))
+    depth = np.full((200, 200), np.nan, np.float32)
+    depth[150, 160] = 1.0
+    carried = DepthCamera(100.0, 100.0, 99.5, 99.5, np.eye(4)).registered(depth, bent)
+    u, v = np.rint(bent.project(point))[0].astype(int)
+    assert np.argwhere(np.isfinite(carried)).tolist() == [[v, u]] and (u, v) != (160, 150)
+    back = np.full((200, 200), np.nan, np.float32)
+    back[v, u] = 1.0
+    again = DepthCamera(100.0, 100.0, 99.5, 99.5, np.eye(4), lens).registered(back, flat)
+    assert np.abs(np.argwhere(np.isfinite(again))[0] - [150, 160]).max() <= 1
