@@ -18,7 +18,7 @@ from rhs.recording.mcap_scan import open_scan
 
 from . import replay_bag_messages as ros
 from .carmen.log import NO_CAMERA
-from .replay_bag_depth import SAID_REGISTERED, depth_camera_of
+from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
 from .replay_images import check_depth, check_pair
@@ -252,8 +252,8 @@ def _placed(reader, topics: Topics, settings) -> Placed:
     scan = of(topics.scan) if typed_scan is None else typed_scan
     camera = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
     cloud = None
-    if topics.cloud and camera is not None and (body_from_cloud := of(topics.cloud)) is not None and typed_camera is None:
-        cloud = inverse(camera) @ body_from_cloud
+    if topics.cloud and topics.color:
+        cloud = color_from((_frame(reader, topics.color), _frame(reader, topics.cloud)), links, topics.cloud)
     return Placed(scan, camera, cloud, _depth_camera(reader, topics, settings, links))
 
 

@@ -24,20 +24,26 @@ def depth_camera_of(frames: tuple[str, str], links: dict, cameras: tuple[Camera 
                     topic: str) -> DepthCamera | None:
     """The camera of a topic of depth images; None where it is the one of colour. frames, cameras: of colour and of depth, as
     the headers and the CameraInfo say ("" and None: they do not); links: of the tf tree."""
-    color, depth = cameras
     if any(word in topic for word in SAID_REGISTERED):
         return None
-    one_frame = frames[0].strip("/") == frames[1].strip("/") or not all(frames)
-    pose = UNTURNED if one_frame else Mounts(links, frames[0]).of(frames[1])
-    if pose is None:
-        log.warning("%s: its frame %s is joined by no fixed tf links to %s of the colour images; it is taken to be of one "
-                    "place with them (type source.depth_camera=[fx,fy,cx,cy,x_m,y_m,z_m] where it is not)",
-                    topic, frames[1], frames[0])
-        pose = UNTURNED
+    color, depth = cameras
+    pose = color_from(frames, links, topic)
     own = depth or color
     if own is None or (np.allclose(pose, UNTURNED, atol=1e-6) and _is_one(own, color or own)):
         return None
     return DepthCamera(own.fx, own.fy, own.cx, own.cy, pose, own.distortion)
+
+
+def color_from(frames: tuple[str, str], links: dict, topic: str) -> np.ndarray:
+    """4x4 color_from_depth by the fixed links of tf; where none joins the frames it is said, and they are taken as one."""
+    if frames[0].strip("/") == frames[1].strip("/") or not all(frames):
+        return UNTURNED
+    pose = Mounts(links, frames[0]).of(frames[1])
+    if pose is None:
+        log.warning("%s: its frame %s is joined by no fixed tf links to %s of the colour images; it is taken to be of one "
+                    "place with them (of images type source.depth_camera=[fx,fy,cx,cy,x_m,y_m,z_m] where it is not)",
+                    topic, frames[1], frames[0])
+    return UNTURNED if pose is None else pose
 
 
 def _is_one(first: Camera, second: Camera) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bags import KINDS, BagFile
+from bags import KINDS, BagFile, picture
 from painted_room import observe, paintings
 
 from rhs.api.errors import ConfigError
@@ -137,3 +137,13 @@ def test_the_lens_of_either_camera_is_minded():
     back[v, u] = 1.0
     again = DepthCamera(100.0, 100.0, 99.5, 99.5, np.eye(4), lens).registered(back, flat)
     assert np.abs(np.argwhere(np.isfinite(again))[0] - [150, 160]).max() <= 1
+
+
+def test_a_cloud_of_a_camera_held_in_a_hand_is_moved_to_colour(tmp_path):
+    """A point 2 m before a scanner 0.2 m to the right of the camera falls 50 * 0.2 / 2 = 5 pixels right of the middle."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.transform("/tf_static", 1.0, "color_optical", "camera", 0.2)
+        bag.camera_info("/cam/color/camera_info", 1.0)
+        bag.image("/cam/color/image_raw", 1.0, picture(), "rgb8", "color_optical")
+        bag.cloud("/points", 1.0, np.array([[0.01, 0.01, 2.0]]))
+    assert np.argwhere(np.isfinite(read(bag.path).depth)).tolist() == [[24, 37]]
