@@ -13,7 +13,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, se2
 from rhs.api.records import Capture, Observation, Tracking
 from rhs.testing.room import FURNISHED, Room, cloud_of, context
-from rhs_odometry.lidar.config import KissIcpLidar
+from rhs_odometry.lidar.config import KissIcpLidar, VgicpLidar
 from rhs_sensors.lidar import Lidar
 from rhs_sources.folders.pcd import read_cloud, unpacked_lzf
 from rhs_sources.replay_config import Replay
@@ -118,15 +118,19 @@ def test_a_run_over_a_folder_of_clouds_gives_a_way_and_a_map(tmp_path):
     assert first.extras["cloud"][:, 2].max() == pytest.approx(cloud_of(way(1)[0], FURNISHED, 0)[:, 2].max() + 1.0, abs=1e-5)
 
 
-def follow(room, poses):
-    odometry = KissIcpLidar().build(None)
+BOTH = pytest.mark.parametrize("kind", [VgicpLidar, KissIcpLidar])
+
+
+def follow(kind, room, poses):
+    odometry = kind().build(None)
     return [odometry.update(Observation(k, 0.1 * k, None, extras={"cloud": cloud_of(pose, room, k)}))
             for k, pose in enumerate(poses)]
 
 
-def test_kiss_icp_says_how_far_it_went_and_how_sure_it_is():
+@BOTH
+def test_it_says_how_far_it_went_and_how_sure_it_is(kind):
     poses = way(12)
-    motions = follow(FURNISHED, poses)
+    motions = follow(kind, FURNISHED, poses)
     for before, pose, motion in zip(poses[:-1], poses[1:], motions[1:], strict=True):
         assert motion.status is Tracking.OK
         off = inverse(inverse(before) @ pose) @ motion.previous_from_body
@@ -134,13 +138,36 @@ def test_kiss_icp_says_how_far_it_went_and_how_sure_it_is():
         assert np.linalg.norm(off[:2, 3]) < 4.0 * np.sqrt(np.trace(motion.covariance[:2, :2]))
 
 
-def test_along_a_tunnel_without_end_it_is_degenerate_along_it_and_empty_clouds_are_lost():
+@BOTH
+def test_along_a_tunnel_without_end_it_is_degenerate_along_it_and_empty_clouds_are_lost(kind):
     tunnel = Room("tunnel", (-900.0, -1.5, 0.0), (900.0, 1.5, 2.5), (0.0, 0.0, 0.0))
-    motion = follow(tunnel, [se2(0.0, 0, 0), se2(0.1, 0, 0)])[1]
+    motion = follow(kind, tunnel, [se2(0.0, 0, 0), se2(0.1, 0, 0)])[1]
     assert motion.status is Tracking.DEGENERATE and motion.covariance[0, 0] > 0.9 > 0.1 > motion.covariance[1, 1]
-    odometry = KissIcpLidar().build(None)
+    odometry = kind().build(None)
     none = Observation(0, 0.0, None, extras={"cloud": np.empty((0, 3), np.float32)})
     assert odometry.update(none).status is Tracking.LOST
+
+
+STREET = Room("street", (-60.0, -9.0, 0.0), (60.0, 9.0, 40.0), (0.0, 0.0, 0.0), boxes=tuple(
+    ((x + 3.0 * side, 7.0 * side - 0.5, 0.0), (x + 3.0 * side + 3.0, 7.0 * side + 0.5, 1.5))
+    for side in (-1.0, 1.0) for x in np.arange(-56.0, 56.0, 11.0)))
+
+
+@pytest.mark.parametrize("step_m", [0.5, 1.0])
+def test_a_car_that_drives_as_the_log_begins_is_not_held_by_the_rings_on_the_ground(step_m):
+    """Between boxes 11 m apart; `kiss_icp_lidar` believes to stand."""
+    motions = follow(VgicpLidar, STREET, [se2(-20.0 + step_m * k, 1.0, 0.0) for k in range(6)])
+    assert [motion.previous_from_body[0, 3] for motion in motions[1:]] == pytest.approx([step_m] * 5, abs=0.06)
+
+
+def test_a_cloud_that_was_not_believed_leaves_no_trace():
+    """Of a cloud from elsewhere the motion before is taken, and the next one fits again."""
+    odometry, poses = VgicpLidar(max_range_m=50.0).build(None), [se2(0.1 * k, -0.5, 0.0) for k in range(6)]
+    for k, pose in enumerate(poses):
+        cloud = cloud_of(pose, FURNISHED, k) if k != 3 else np.full((500, 3), 40.0) + np.arange(500)[:, None] * 1e-3
+        motion = odometry.update(Observation(k, 0.1 * k, None, extras={"cloud": cloud}))
+        assert (motion.status is Tracking.OK) == (k != 3)
+    assert motion.previous_from_body[0, 3] == pytest.approx(0.1, abs=0.04)
 
 
 def test_the_scan_of_a_lidar_is_the_nearest_point_of_its_band_on_each_bearing(tmp_path):

@@ -1,4 +1,4 @@
-"""Settings of the odometry `kiss_icp_lidar`."""
+"""Settings of the odometries on a lidar's clouds: `vgicp_lidar` and `kiss_icp_lidar`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class LidarAdvanced:
-    """Thresholds of `odometry=kiss_icp_lidar`."""
+    """Thresholds of both."""
 
     voxels_of_range: float = 15.0
     """voxel_m=0: voxels of the map have this part of the median distance of the first cloud's points as their side"""
@@ -46,47 +46,88 @@ class LidarAdvanced:
 
 
 @dataclass
-class KissIcpLidar:
-    """KISS-ICP on the point clouds of a lidar (the extra modality `cloud`), taken at one instant each."""
+class VgicpAdvanced(LidarAdvanced):
+    """Thresholds of `odometry=vgicp_lidar`."""
+
+    voxels_of_range: float = 30.0
+    """voxel_m=0: voxels of the map have this part of the median distance of the first cloud's points as their side"""
+    partner_m: float = 2.0
+    """without wheels: surfaces of two clouds on end fit together within this of each other, metres"""
+    kept_clouds: int = 100
+    """a voxel of the map in which no point of so many clouds fell is forgotten"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges("", self, partner_m=(0.01, 100.0), kept_clouds=(1, 1_000_000))
+
+
+@dataclass
+class LidarOdometry:
+    """What both are told of the clouds (the extra modality `cloud`), taken at one instant each."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"cloud"})
     provides: ClassVar[frozenset[str]] = frozenset()
+    owner: ClassVar[str] = "odometry"
 
     voxel_m: float = 0.0
     """Side of the voxels of the map, metres; 0: by how far the first cloud's points are (advanced.voxels_of_range)."""
     min_range_m: float = 0.5
     """Nearer points are the robot itself, metres."""
     max_range_m: float = 100.0
-    """Further points are not used, metres (the authors' habit)."""
-    iterations: int = 100
-    """Most iterations of one alignment."""
-    initial_threshold_m: float = 2.0
-    """First threshold of partners, metres (the authors')."""
-    min_motion_m: float = 0.1
-    """The least motion that adapts the threshold of partners, metres (the authors')."""
+    """Further points are not used, metres (KISS-ICP's authors' habit)."""
     min_points: int = 100
     """Fewer points than this are no cloud: lost."""
     min_support: float = 0.03
     """Degenerate when a smaller share of the points holds the weakest horizontal direction, as in a tunnel."""
     point_sigma_m: float = 0.05
     """Noise of a point along its surface's normal, metres (1 sigma)."""
+    iterations: int = 100
+    """Most iterations of one alignment."""
     advanced: LidarAdvanced = field(default_factory=LidarAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "odometry.kiss_icp_lidar"
-        check_range(owner, "voxel_m", self.voxel_m, low=0.0, high=10.0, unit="m")
-        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_range(self.owner, "voxel_m", self.voxel_m, low=0.0, high=10.0, unit="m")
+        check_range(self.owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
+        check_range(self.owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
         if self.min_range_m >= self.max_range_m:
-            raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
-        check_range(owner, "iterations", self.iterations, low=1, high=500)
-        check_range(owner, "initial_threshold_m", self.initial_threshold_m, low=0.01, high=100.0, unit="m")
-        check_range(owner, "min_motion_m", self.min_motion_m, low=0.0, high=10.0, unit="m")
-        check_range(owner, "min_points", self.min_points, low=10, high=1_000_000)
-        check_range(owner, "min_support", self.min_support, low=0.0, high=1.0)
-        check_range(owner, "point_sigma_m", self.point_sigma_m, low=1e-4, high=1.0, unit="m")
+            raise ConfigError(f"{self.owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
+        check_range(self.owner, "min_points", self.min_points, low=10, high=1_000_000)
+        check_range(self.owner, "min_support", self.min_support, low=0.0, high=1.0)
+        check_range(self.owner, "point_sigma_m", self.point_sigma_m, low=1e-4, high=1.0, unit="m")
+        check_range(self.owner, "iterations", self.iterations, low=1, high=500)
+
+
+@dataclass
+class VgicpLidar(LidarOdometry):
+    """Voxelised generalised ICP of a lidar's clouds against a map of Gaussians (small_gicp)."""
+
+    owner: ClassVar[str] = "odometry.vgicp_lidar"
+
+    advanced: VgicpAdvanced = field(default_factory=VgicpAdvanced)
 
     def build(self, context: Context) -> Odometry:
-        from .kiss_icp import KissIcpOdometry
+        from .vgicp import Vgicp
 
-        return KissIcpOdometry(self)
+        return Vgicp(self)
+
+
+@dataclass
+class KissIcpLidar(LidarOdometry):
+    """KISS-ICP on the point clouds of a lidar: points against points, to compare with."""
+
+    owner: ClassVar[str] = "odometry.kiss_icp_lidar"
+
+    initial_threshold_m: float = 2.0
+    """First threshold of partners, metres (the authors')."""
+    min_motion_m: float = 0.1
+    """The least motion that adapts the threshold of partners, metres (the authors')."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range(self.owner, "initial_threshold_m", self.initial_threshold_m, low=0.01, high=100.0, unit="m")
+        check_range(self.owner, "min_motion_m", self.min_motion_m, low=0.0, high=10.0, unit="m")
+
+    def build(self, context: Context) -> Odometry:
+        from .kiss_icp import KissIcp
+
+        return KissIcp(self)
