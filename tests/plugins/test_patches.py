@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
+import pytest
 
-from rhs_odometry.keyframe.patches import find_patches
+from rhs_odometry.keyframe.patches import USUAL, find_patches
 
 IDENTITY = np.eye(3)[:2]
 
@@ -31,17 +34,25 @@ def pyramid(image):
 POINTS = np.stack(np.meshgrid(np.arange(60.0, 261.0, 40), np.arange(60.0, 181.0, 40)), axis=-1).reshape(-1, 2)
 
 
-def check(matrix, guess_error=(2.0, -1.5), **light):
+def check(matrix, guess_error=(2.0, -1.5), s=USUAL, **light):
     now = picture(matrix, **light)
     goal = POINTS @ matrix[:, :2].T + matrix[:, 2]
     warps = np.tile(np.linalg.inv(matrix[:, :2]), (len(POINTS), 1, 1))
-    where, found = find_patches(pyramid(picture()), pyramid(now), pixels=POINTS, warps=warps, guess=goal + guess_error)
+    where, found = find_patches(pyramid(picture()), pyramid(now), pixels=POINTS, warps=warps, guess=goal + guess_error,
+                                s=s)
     return np.hypot(*(where - goal)[found].T), found
 
 
 def test_a_shift_is_found_to_a_twentieth_of_a_pixel():
     errors, found = check(np.array([[1.0, 0, 3.3], [0, 1.0, -2.7]]))
     assert found.all() and errors.max() < 0.05
+
+
+@pytest.mark.parametrize("half_px", [4, 8])
+def test_patches_of_other_sizes_find_the_shift_too(half_px):
+    """Loops are compiled for the size of a patch: nine and seventeen pixels, of rows sixteen and twenty-four wide."""
+    errors, found = check(np.array([[1.0, 0, 3.3], [0, 1.0, -2.7]]), s=replace(USUAL, half_px=half_px))
+    assert found.mean() > 0.9 and np.median(errors) < 0.05
 
 
 def test_brightness_may_change_by_gain_and_offset():

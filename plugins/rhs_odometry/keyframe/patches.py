@@ -6,6 +6,8 @@ slope of the surface, and brightness may change by gain and offset. Inverse comp
 Matthews, IJCV 2004).
 
 Sums run by column of the patch first: the columns of a row side by side in the processor, whose width does not change them.
+How large a patch is the compiler knows (`size`: two tuples, as long as the patch is high and as its rows are wide with
+columns that stay zero), so that no loop over it has to ask. Another `half_px` is compiled anew, once.
 """
 
 from __future__ import annotations
@@ -40,43 +42,44 @@ def find_patches_in(
     found = np.isfinite(where).all(axis=1) & np.isfinite(warps).all(axis=(1, 2))
     where[~found] = -1e3
     pixels, warps = np.ascontiguousarray(pixels, float), np.ascontiguousarray(warps, float)
-    rules = s.half_px, s.iterations, s.longest_step_px, s.least_likeness
+    side = 2 * s.half_px + 1
+    size = (0,) * side, (0,) * ((side + 7) // 8 * 8)
+    rules = s.iterations, s.longest_step_px, s.least_likeness
     known = np.flatnonzero(found)
     known = known[np.argsort(of[known], kind="stable")]
     for rows in np.split(known, np.flatnonzero(np.diff(of[known])) + 1) if len(known) else ():
         then = picture(int(of[rows[0]]))
         for level in reversed(range(len(now))):
             # pyrDown keeps pixel (0, 0) on (0, 0): coordinates scale without an offset
-            _align(then[level], now[level], rows, pixels, warps, where, found, 0.5**level, rules)
+            _align(then[level], now[level], rows, pixels, warps, where, found, 0.5**level, (size, rules))
     return where, found
 
 
 @compiled
-def _align(then, now, rows, pixels, warps, where, found, scale, rules):
+def _align(then, now, rows, pixels, warps, where, found, scale, how):
     """Move those points whose patches are found to where they are, and say which are."""
-    half, iterations, longest_px, least = rules
-    side = 2 * half + 1
-    wide = (side + 7) // 8 * 8  # columns beyond the side stay zero
+    size, (iterations, longest_px, least) = how
+    side, wide = len(size[0]), len(size[1])
     warped = np.empty((side + 2, side + 2), np.float32)
     seen, sums, five = np.empty((side, wide), np.float32), np.empty(wide, np.float32), np.empty((5, wide), np.float32)
     learnt = np.zeros((3, side, wide), np.float32)
     template, gx, gy = learnt[0], learnt[1], learnt[2]
     for i in rows:
         found[i] = False
-        if not _sample_warped(then, pixels[i, 0] * scale, pixels[i, 1] * scale, warps[i], half + 1, warped):
+        if not _sample_warped(then, pixels[i, 0] * scale, pixels[i, 1] * scale, warps[i], warped):
             continue
-        mean = _learn(warped, template, gx, gy, sums)
-        _, _, energy, tx, ty = _compared(template, learnt, five)
-        _, _, hxx, _, hxy = _compared(gx, learnt, five)
-        hyy = _dot(gy, gy, sums)
+        mean = _learn(warped, template, gx, gy, sums, size)
+        _, _, energy, tx, ty = _compared(template, learnt, five, size)
+        _, _, hxx, _, hxy = _compared(gx, learnt, five, size)
+        hyy = _dot(gy, gy, sums, size)
         determinant = hxx * hyy - hxy * hxy
         if energy < side * side * 9.0 or determinant < 1e-4 * (hxx + hyy) ** 2:
             continue
         likeness, x0, y0 = 0.0, where[i, 0] * scale, where[i, 1] * scale
         x, y = x0, y0
         for _ in range(iterations):
-            inside = _sample(now, x, y, half, mean, seen)
-            cross, total, square, sx, sy = _compared(seen, learnt, five) if inside else (0.0, 0.0, 0.0, 0.0, 0.0)
+            inside = _sample(now, x, y, mean, seen, size)
+            cross, total, square, sx, sy = _compared(seen, learnt, five, size) if inside else (0.0, 0.0, 0.0, 0.0, 0.0)
             if cross <= 0.0:
                 likeness = 0.0
                 break
@@ -86,12 +89,12 @@ def _align(then, now, rows, pixels, warps, where, found, scale, rules):
             bx, by = sx - gain * tx, sy - gain * ty
             dx = (hyy * bx - hxy * by) / (determinant * gain)
             dy = (hxx * by - hxy * bx) / (determinant * gain)
-            size = np.sqrt(dx * dx + dy * dy)
-            if size > longest_px:
-                dx, dy = dx * longest_px / size, dy * longest_px / size
+            step = np.sqrt(dx * dx + dy * dy)
+            if step > longest_px:
+                dx, dy = dx * longest_px / step, dy * longest_px / step
             x -= dx
             y -= dy
-            if size < 0.01:
+            if step < 0.01:
                 break
         if likeness > least and (x - x0) ** 2 + (y - y0) ** 2 <= side * side:
             found[i] = True
@@ -99,28 +102,28 @@ def _align(then, now, rows, pixels, warps, where, found, scale, rules):
 
 
 @inner
-def _dot(a, b, sums):
+def _dot(a, b, sums, size):
     """Sum of the products of two (side, wide) patches, by column first (sums (wide,) is room for that)."""
     sums[:] = np.float32(0.0)
-    for r in range(a.shape[0]):
-        for c in range(a.shape[1]):
+    for r in range(len(size[0])):
+        for c in range(len(size[1])):
             sums[c] += a[r, c] * b[r, c]
     total = 0.0
-    for c in range(a.shape[1]):
+    for c in range(len(size[1])):
         total += sums[c]
     return total
 
 
 @inner
-def _compared(seen, learnt, sums):
+def _compared(seen, learnt, sums, size):
     """Of a patch that is seen, in one go (sums (5, wide) is room for that): its products with the template, its sum, its
     square, its products with both slopes."""
     cross, total, square, sx, sy = sums[0], sums[1], sums[2], sums[3], sums[4]
-    for c in range(seen.shape[1]):
+    for c in range(len(size[1])):
         cross[c] = total[c] = square[c] = sx[c] = sy[c] = np.float32(0.0)
-    for r in range(seen.shape[0]):
+    for r in range(len(size[0])):
         row, template, gx, gy = seen[r], learnt[0, r], learnt[1, r], learnt[2, r]
-        for c in range(seen.shape[1]):
+        for c in range(len(size[1])):
             value = row[c]
             cross[c] += value * template[c]
             total[c] += value
@@ -128,7 +131,7 @@ def _compared(seen, learnt, sums):
             sx[c] += value * gx[c]
             sy[c] += value * gy[c]
     a = b = d = e = f = 0.0
-    for c in range(seen.shape[1]):
+    for c in range(len(size[1])):
         a += cross[c]
         b += total[c]
         d += square[c]
@@ -138,23 +141,23 @@ def _compared(seen, learnt, sums):
 
 
 @inner
-def _sum(a, sums):
+def _sum(a, sums, size):
     """The same of one patch."""
     sums[:] = np.float32(0.0)
-    for r in range(a.shape[0]):
-        for c in range(a.shape[1]):
+    for r in range(len(size[0])):
+        for c in range(len(size[1])):
             sums[c] += a[r, c]
     total = 0.0
-    for c in range(a.shape[1]):
+    for c in range(len(size[1])):
         total += sums[c]
     return total
 
 
 @inner
-def _learn(warped, template, gx, gy, sums):
+def _learn(warped, template, gx, gy, sums, size):
     """Fill template and slopes, each less its mean since brightness may be offset, from a patch with a rim of one pixel.
     Returns the template's mean."""
-    side = template.shape[0]
+    side = len(size[0])
     half = np.float32(0.5)
     for r in range(side):
         for c in range(side):
@@ -164,8 +167,8 @@ def _learn(warped, template, gx, gy, sums):
         for c in range(side):
             gy[r, c] = half * (warped[r + 2, c + 1] - warped[r, c + 1])
     count = side * side
-    mean = np.float32(_sum(template, sums) / count)
-    sx, sy = np.float32(_sum(gx, sums) / count), np.float32(_sum(gy, sums) / count)
+    mean = np.float32(_sum(template, sums, size) / count)
+    sx, sy = np.float32(_sum(gx, sums, size) / count), np.float32(_sum(gy, sums, size) / count)
     for r in range(side):
         for c in range(side):
             template[r, c] -= mean
@@ -177,17 +180,18 @@ def _learn(warped, template, gx, gy, sums):
 
 
 @inner
-def _sample(image, x, y, half, less, out):
+def _sample(image, x, y, less, out, size):
     """Fill out with the patch centred at (x, y), less an offset; False when it leaves the image. One sub-pixel shift serves
     all."""
     height, width = image.shape
+    side, wide = len(size[0]), len(size[1])
+    half = side // 2
     if not (x - half >= 0 and y - half >= 0 and x + half < width - 1 and y + half < height - 1):
         return False
     u, v = int(np.floor(x)), int(np.floor(y))
     fu, fv = x - u, y - v
     a, b = np.float32((1 - fu) * (1 - fv)), np.float32(fu * (1 - fv))
     c, d = np.float32((1 - fu) * fv), np.float32(fu * fv)
-    side, wide = out.shape
     across = np.uint64(wide if u - half + wide < width else side)
     pixels, filled = image.reshape(-1), out.reshape(-1)
     one, below = np.uint64(1), np.uint64(width)  # unsigned: no index counts from the end
@@ -203,10 +207,11 @@ def _sample(image, x, y, half, less, out):
 
 
 @inner
-def _sample_warped(image, x, y, warp, half, out):
+def _sample_warped(image, x, y, warp, out):
     """Fill out with the patch centred at (x, y), every offset taken through the 2x2 warp; False when it leaves the image.
     Positions are counted in whole 65536ths of a pixel."""
     height, width = image.shape
+    half = out.shape[0] // 2
     reach_x = half * (abs(warp[0, 0]) + abs(warp[0, 1])) + 0.001
     reach_y = half * (abs(warp[1, 0]) + abs(warp[1, 1])) + 0.001
     if not (x - reach_x >= 0 and y - reach_y >= 0 and x + reach_x < width - 1 and y + reach_y < height - 1):
