@@ -16,6 +16,7 @@ from rhs.api.jit import INNER, typed
 from .visible import DEPTHS, F64, FACES, I64, LIKE_NUMPY, NUMBERS, TABLE
 
 BLOCK = 8  # pixels of a row that share a level and a number of probes
+ONE, TWO, NEXT = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned: no index counts from the end
 HALF = 0x800000800080  # one half of a grey level in each channel of `tap`, which are times 256
 TEXELS = nb.types.Array(nb.uint32, 1, "C")
 LEVELS = nb.types.Array(I64, 3, "C")
@@ -30,9 +31,9 @@ def tap(texels, offset, stride, iu, iv):
 
     iu, iv: place in texels, times 256, plus 128; never negative. The weights are of 1/256 and add to one."""
     a, b = iu & 255, iv & 255
-    p = offset + ((iv >> 8) - 1) * stride + (iu >> 8) - 1
-    c00, c10 = np.int64(texels[p]), np.int64(texels[p + 1])  # with unsigned ones numba would go on in floats
-    c01, c11 = np.int64(texels[p + stride]), np.int64(texels[p + stride + 1])
+    p, below = np.uint64(offset + ((iv >> 8) - 1) * stride + (iu >> 8) - 1), np.uint64(stride)
+    c00, c10 = np.int64(texels[p]), np.int64(texels[p + ONE])  # with unsigned ones numba would go on in floats
+    c01, c11 = np.int64(texels[p + below]), np.int64(texels[p + below + ONE])
     c00 = (c00 & 0xFF00FF) | ((c00 & 0xFF00) << 32)
     c10 = (c10 & 0xFF00FF) | ((c10 & 0xFF00) << 32)
     c01 = (c01 & 0xFF00FF) | ((c01 & 0xFF00) << 32)
@@ -72,11 +73,13 @@ def paint_nearest(image, y, x, us, vs, count, texels, levels, texture):
 @typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64, I64, I64, F64, F64), **LIKE_NUMPY, **INNER)
 def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, probes, step_u, step_v):
     """Pixels of row y from x on wear the mean of the probes about the places us, vs."""
+    flat, at = image.reshape(-1), np.uint64((y * image.shape[1] + x) * 3)
     offset, stride, scale = levels[texture, level, 0], levels[texture, level, 1] + 2, 256.0 / (1 << level)
     if probes == 1:
         for k in range(count):
             c = tap(texels, offset, stride, int(us[k] * scale + 128.0), int(vs[k] * scale + 128.0)) + HALF
-            image[y, x + k, 0], image[y, x + k, 1], image[y, x + k, 2] = (c >> 8) & 255, (c >> 48) & 255, (c >> 24) & 255
+            flat[at], flat[at + ONE], flat[at + TWO] = (c >> 8) & 255, (c >> 48) & 255, (c >> 24) & 255
+            at += NEXT
         return
     width, height = levels[texture, level, 1] * 256, levels[texture, level, 2] * 256
     share, first = 65536 // probes, 0.5 - 0.5 * probes
@@ -91,9 +94,10 @@ def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, p
             green += c >> 40
             iu += du
             iv += dv
-        image[y, x + k, 0] = ((red_blue & 0xFFFFFFFF) * share + 0x800000) >> 24
-        image[y, x + k, 1] = (green * share + 0x800000) >> 24
-        image[y, x + k, 2] = ((red_blue >> 32) * share + 0x800000) >> 24
+        flat[at] = ((red_blue & 0xFFFFFFFF) * share + 0x800000) >> 24
+        flat[at + ONE] = (green * share + 0x800000) >> 24
+        flat[at + TWO] = ((red_blue >> 32) * share + 0x800000) >> 24
+        at += NEXT
 
 
 @typed(nb.void(FACES, TABLE, NUMBERS, TEXELS, LEVELS, FLAGS, I64, PICTURE, DEPTHS, I64, I64), **LIKE_NUMPY)
@@ -118,11 +122,13 @@ def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m,
                 for k in range(end - x):
                     z = 1.0 / (w + w0 * (x + k))
                     us[k], vs[k] = (u + u0 * (x + k)) * z, (v + v0 * (x + k)) * z
-                    if repeats[t]:
+                    depth_m[y, x + k] = z
+                if repeats[t]:
+                    for k in range(end - x):
                         us[k] -= np.floor(us[k] / most_u) * most_u
                         vs[k] -= np.floor(vs[k] / most_v) * most_v
+                for k in range(end - x):
                     us[k], vs[k] = min(max(us[k], 0.0), float(most_u)), min(max(vs[k], 0.0), float(most_v))
-                    depth_m[y, x + k] = z
                 if most == 0:
                     paint_nearest(image, y, x, us, vs, end - x, texels, levels, t)
                 else:
