@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rhs.api.geometry import inverse
 from rhs.api.metric import RunFiles, columns_of
@@ -52,6 +51,8 @@ def read_relations(path: Path) -> Relations:
     table = np.array(rows).reshape(-1, 8)
     poses = np.tile(np.eye(4), (len(table), 1, 1))
     if len(table):
+        from scipy.spatial.transform import Rotation
+
         poses[:, :3, :3] = Rotation.from_euler("xyz", table[:, 5:8]).as_matrix()
     poses[:, :3, 3] = table[:, 2:5]
     return Relations(table[:, :2], poses)
@@ -65,7 +66,11 @@ def relation_errors(estimate: Trajectory, relations: Relations) -> tuple[np.ndar
     both = (places[0] >= 0) & (places[1] >= 0)
     first, second = estimate.poses[places[0][both]], estimate.poses[places[1][both]]
     wrong = inverse(relations.first_from_second[both]) @ inverse(first) @ second
-    turn = Rotation.from_matrix(wrong[:, :3, :3]).magnitude() if len(wrong) else np.empty(0)
+    turn = np.empty(0)
+    if len(wrong):
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_matrix(wrong[:, :3, :3]).magnitude()
     apart_s = np.abs(relations.stamps_s[both, 1] - relations.stamps_s[both, 0])
     return np.linalg.norm(wrong[:, :3, 3], axis=1), turn, apart_s > REVISIT_S
 
