@@ -75,6 +75,7 @@ class Guard:
         self._still = self._refused = self._held = 0
         self._here_s = -np.inf  # when the last view was taken after anything but a turn on the spot
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
+        self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 
     @property
@@ -125,24 +126,29 @@ class Guard:
         self.touched = bool(observation.contact) or self._still >= self.settings.still_views
 
     def back_off(self, walls_m: np.ndarray = NOTHING) -> Twist | None:
-        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room. A
+        """Back the way it came (straight, after a turn on the spot; after a touch and with one eye turning no further than
+        in any command, else no view shows what the last one did) as far as nothing is known there; None without room. A
         robot that went back already and touched nothing goes back further; where something moves, over ground that it has
         just seen or come over. walls_m (K, 2): of the map, in the body frame."""
         touched, self.touched, self._still = self.touched, False, 0
         came = self.given
         if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
-        back = Twist(-came.forward_mps, -came.turn_radps, came.duration_s)
+        most_radps = np.inf
+        if touched or self.around.one_eye:
+            most_radps = self.pace.turn_step_rad * abs(came.forward_mps) / max(self.settings.back_off_m, LEAST_M)
+        back = Twist(-came.forward_mps, float(np.clip(-came.turn_radps, -most_radps, most_radps)), came.duration_s)
         behind = self.around.unseen(back, margin_m=self.settings.side_m, up_to_m=self.settings.back_off_m,
                                     since_s=self._since_s)
         if not touched and self.moves and len(behind) >= FEW_PATCHES:
             return None  # somebody may have come up there
+        walls_m = np.concatenate([walls_m, self.touched_m])
         way_m = self.around.free_way_m(back, BEHIND_M, self.settings.back_off_m, walls_m=walls_m)
         return _cut(back, way_m) if way_m >= LEAST_M else None
 
-    def bump(self) -> np.ndarray:
-        """Mark what was touched; its (K, 2) points in the body frame."""
-        return self.around.bump(self.given.forward_mps if self.given else 1.0)
+    def bump(self, known_m: np.ndarray = NOTHING) -> np.ndarray:
+        """Mark what was touched; its (K, 2) points in the body frame, in which known_m (K, 2) is what else is known."""
+        return self.around.bump(self.given.forward_mps if self.given else 1.0, known_m)
 
     def allow(self, command: Twist, target_m: np.ndarray | None = None) -> tuple[Twist | None, Event | None]:
         """The command, or the one that is safe in its place, and why; None where nothing is.
@@ -209,8 +215,8 @@ class Guard:
 
     def _free_m(self, command: Twist, up_to_m: float, turned_rad: float = 0.0) -> float:
         least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
-        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=self._hidden_m, least=least,
-                                      turned_rad=turned_rad)
+        walls_m = np.concatenate([self._hidden_m, self.touched_m])
+        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=walls_m, least=least, turned_rad=turned_rad)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

@@ -25,7 +25,7 @@ from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
-from .surroundings import SURE
+from .surroundings import NOTHING, SURE
 
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
@@ -93,11 +93,12 @@ class Sentinel(Barred):
         return belief
 
     def note(self, belief: Belief, scan: Scan) -> None:
-        sure = belief.status is BeliefStatus.TRACKING
-        self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else None
+        sure, pose, around = belief.status is BeliefStatus.TRACKING, planar(belief.map_from_body), self.guard.around
+        around.map_m = self.watch.walls_near(pose) if sure else None
         if sure:
-            around = self.guard.around
-            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=around.now_s, moves=around.moves)
+            shown = scan if around.one_eye else self.obstacle  # pictures show a thing from its foot on the floor upwards
+            self.watch.look(belief.map_from_body, scan, shown, now_s=around.now_s, moves=around.moves)
+        self.guard.touched_m = in_body(self.watch.touched_m, pose) if sure else NOTHING
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -142,12 +143,13 @@ class Sentinel(Barred):
         events.append(Event.CONTACT)
         self.contacts += 1
         self.path, self.rebuffed = None, self.rebuffed or self.ventured
-        points = self.guard.bump()
         self.search.turn_away()
         if belief.status is not BeliefStatus.TRACKING:
+            self.guard.bump()
             return self.guard.back_off()
         pose = planar(belief.map_from_body)
-        self.watch.bump(in_map(points, pose))
+        self.watch.bump(in_map(self.guard.bump(self.watch.known_near(pose)), pose))
+        self.guard.touched_m = in_body(self.watch.touched_m, pose)
         return self._back(pose)
 
     def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[Event]) -> Twist | None:
@@ -233,7 +235,9 @@ class Sentinel(Barred):
         grid = self.watch.redrawn() if self.slam is None else self.slam.grid()
         self.watch.forget()
         if grid is not None:
+            touched_m = self.watch.touched_m
             self._take_map(grid)
+            self.watch.bump(touched_m)
         elif self.ventured:
             self._drive_on(self.free)
         self._begin_place()

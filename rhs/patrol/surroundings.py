@@ -25,6 +25,7 @@ HIDES_M = 0.5  # furniture that stands in the way is as deep as that; what of it
 HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
 TRAIL_S = 2.0  # nothing that walks on is seen for longer in one cell; other low things are kept unless they bar for long
+NEXT_M = 2 * CELL_M  # what is known to stand this near the robot's side is what it touches
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
@@ -232,16 +233,30 @@ class Surroundings:
         """(K,) bool: of points (K, 2) of the body frame, those where the map knows something: that does not go."""
         return _near(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
 
-    def bump(self, ahead: float) -> np.ndarray:
-        """Something was touched at the front (ahead > 0) or the back; the (K, 2) points of it in the body frame."""
-        angles = np.radians(np.linspace(-30.0, 30.0, 7)) + (0.0 if ahead > 0 else np.pi)
-        reach_m = self.radius_m if self.footprint is None else self.footprint.reach_m(angles)
-        points = ((reach_m + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
+    def bump(self, ahead: float, known_m: np.ndarray = NOTHING) -> np.ndarray:
+        """Something was touched at the front (ahead > 0) or the back: where something is known to stand, by what was seen or
+        else known_m (K, 2) in the body frame, else in the middle; the (K, 2) points of it in the body frame."""
+        angles = np.radians(np.linspace(-30.0, 30.0, 7)) + self._touched_at_rad(ahead, known_m)
+        points = ((self._reach_m(angles) + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
         cells = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3])
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._saw(cells)
         return points
+
+    def _touched_at_rad(self, ahead: float, known_m: np.ndarray) -> float:
+        """The bearing of what is known to stand next to that half of the robot; else the middle of it."""
+        things = np.concatenate([self.things(), known_m])
+        things = things[things[:, 0] * ahead > -NEXT_M]
+        bearings_rad = np.arctan2(things[:, 1], things[:, 0])
+        gaps_m = np.hypot(*things.T) - self._reach_m(bearings_rad)
+        if len(gaps_m) and gaps_m.min() < NEXT_M:
+            return float(bearings_rad[np.argmin(gaps_m)])
+        return 0.0 if ahead > 0 else float(np.pi)
+
+    def _reach_m(self, bearings_rad: np.ndarray) -> np.ndarray:
+        """(K,) metres from the robot's middle to its side."""
+        return np.full(len(bearings_rad), self.radius_m) if self.footprint is None else self.footprint.reach_m(bearings_rad)
 
     def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING,
                    least: float = THING, turned_rad: float = 0.0) -> float:
