@@ -45,6 +45,13 @@ def in_body(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return moved
 
 
+def spread(points_m: np.ndarray, by_m: float) -> np.ndarray:
+    """(9 K, 2) the points (K, 2) and eight round each, so far off: where they may be."""
+    angles = np.arange(8) * np.pi / 4.0
+    round_m = by_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.concatenate([points_m, (points_m[:, None] + round_m).reshape(-1, 2)])
+
+
 class ObstacleWatch:
     """Compares scans with the finished map and keeps what the map does not know until it is seen through or forgotten.
 

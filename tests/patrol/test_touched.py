@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
-from flatland import BEARINGS, Flatland, ring
+from flatland import BEARINGS, Flatland, parts, ring
 
 from rhs.api.geometry import camera_from_fov, se2
 from rhs.api.records import Event, Motion, Observation, Scan, Tracking, Twist
 from rhs.patrol.control import Pace
-from rhs.patrol.guard import Guard, GuardSettings
+from rhs.patrol.guard import MOST_REFUSED, Guard, GuardSettings
+from rhs.patrol.mission import MissionSettings
 from rhs.patrol.obstacles import ObstacleWatch
+from rhs.patrol.sentinel import Sentinel
 
 CAMERA = camera_from_fov(32, 24, 57.0, height_m=1.0)
 AHEAD = Twist(0.5, 0.0, 0.5)
@@ -89,3 +91,60 @@ def test_a_robot_that_came_on_a_tight_arc_does_not_swing_round_as_it_goes_back()
     back = watched.back_off()
     assert back is not None and back.forward_mps * back.duration_s == pytest.approx(-0.2)
     assert abs(back.turn_radps) * back.duration_s <= np.radians(6.5) + 1e-9
+
+
+def test_one_eye_counts_refusals_on_end_and_then_drives_by_what_is_known() -> None:
+    """Refused again and again it gives up what it saw, and then it keeps from the walls of the map."""
+    watched, refused = guard(), (None, Event.STOPPED)
+    for _ in range(2):
+        for index in range(MOST_REFUSED - 1):
+            watched.observe(*pictured(index, 0.36))
+            assert watched.allow(AHEAD) == refused
+        watched.around.forget()
+        assert watched.allow(AHEAD)[0] is not None, "it came on: the count begins anew"
+    for index in range(MOST_REFUSED):
+        watched.observe(*pictured(index, 0.36))
+        assert watched.allow(AHEAD) == refused
+    assert watched.allow(AHEAD)[0] is not None, "what was seen is given up"
+    watched.known_m = np.array([[0.36, 0.0]])
+    assert watched.allow(AHEAD) == refused
+
+
+def test_one_eye_keeps_further_from_what_the_map_does_not_know() -> None:
+    """A wall 0.6 m ahead of a robot of 0.3 m: 0.25 m of way to a known one, 0.2 m to one that was read off pictures."""
+    watched = guard()
+    watched.observe(*pictured(1, 0.6))
+    for known, way_m in ((True, 0.25), (False, 0.2)):
+        watched.around.map_m = watched.around.things() if known else np.zeros((0, 2))
+        assert watched.around.free_way_m(AHEAD, 0.05, 0.5) == pytest.approx(way_m, abs=0.03)
+
+
+def one_eyed(seen_m: np.ndarray) -> tuple[Sentinel, np.ndarray]:
+    """One eye at (1, 1) of a free corridor, for which something stands at seen_m (K, 2) of its body frame."""
+    grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
+    sentinel = Sentinel(parts(None), grid, (), places=(("a", 4.0, 1.0),), radius_m=0.3, settings=MissionSettings())
+    pose, around = np.array([1.0, 1.0, 0.0]), sentinel.guard.around
+    sentinel.book.open(pose[:2])
+    sentinel.guard.observe(*pictured(1, 5.0))
+    cells = around._cells(seen_m)
+    around.at_eye.votes[cells[:, 0], cells[:, 1]], around.seen_s[cells[:, 0], cells[:, 1]] = 4.0, around.now_s
+    return sentinel, pose
+
+
+def test_one_eye_plans_round_what_it_saw_though_the_place_is_a_new_one() -> None:
+    """Something as wide as the robot 1 m ahead, of which the map and the watch of this place know nothing."""
+    sentinel, pose = one_eyed(np.array([[1.0, 0.02 * k] for k in range(-15, 5)]))
+    assert sentinel._plan(pose, []) and sentinel.path is not None
+    assert sentinel.path.points_m[:, 1].max() > 1.3
+
+
+def test_one_eye_that_has_no_way_past_what_it_saw_near_walls_goes_by_the_map() -> None:
+    """Walls of the map seem to stand 0.2 m nearer than they do and a thing far from all of them 1 m ahead; or only that."""
+    walls = np.array([[0.1 * k, side] for k in range(-9, 30) for side in (-0.65, 0.65)])
+    for seen_m, stays in ((walls, 0), (np.array([[1.0, 0.0], [1.05, 0.0]]), 2)):
+        sentinel, pose = one_eyed(seen_m)
+        around = sentinel.guard.around
+        sentinel.guard.known_m = around.map_m = walls * (1.0, 1.3)
+        assert sentinel.guard.forget_seen() == (stays == 0)
+        assert len(around.things()) == stays
+        assert len(sentinel.guard._told_m) == len(walls)
