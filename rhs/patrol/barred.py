@@ -81,6 +81,9 @@ class Barred:
             self.backed += 1
             return back
         way, leaves_room = self._way_left(pose)
+        if self.barred and leaves_room and not self.contacts and self.guard.around.one_eye and self.guard.forget_seen():
+            self.barred = 0
+            return None  # planned anew by what is known
         bars = self.watch.cells & ~self._stays if leaves_room else self.watch.cells
         seen = self.grid.centres(np.argwhere(bars if bars.any() else self.watch.cells))
         if self.barred:

@@ -20,7 +20,8 @@ BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and w
 TIGHT_M = 0.04  # on a way through a gap hardly wider than the robot: half a cell of what was seen, and the noise of depth
 BESIDE_M, SHORT_STEP_M, SHORT_SIGHT_M = 0.2, 0.1, 0.2  # so near to things there: steps and lookahead that keep to the way
 MOST_HELD = 20  # looks and refusals on end, after which a robot that stands has looked enough
-MOST_REFUSED = 6  # commands after which one eye looks anew from where it gets to
+MOST_REFUSED = 6  # commands on end after which one eye looks anew from where it gets to
+OFF_WALL_M = 0.3  # so far from a wall of the map one eye may have seen it (as mission.wall_tolerance_m)
 LEAST_M = 0.08  # a shorter way is none
 LEAST_RAD = np.radians(1.0)  # nor is a smaller turn
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
@@ -34,6 +35,9 @@ class GuardSettings:
     side_m: float = 0.05
     """least distance of the robot's side to anything seen, metres: half the margin of the plans, so that a path planned with
     it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
+    pictured_m: float = 0.05
+    """and so much further from what one eye read off pictures and the map does not know, metres; so do its plans. Such
+    readings erred by 5 cm at 1.5 to 2 m (rms, a patrol of random:non_manhattan/710)"""
     look_s: float = 15.0
     """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in.
     What is low and was out of view for so long, while something moves, is not counted on either"""
@@ -57,8 +61,8 @@ class GuardSettings:
     votes: VoteSettings = field(default_factory=VoteSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, side_m=(0.0, 2.0), look_s=(0.1, 1e6), look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6),
-                     remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
+        check_ranges("", self, side_m=(0.0, 2.0), pictured_m=(0.0, 2.0), look_s=(0.1, 1e6),
+                     look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
                      brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
 
 
@@ -68,13 +72,16 @@ class Guard:
     def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings, footprint: Footprint | None = None) -> None:
         self.radius_m, self.pace, self.settings = radius_m, pace, settings
         self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s,
-                                   low_s=settings.look_s, footprint=footprint)
+                                   low_s=settings.look_s, pictured_m=settings.pictured_m, footprint=footprint)
         self.touched = False
         self.tight = False  # whether the way leads through a gap hardly wider than the robot
         self.given: Twist | None = None
         self._still = self._refused = self._held = 0
         self._here_s = -np.inf  # when the last view was taken after anything but a turn on the spot
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
+        self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
+        self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; for one eye
+        self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 
     @property
@@ -125,24 +132,29 @@ class Guard:
         self.touched = bool(observation.contact) or self._still >= self.settings.still_views
 
     def back_off(self, walls_m: np.ndarray = NOTHING) -> Twist | None:
-        """Back the way it came (straight, after a turn on the spot) as far as nothing is known there; None without room. A
+        """Back the way it came (straight, after a turn on the spot; after a touch and with one eye turning no further than
+        in any command, else no view shows what the last one did) as far as nothing is known there; None without room. A
         robot that went back already and touched nothing goes back further; where something moves, over ground that it has
         just seen or come over. walls_m (K, 2): of the map, in the body frame."""
         touched, self.touched, self._still = self.touched, False, 0
         came = self.given
         if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
-        back = Twist(-came.forward_mps, -came.turn_radps, came.duration_s)
+        most_radps = np.inf
+        if touched or self.around.one_eye:
+            most_radps = self.pace.turn_step_rad * abs(came.forward_mps) / max(self.settings.back_off_m, LEAST_M)
+        back = Twist(-came.forward_mps, float(np.clip(-came.turn_radps, -most_radps, most_radps)), came.duration_s)
         behind = self.around.unseen(back, margin_m=self.settings.side_m, up_to_m=self.settings.back_off_m,
                                     since_s=self._since_s)
         if not touched and self.moves and len(behind) >= FEW_PATCHES:
             return None  # somebody may have come up there
+        walls_m = np.concatenate([walls_m, self._told_m])
         way_m = self.around.free_way_m(back, BEHIND_M, self.settings.back_off_m, walls_m=walls_m)
         return _cut(back, way_m) if way_m >= LEAST_M else None
 
-    def bump(self) -> np.ndarray:
-        """Mark what was touched; its (K, 2) points in the body frame."""
-        return self.around.bump(self.given.forward_mps if self.given else 1.0)
+    def bump(self, known_m: np.ndarray = NOTHING) -> np.ndarray:
+        """Mark what was touched; its (K, 2) points in the body frame, in which known_m (K, 2) is what else is known."""
+        return self.around.bump(self.given.forward_mps if self.given else 1.0, known_m)
 
     def allow(self, command: Twist, target_m: np.ndarray | None = None) -> tuple[Twist | None, Event | None]:
         """The command, or the one that is safe in its place, and why; None where nothing is.
@@ -151,7 +163,7 @@ class Guard:
         self.around.keeps_beside = self._held < MOST_HELD
         allowed, why = self._allowed(command, target_m)
         if allowed is not None and allowed.forward_mps > 0.0:
-            self._held = 0
+            self._held = self._refused = 0
         elif command.forward_mps > 0.0:
             self._held += 1
         return allowed, why
@@ -179,8 +191,24 @@ class Guard:
             return self._slowed(_cut(command, seen_m), seen_m), None
         self._refused += 1
         if self.around.one_eye and self._refused % MOST_REFUSED == 0:
-            self.around.forget()  # pictures from one place show nobody whether it is still there
+            self.forget_seen()
         return None, Event.STOPPED
+
+    def forget_seen(self) -> bool:
+        """Give up what was seen near walls of the map for them, all where no map is known: pictures from one place show
+        nobody whether it is still there. Whether there was any."""
+        self._forgot_s = self.around.now_s
+        if self.around.map_m is not None:
+            return self.around.forget_near(self.around.map_m, OFF_WALL_M)
+        self.around.forget()
+        return True
+
+    @property
+    def _told_m(self) -> np.ndarray:
+        """(K, 2) what the guard keeps from besides what it sees: what was touched, and for as long as what it forgot would
+        have counted, all that is known."""
+        forgot = self.around.now_s - self._forgot_s < self.settings.remember_s
+        return np.concatenate([self.touched_m, self.known_m]) if forgot else self.touched_m
 
     def _turned(self, command: Twist, why: Event | None) -> tuple[Twist | None, Event | None]:
         """A turn on the spot, if the corners of the robot have room for it."""
@@ -209,8 +237,8 @@ class Guard:
 
     def _free_m(self, command: Twist, up_to_m: float, turned_rad: float = 0.0) -> float:
         least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
-        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=self._hidden_m, least=least,
-                                      turned_rad=turned_rad)
+        walls_m = np.concatenate([self._hidden_m, self._told_m])
+        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=walls_m, least=least, turned_rad=turned_rad)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

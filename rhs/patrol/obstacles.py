@@ -45,6 +45,13 @@ def in_body(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return moved
 
 
+def spread(points_m: np.ndarray, by_m: float) -> np.ndarray:
+    """(9 K, 2) the points (K, 2) and eight round each, so far off: where they may be."""
+    angles = np.arange(8) * np.pi / 4.0
+    round_m = by_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.concatenate([points_m, (points_m[:, None] + round_m).reshape(-1, 2)])
+
+
 class ObstacleWatch:
     """Compares scans with the finished map and keeps what the map does not know until it is seen through or forgotten.
 
@@ -78,9 +85,20 @@ class ObstacleWatch:
         self.gap_m = np.where(free, self._wall_gap_m, 0.0)  # to the nearest wall; 0 where nothing is known
 
     def forget(self) -> None:
-        """A new mission begins with the map as surveyed."""
+        """A new mission begins with the map as surveyed, and with what was touched and nobody has looked through since."""
         self.at_eye.votes[:] = 0
-        self.below.votes[:] = 0
+        self.below.votes[~self._touched] = 0
+
+    @property
+    def _touched(self) -> np.ndarray:
+        """(H, W) bool: where the robot ran into something."""
+        touched: np.ndarray = np.isneginf(self.since_s[1]) & (self.below.votes > 0.0)
+        return touched
+
+    @property
+    def touched_m(self) -> np.ndarray:
+        """(K, 2) metres in the map: where the robot ran into something and nobody has looked through since."""
+        return self.grid.centres(np.argwhere(self._touched))
 
     def planned(self, *, squeezed: bool) -> None:
         """A way was planned past what is known now; squeezed: nearer to it than its margin, on purpose."""
@@ -185,6 +203,10 @@ class ObstacleWatch:
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.seen_s[1, cells[:, 0], cells[:, 1]] = np.inf
         self.since_s[1, cells[:, 0], cells[:, 1]] = -np.inf
+
+    def known_near(self, pose: np.ndarray) -> np.ndarray:
+        """(K, 2) what the map or this watch knows near the pose (3,), in its body frame."""
+        return np.concatenate([self.walls_near(pose), in_body(self.grid.centres(np.argwhere(self.cells)), pose)])
 
     @property
     def cells(self) -> np.ndarray:

@@ -22,10 +22,10 @@ from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import ELSEWHERE_M, Logbook, MissionSettings
-from .obstacles import ObstacleWatch, in_body, in_map
+from .obstacles import ObstacleWatch, in_body, in_map, spread
 from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
-from .surroundings import SURE
+from .surroundings import NEAR_M, NOTHING, SURE
 
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
@@ -93,11 +93,13 @@ class Sentinel(Barred):
         return belief
 
     def note(self, belief: Belief, scan: Scan) -> None:
-        sure = belief.status is BeliefStatus.TRACKING
-        self.guard.around.map_m = self.watch.walls_near(planar(belief.map_from_body)) if sure else None
+        sure, pose, around = belief.status is BeliefStatus.TRACKING, planar(belief.map_from_body), self.guard.around
+        around.map_m = self.watch.walls_near(pose, NEAR_M if around.one_eye else 1.0) if sure else None
         if sure:
-            around = self.guard.around
-            self.watch.look(belief.map_from_body, scan, self.obstacle, now_s=around.now_s, moves=around.moves)
+            shown = scan if around.one_eye else self.obstacle  # pictures show a thing from its foot on the floor upwards
+            self.watch.look(belief.map_from_body, scan, shown, now_s=around.now_s, moves=around.moves)
+        self.guard.touched_m = in_body(self.watch.touched_m, pose) if sure else NOTHING
+        self.guard.known_m = self.watch.known_near(pose) if sure and around.one_eye else NOTHING
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -142,12 +144,13 @@ class Sentinel(Barred):
         events.append(Event.CONTACT)
         self.contacts += 1
         self.path, self.rebuffed = None, self.rebuffed or self.ventured
-        points = self.guard.bump()
         self.search.turn_away()
         if belief.status is not BeliefStatus.TRACKING:
+            self.guard.bump()
             return self.guard.back_off()
         pose = planar(belief.map_from_body)
-        self.watch.bump(in_map(points, pose))
+        self.watch.bump(in_map(self.guard.bump(self.watch.known_near(pose)), pose))
+        self.guard.touched_m = in_body(self.watch.touched_m, pose)
         return self._back(pose)
 
     def _pursue(self, pose: np.ndarray, belief: Belief, scan: Scan | None, events: list[Event]) -> Twist | None:
@@ -214,11 +217,17 @@ class Sentinel(Barred):
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
-        things = self._near_things(pose, walls=self.guard.around.one_eye) if self.barred else np.zeros((0, 2))
+        one_eye = self.guard.around.one_eye  # which may not see again from near what it saw from afar
+        things = self._near_things(pose, walls=one_eye) if self.barred else NOTHING
+        if one_eye:
+            things = np.concatenate([things, spread(self._near_things(pose), self.settings.advanced.guard.pictured_m)])
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
         plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
                                seen_m=seen)
+        if not plan.found and not self.barred and len(things):
+            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=NOTHING, squeeze=self.guard.sees,
+                                   seen_m=seen)
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
@@ -233,7 +242,9 @@ class Sentinel(Barred):
         grid = self.watch.redrawn() if self.slam is None else self.slam.grid()
         self.watch.forget()
         if grid is not None:
+            touched_m = self.watch.touched_m
             self._take_map(grid)
+            self.watch.bump(touched_m)
         elif self.ventured:
             self._drive_on(self.free)
         self._begin_place()

@@ -25,6 +25,7 @@ HIDES_M = 0.5  # furniture that stands in the way is as deep as that; what of it
 HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
 TRAIL_S = 2.0  # nothing that walks on is seen for longer in one cell; other low things are kept unless they bar for long
+NEXT_M = 2 * CELL_M  # what is known to stand this near the robot's side is what it touches
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
@@ -35,12 +36,12 @@ class Surroundings:
     """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
     def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float, fade_s: float = np.inf,
-                 low_s: float = np.inf, footprint: Footprint | None = None) -> None:
+                 low_s: float = np.inf, pictured_m: float = 0.0, footprint: Footprint | None = None) -> None:
         """Seconds: what was seen is remembered; what came is, when it is seen no more; what is low and came unnoticed, while
         something moves. footprint: of a robot that is not round, and lies in the circle of radius_m."""
         from rhs.estimation.scans.votes import Votes  # compiled code
 
-        self.footprint = footprint
+        self.footprint, self.pictured_m = footprint, pictured_m  # how exactly one eye sees, metres
         self.radius_m, self.remember_s, self.fade_s, self.low_s = radius_m, remember_s, fade_s, low_s
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
@@ -153,6 +154,14 @@ class Surroundings:
         for looked_s in self.looked_s:
             looked_s[:] = -np.inf
 
+    def forget_near(self, points_m: np.ndarray, within_m: float) -> bool:
+        """Forget what stands near the points (K, 2) of the body frame. Whether anything did."""
+        cells = np.argwhere((self.at_eye.votes > 0.0) | (self.below.votes > 0.0))
+        gone = cells[_near(self.in_body((cells[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m), points_m, within_m)]
+        for layer in (self.at_eye, self.below):
+            layer.votes[gone[:, 0], gone[:, 1]] = 0.0
+        return len(gone) > 0
+
     def forget_specks(self) -> None:
         """What one cell alone holds for a thing, however often it was seen: the flying pixels of an edge make such, and
         nearer than the camera sees the floor nothing clears them."""
@@ -232,38 +241,60 @@ class Surroundings:
         """(K,) bool: of points (K, 2) of the body frame, those where the map knows something: that does not go."""
         return _near(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
 
-    def bump(self, ahead: float) -> np.ndarray:
-        """Something was touched at the front (ahead > 0) or the back; the (K, 2) points of it in the body frame."""
-        angles = np.radians(np.linspace(-30.0, 30.0, 7)) + (0.0 if ahead > 0 else np.pi)
-        reach_m = self.radius_m if self.footprint is None else self.footprint.reach_m(angles)
-        points = ((reach_m + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
+    def bump(self, ahead: float, known_m: np.ndarray = NOTHING) -> np.ndarray:
+        """Something was touched at the front (ahead > 0) or the back: where something is known to stand, by what was seen or
+        else known_m (K, 2) in the body frame, else in the middle; the (K, 2) points of it in the body frame."""
+        angles = np.radians(np.linspace(-30.0, 30.0, 7)) + self._touched_at_rad(ahead, known_m)
+        points = ((self._reach_m(angles) + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
         cells = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3])
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._saw(cells)
         return points
 
+    def _touched_at_rad(self, ahead: float, known_m: np.ndarray) -> float:
+        """The bearing of what is known to stand next to that half of the robot; else the middle of it."""
+        things = np.concatenate([self.things(), known_m])
+        things = things[things[:, 0] * ahead > -NEXT_M]
+        bearings_rad = np.arctan2(things[:, 1], things[:, 0])
+        gaps_m = np.hypot(*things.T) - self._reach_m(bearings_rad)
+        if len(gaps_m) and gaps_m.min() < NEXT_M:
+            return float(bearings_rad[np.argmin(gaps_m)])
+        return 0.0 if ahead > 0 else float(np.pi)
+
+    def _reach_m(self, bearings_rad: np.ndarray) -> np.ndarray:
+        """(K,) metres from the robot's middle to its side."""
+        return np.full(len(bearings_rad), self.radius_m) if self.footprint is None else self.footprint.reach_m(bearings_rad)
+
     def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING,
                    least: float = THING, turned_rad: float = 0.0) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
         nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; least: votes;
         turned_rad: of a robot that turns on the spot first."""
-        things = np.concatenate([self.things(least=least), walls_m])
-        at, way = _arc(command, up_to_m)
+        seen, (at, way) = self.things(least=least), _arc(command, up_to_m)
+        things = np.concatenate([seen, walls_m])
+        margins_m = np.concatenate([margin_m + self._unsure_m(seen), np.full(len(walls_m), margin_m)])
         if not len(things):
             return up_to_m
         c, s = np.cos(turned_rad), np.sin(turned_rad)
         things = things @ np.array([[c, -s], [s, c]])  # as the robot will have them before it
         gaps = np.linalg.norm(at[:, None] - things, axis=2)
-        near = gaps < self.radius_m + margin_m
+        near = gaps < self.radius_m + margins_m
         if self.footprint is None:
             wrong = near & (gaps < np.linalg.norm(things, axis=1) - 0.01)
         else:
             curvature = command.turn_radps / command.forward_mps if command.forward_mps else 0.0
             yaw_rad = curvature * way * (1.0 if command.forward_mps >= 0 else -1.0)
-            wrong = self._too_near(self.footprint, things[near.any(axis=0)], np.column_stack([at, yaw_rad]), margin_m)
+            close = near.any(axis=0)
+            wrong = self._too_near(self.footprint, things[close], np.column_stack([at, yaw_rad]), margins_m[close])
         bad = wrong.any(axis=1)
         return float(way[np.argmax(bad)] - STEP_M) if bad.any() else up_to_m
+
+    def _unsure_m(self, things_m: np.ndarray) -> np.ndarray:
+        """(K,) metres by which things (K, 2) of the body frame may stand nearer than they were seen: what one eye read off
+        pictures and the map does not know."""
+        reads = self.one_eye and self.map_m is not None
+        return np.where(self._on_map(things_m), 0.0, self.pictured_m) if reads else np.zeros(len(things_m))
 
     def free_turn_rad(self, turn_rad: float, margin_m: float) -> float:
         """How far of a turn on the spot (left positive) the robot's side comes no nearer than margin_m to a thing that it
@@ -278,9 +309,10 @@ class Surroundings:
         return float(turn_rad * np.argmax(bad) / steps) if bad.any() else turn_rad
 
     @staticmethod
-    def _too_near(footprint: Footprint, things_m: np.ndarray, stands: np.ndarray, margin_m: float) -> np.ndarray:
-        """(M, K) bool: on each of stands (M, 3), x, y, yaw in the body frame, the robot's side is nearer than margin_m to
-        the thing (K, 2), and nearer than now."""
+    def _too_near(footprint: Footprint, things_m: np.ndarray, stands: np.ndarray,
+                  margin_m: float | np.ndarray) -> np.ndarray:
+        """(M, K) bool: on each of stands (M, 3), x, y, yaw in the body frame, the robot's side is nearer than margin_m
+        (K,) to the thing (K, 2), and nearer than now."""
         from_m, (c, s) = things_m - stands[:, None, :2], (f(stands[:, None, 2]) for f in (np.cos, np.sin))
         turned = np.stack([from_m[..., 0] * c + from_m[..., 1] * s, from_m[..., 1] * c - from_m[..., 0] * s], axis=-1)
         gaps = footprint.gaps_m(turned)

@@ -47,6 +47,17 @@ def test_the_scan_ends_where_the_walls_and_boxes_are(heading: float) -> None:
     assert np.mean(off < 0.15) > 0.85
 
 
+def test_a_distance_between_two_steps_is_found_there_and_one_at_the_end_of_them_is_left() -> None:
+    """Costs that are a parabola in the inverse distance, least at 1.6 m, where steps are 15 cm apart; and others that are
+    least at the nearest distance."""
+    stixels = Stixels(CAMERA, FEW)
+    inverse_m = 1.0 / stixels._ranges
+    costs = np.stack([(inverse_m - 1.0 / 1.6) ** 2, -inverse_m])
+    found = stixels._between(costs, costs.argmin(axis=1))
+    assert np.abs(stixels._ranges - 1.6).min() > 0.02, "it is none of the steps"
+    assert found == pytest.approx([1.6, FEW.nearest_m])
+
+
 def test_without_way_between_the_views_nothing_is_known() -> None:
     stixels, poses = looked([np.array([0.0, 0.0, 0.1 * k]) for k in range(5)])
     scan = stixels.scan(4, poses)

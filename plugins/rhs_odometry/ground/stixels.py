@@ -57,7 +57,7 @@ class Stixels:
                                     (s.cap, s.unknown, eye_m + s.above_m, s.low, s.low_each, s.low_m, s.behind))
         costs = cv2.blur(costs, (1, AROUND))
         best = smoothest(costs, s.bend, s.leap)
-        ranges, clear = self._ranges[best], self._clearness(costs, best)
+        ranges, clear = self._between(costs, best), self._clearness(costs, best)
         compared = pairs[np.arange(len(best)), best] >= s.compared * self.round.shown.sum(axis=1)
         if learn:
             self._learn(tones, ranges, (clear > s.learn) & compared)
@@ -88,6 +88,17 @@ class Stixels:
             out[k:] |= leaps
             out[:-k] |= leaps
         return out
+
+    def _between(self, costs: np.ndarray, best: np.ndarray) -> np.ndarray:
+        """(B,) ranges where the parabola through the costs of the step taken and its two neighbours is least: steps are 13
+        cm apart at 1.5 m (as sub-pixel disparities, Tian and Huhns 1986)."""
+        columns, middle = np.arange(len(best)), np.clip(best, 1, len(self._ranges) - 2)
+        nearer, here, further = (costs[columns, middle + side] for side in (-1, 0, 1))
+        bent, inverse_m = nearer - 2.0 * here + further, 1.0 / self._ranges
+        least = (middle == best) & (here <= nearer) & (here <= further) & (bent > 0.0)
+        off = np.where(least, 0.5 * (nearer - further) / np.where(least, bent, 1.0), 0.0)
+        found: np.ndarray = 1.0 / (inverse_m[best] + off * (inverse_m[1] - inverse_m[0]))
+        return found
 
     def _clearness(self, costs: np.ndarray, best: np.ndarray) -> np.ndarray:
         """(B,) how much more the cheapest other distance costs than the one taken."""
