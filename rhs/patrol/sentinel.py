@@ -218,16 +218,18 @@ class Sentinel(Barred):
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
         one_eye = self.guard.around.one_eye  # which may not see again from near what it saw from afar
-        things = self._near_things(pose, walls=one_eye) if self.barred else NOTHING
-        if one_eye:
-            things = np.concatenate([things, spread(self._near_things(pose), self.settings.advanced.guard.pictured_m)])
+        near = self._near_things(pose, walls=one_eye) if self.barred else NOTHING
+        kept_from = [near]
+        if one_eye:  # as far as its pictures err; where no way does, what its guard keeps has to do
+            wide = spread(self._near_things(pose), self.settings.advanced.guard.pictured_m)
+            kept_from = [np.concatenate([near, wide]), near] if len(wide) else [near]
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
-                               seen_m=seen)
-        if not plan.found and not self.barred and len(things):
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=NOTHING, squeeze=self.guard.sees,
+        for things in kept_from:
+            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
                                    seen_m=seen)
+            if plan.found:
+                break
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
