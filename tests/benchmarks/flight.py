@@ -4,7 +4,7 @@
 
 The cameras of EuRoC's VI-sensor by the numbers of its files: 752x480, 20 views a second, lenses that bend straight lines, 11
 cm apart and not parallel. Rooms of `hand_held_made.py` (plain walls too), round which it flies looking inwards at 0.5 to 1.3
-m/s, the light going up and down by a tenth; true states as EuRoC's, no IMU. No sequence of EuRoC itself: no blur, no machines.
+m/s, the light going up and down by a tenth; true states as EuRoC's, no IMU. No sequence of EuRoC itself: no blur.
 `ate_m`: aligned (one camera: with scale).
 """
 
