@@ -87,7 +87,7 @@ def test_the_golden_set_knows_every_sensor_odometry_and_localiser():
     from rhs.config import registry
 
     rows = [json.loads(path.read_text()) for path in GOLDEN.glob("*/row.json")]
-    assert len(rows) == 15
+    assert len(rows) == 16
     for kind in ("sensor", "odometry", "localiser"):
         ours = {name for name in registry.names(kind) if registry.origins(kind, name)[0].distribution.startswith("rhs ")}
         assert ours <= {row.get(kind) for row in rows}, kind

@@ -1,4 +1,5 @@
-"""Writes clouds/: the clouds of a lidar that drives along a furnished room, as a folder of BIN files (x, y, z, intensity).
+"""Writes clouds/: the clouds of a lidar that drives along a furnished room, as a folder of BIN files (x, y, z, intensity),
+and poses.txt, where it was.
 
     python tests/golden/make_lidar.py
 """
@@ -22,6 +23,8 @@ def main() -> None:
         reach_m = distance(np.array([2.0 + 0.15 * k, 2.0, HEIGHT_M]), ray) + NOISE_M * rng.standard_normal(len(ray))
         points = np.hstack([ray * reach_m[:, None], np.ones((len(ray), 1))])
         (folder / f"{k:06d}.bin").write_bytes(points.astype("<f4").tobytes())
+    poses = [f"1 0 0 {0.15 * k:.2f} 0 1 0 0 0 0 1 0\n" for k in range(8)]
+    (folder / "poses.txt").write_text("".join(poses))
 
 
 def distance(at: np.ndarray, ray: np.ndarray) -> np.ndarray:
