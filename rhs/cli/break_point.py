@@ -7,12 +7,14 @@
         --timeout S     a run that takes longer has failed (3600)
 
 Levels are chosen where the next outcome tells most (Kontsevich and Tyler 1999); every run has a seed of its own, the same
-for all combinations. Files in the folder: the runs, break.json, break.png. Exit code 0, or 2 refused.
+for all combinations. Where success fades slowly along the dial 40 runs are too few; how many it takes is said. Files in the
+folder: the runs, break.json, break.png. Exit code 0, or 2 refused.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,10 +36,16 @@ def main(words: Sequence[str]) -> int:
         _publish(accounts, plan.dial, claim.folder)
         width = max(len(account["combination"]) for account in accounts)
         for account in accounts:
-            sys.stdout.write(f"{account['combination']:<{width}}  {plan.dial.key}: {account['says']}  "
-                             f"({account['runs']} runs)\n")
+            sys.stdout.write(f"{account['combination']:<{width}}  {plan.dial.key}: {account['says']}  ({count(account)})\n")
         sys.stdout.write(f"files: {claim.folder}\n")
     return 0
+
+
+def count(account: dict[str, Any]) -> str:
+    """How many runs; and how many it takes to know the level within a twentieth of the dial, where these are too few."""
+    runs, needed = account["runs"], account["runs_needed"]
+    more = account["found"] and needed > runs
+    return f"{runs} runs" + (f"; within 5 % of the dial takes about --runs {math.ceil(needed / 10) * 10}" if more else "")
 
 
 def _searched(plan: Any, folder: Path, limits: Any, runs: int) -> list[dict[str, Any]]:

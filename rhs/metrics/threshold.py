@@ -25,6 +25,7 @@ SLOPES = np.geomspace(0.008, 0.25, 9)
 LAPSES = np.array([0.0, 0.03, 0.08, 0.15])
 LEVELS = np.linspace(0.0, 1.0, 41)
 LEAST_SEEDS, SAMPLES = 4, 100
+CLOSE = 0.05  # share of the dial to which a break point is worth knowing
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,12 @@ class Threshold:
     def found(self) -> bool:
         """Whether it rather lies within the dial."""
         return self.beyond < 0.5
+
+    @property
+    def runs_needed(self) -> int:
+        """Runs after which nine of ten such searches are within CLOSE: the spread falls with the root of their number."""
+        spread = (self.high - self.low) / (2.0 * 1.96)
+        return math.ceil(self.runs * (1.645 * spread / CLOSE) ** 2) if math.isfinite(spread) else self.runs
 
 
 class Posterior:

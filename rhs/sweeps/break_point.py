@@ -161,4 +161,4 @@ def withstood(known: Threshold) -> float:
 
 def _in_units(known: Threshold, dial: Dial) -> dict[str, Any]:
     values = {name: float(dial.value(getattr(known, name))) for name in ("middle", "low", "high")}
-    return asdict(known) | values | {"found": known.found, "says": in_words(known, dial)}
+    return asdict(known) | values | {"found": known.found, "runs_needed": known.runs_needed, "says": in_words(known, dial)}

@@ -33,6 +33,17 @@ def test_forty_runs_come_within_a_twentieth_of_the_dial_in_nine_of_ten():
     assert held >= 26  # 95 % of 30 is 28.5; fewer than 26 has a chance of 1 in 60
 
 
+def test_on_a_flat_curve_forty_runs_are_too_few_and_as_many_as_are_said_are_enough():
+    """Forty runs know a slope of 0.15 to 2 x 0.15 / sqrt(40) = 0.047 of the dial at best (Cramer and Rao)."""
+    rng = np.random.default_rng(3)
+    few = [searched(rng, 0.6, 0.15, 0.0, -1, runs=40) for _ in range(20)]
+    needed = int(np.median([found.runs_needed for found in few]))
+    assert 80 <= needed <= 160
+    many = [searched(rng, 0.6, 0.15, 0.0, -1, runs=needed) for _ in range(20)]
+    assert np.mean([abs(found.middle - 0.6) <= 0.05 for found in many]) >= 0.8
+    assert searched(rng, 0.6, 0.03, 0.0, -1, runs=40).runs_needed <= 40
+
+
 def test_an_interval_between_seeds_holds_the_threshold_where_a_seed_fails_everywhere_beyond_its_own_level():
     rng, held, as_if_independent = np.random.default_rng(2), 0, 0
     levels, seeds = np.tile(np.linspace(0, 1, 16), 10), np.repeat(np.arange(10), 16)
