@@ -1,8 +1,9 @@
 """Which link of the chain cost what: Shapley shares of a loss (shares.py), and the sentence that says so.
 
 Which link is named: the truth in a late link (a localiser that is always right) covers for an error that an early one made,
-so that both get a like share. Of links whose truth alone saves nearly all, the earliest in the chain is named; where no link
-does, the one with the largest share. How the robot moved, and what its wheels counted, comes before what it sees.
+so that both get a like share. Of links whose truth alone saves nearly all, the earliest in the chain is named that saves
+about as much as any of them of everything that was lost; where no link does, the one with the largest share. How the robot
+moved, and what its wheels counted, comes before what it sees.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ MEASURES = {"places": ("", "places missed"), "belief": ("m", "error of the belie
 # what is worth a verdict: half a place; a fifth of the distance within which a place is visited; two steps of the robot; ten
 # seconds that the place worst off waits longer than it must
 WORTH = {"places": 0.5, "belief": 0.1, "ate": 0.1, "way": 1.0, "time": 10.0}
-ALONE = 0.8  # of what all truths together save: a link saves nearly all
+ALONE = 0.8  # of what all truths together save: a link saves nearly all; of what the best such link saves: about as much
 HALF = 0.5  # of the largest share: less, and what a link saves alone is chance
 OFF_M = 0.5  # the belief is somewhere else: the distance within which a place counts as visited
 SMALL = 0.05  # of the loss: a link that cost less is not named
@@ -62,7 +63,7 @@ def judged(losses: Mapping[str, Losses], links: Sequence[str], *, since: int,
         losses = {name: middle(known, links) for name, known in losses.items()}
         shares = {name: shapley(known, links) for name, known in losses.items()}
     measure = measure_of(losses, links)
-    link = named_link(shares[measure], losses[measure]) if measure else ""
+    link = named_link(shares[measure], losses, measure) if measure else ""
     return {"measure": measure, "link": link, "verdict": verdict(shares, losses, since, measure=measure, link=link)}
 
 
@@ -73,19 +74,28 @@ def measure_of(losses: Mapping[str, Losses], links: Collection[str]) -> str:
     return "places" if "places" in worth else max(worth, key=lambda name: worth[name], default="")
 
 
-def named_link(shares: Mapping[str, float], losses: Losses) -> str:
-    """The earliest link whose truth alone saves nearly all; if there is none, that with the largest share; empty where no
-    share is positive."""
+def named_link(shares: Mapping[str, float], losses: Mapping[str, Losses], measure: str) -> str:
+    """Of the links whose truth alone saves nearly all of the judged measure the earliest that saves about as much as any of
+    them in all measures together, counted in what is worth a verdict (where a place was missed by chance, any truth saves
+    it; the fault's truth saves the rest too). If there is none, the link with the largest share; empty where no share is
+    positive. shares: of the judged measure."""
     order = sorted(shares, key=CAUSAL.index)
-    most = max(shares.values())
+    most, saved = max(shares.values()), sum(shares.values())
     if not most > 0:
         return ""
-    saved, nothing = sum(shares.values()), losses[frozenset()]
-    for link in order:
-        alone = losses.get(frozenset([link]), nothing)
-        if shares[link] >= HALF * most and nothing - alone >= ALONE * saved:
-            return link
-    return max(order, key=lambda link: round(shares[link], 9))
+    nearly = [link for link in order if shares[link] >= HALF * most and alone(losses[measure], link) >= ALONE * saved]
+    if not nearly:
+        return max(order, key=lambda link: round(shares[link], 9))
+    worth = {link: sum(alone(known, link) / WORTH[name] for name, known in losses.items()) for link in nearly}
+    best = max(worth.values())
+    return next(link for link in nearly if worth[link] >= best - (1.0 - ALONE) * abs(best))
+
+
+def alone(losses: Losses, link: str) -> float:
+    """What the truth of this link alone saves; 0 where nobody knows."""
+    nothing = losses.get(frozenset(), NAN)
+    saves = nothing - losses.get(frozenset([link]), nothing)
+    return 0.0 if math.isnan(saves) else saves
 
 
 def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Losses], since: int, *, measure: str, link: str,
@@ -111,8 +121,9 @@ def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Loss
     if rest > SMALL * lost:
         named.append(f"{rest:.2g}{unit} no link that was tried")
     if link and link != order[0][0]:
-        alone = lost - losses[measure][frozenset([link])]
-        named.append(f"and {link} is named: its truth alone saves {alone:.2g}{unit}, what comes later covers for it")
+        why = ("what comes later covers for it" if CAUSAL.index(link) < CAUSAL.index(order[0][0])
+               else "and more of all else that was lost")
+        named.append(f"and {link} is named: its truth alone saves {alone(losses[measure], link):.2g}{unit}, {why}")
     return said + (", ".join(named) or "no link alone cost much") + _off(since)
 
 
@@ -153,8 +164,8 @@ def _number(value: object) -> float:
 def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
     source = "rhs.metrics.blame (Shapley 1953)"
     return [("blame", "", "which link cost what, and since when, in one sentence", source),
-            ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, "
-             "else that which cost most; empty where nothing worth a verdict was lost", source),
+            ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, as "
+             "much as any other's; else that which cost most; empty where nothing worth a verdict was lost", source),
             ("blame_measure", "", "what it cost: places where the truth saves any; else belief, ate, way or time, whichever "
              "lost more of what is worth a verdict (0.1 m, 0.1 m, 1 m, 10 s)", source),
             ("blame_off_since", "", "first view of the patrol after which the belief never came back within 0.5 m of the "

@@ -200,6 +200,8 @@ def _wary(problem: PlanningProblem, plan: Plan, count: int) -> Path:
 
 def _detour(problem: PlanningProblem, plan: Plan, count: int) -> Path:
     """By way of the free cell that is furthest from here."""
+    if np.all(problem.blocked):
+        return plan(problem)
     free = (np.argwhere(~problem.blocked)[:, ::-1] + 0.5) * problem.resolution_m + problem.origin_m
     over = free[np.argmax(np.hypot(*(free - problem.start_m).T))]
     there, on = plan(replace(problem, goal_m=over)), plan(replace(problem, start_m=over))

@@ -13,6 +13,7 @@ command goes on. All 300: `--seeds 0-19`.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,7 +25,7 @@ from shared import write
 from rhs.base.provenance import commit
 from rhs.config.compose import Composer
 from rhs.config.overrides import parse, plain_words
-from rhs.metrics.blame import WORTH, losses_of
+from rhs.metrics.blame import WORTH, losses_of, named_link
 from rhs.reports.intervals import share_text
 from rhs.sweeps.jobs import Job, Limits
 from rhs.sweeps.kept import Row, any_row, kept_rows
@@ -67,8 +68,19 @@ def main() -> int:
 def so_far(jobs: Mapping[Case, Job], folder: Path) -> list[dict[str, Any]]:
     """The cases that have ended, those without a fault too, as rows of the table."""
     rows = {case: any_row(folder / job.name) for case, job in jobs.items() if (folder / job.name / "row.json").is_file()}
-    return [line(case, row, losses_of(rows["", *case[1:]])) for case, row in rows.items()
+    return [line(case, row, losses_of(rows["", *case[1:]]), named(folder / jobs[case].name)) for case, row in rows.items()
             if case[0] and ("", *case[1:]) in rows]
+
+
+def named(folder: Path) -> str:
+    """Who is named for the losses of a run, by the rule as it is now; nobody where nothing worth a verdict was lost."""
+    file = folder / "blame.json"
+    blame = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    if not blame.get("measure"):
+        return ""
+    losses = {measure: {frozenset[str]() if name == "nothing" else frozenset(name.split("+")): one[measure]
+                        for name, one in blame["losses"].items() if one[measure] is not None} for measure in WORTH}
+    return named_link(blame["shares"][blame["measure"]], losses, blame["measure"])
 
 
 def fault_of(link: str, seed: int) -> str:
@@ -89,12 +101,11 @@ def job(case: Case, options: argparse.Namespace) -> Job:
     return job_of(Composer(()).config(words), words, [*chosen, "task", "world", "seed"])
 
 
-def line(case: Case, row: Row, sound: dict[str, float]) -> dict[str, Any]:
+def line(case: Case, row: Row, sound: dict[str, float], named: str) -> dict[str, Any]:
     """A case as a row of the table."""
     link, world, seed = case
     lost = losses_of(row)
     cost = [name for name, worth in WORTH.items() if lost[name] - sound[name] >= worth or lost[name] != lost[name]]
-    named = row.get("blame_link") or ""
     return {"planted": link, "fault": fault_of(link, seed), "world": world, "seed": seed, "status": row["status"],
             "cost": "+".join(cost), "named": named, "right": int(named == link), "missed": lost["places"],
             "missed_without": sound["places"], "patrols": row.get("blame_runs"), "belief_m": lost["belief"],

@@ -103,6 +103,15 @@ def test_what_a_late_link_loses_by_itself_does_not_hide_an_early_fault():
                                "covers for it")
 
 
+def test_a_place_that_any_truth_saves_goes_to_the_link_that_saves_the_rest_too():
+    """A place missed by a hair: any other survey or belief saves it, but the long way stays long without the true map."""
+    told = chain(LINKS, places=[(1, ["sense", "odometry", "map", "localise"])], way=[(6, ["map"])])
+    assert told["link"] == "map"
+    assert told["verdict"] == ("of 1 missed places sense cost 0.25, odometry cost 0.25, map cost 0.25, localise cost 0.25, "
+                               "and map is named: its truth alone saves 1, and more of all else that was lost")
+    assert chain(LINKS, places=[(1, LINKS[:4])], way=[(1, ["map"])], ate=[(0.1, ["sense"])])["link"] == "sense"
+
+
 def test_luck_of_an_early_link_is_not_believed():
     """The truth of sense saves all by itself, but nothing in any other company: the fault is of plan."""
     known = {chosen: 0.0 if "plan" in chosen or chosen == {"sense"} else 2.0 for chosen in subsets(LINKS)}
