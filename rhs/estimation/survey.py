@@ -105,9 +105,9 @@ def revise(views: Sequence[View], odometry: Odometry, *, who: str = "odometry",
 
 def _revised(revision: Revision, begun: np.ndarray, k: int, view: View) -> View:
     """The k-th view as the odometry settled on it; begun: 4x4, from its frame to the map."""
-    pose, scan = revision.poses[k], view.scan if revision.scans is None else revision.scans[k]
+    pose, scan = revision.poses[k], view.scan if revision.scans is None else freeze(revision.scans[k])
     surer = revision.covariance if k == len(revision.poses) - 1 else None
-    return replace(view, map_from_body=freeze(begun @ pose), scan=freeze(scan),
+    return replace(view, map_from_body=freeze(begun @ pose), scan=scan,
                    covariance=view.covariance if surer is None else freeze(surer),
                    features=_lifted(view, pose, scan, revision.walls))
 

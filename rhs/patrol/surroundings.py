@@ -216,24 +216,24 @@ class Surroundings:
         reach = round(NEAR_M / CELL_M)
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
-        rows, columns = np.indices(self.seen_s[near].shape)
-        middles = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=-1) * CELL_M + self.at_eye.origin_m
-        beside = self.keeps_beside & (np.linalg.norm(middles - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M)
-        remembered = self.seen_s[near] >= self.now_s - self.remember_s
-        fresh = remembered & (self.came_s[near] >= self.now_s - self.fade_s)  # what came may have gone unseen
-        at_eye = (self.at_eye.votes[near] >= least) & fresh & (self.seen_s[near] >= self.now_s - within_s)
-        below = (self.below.votes[near] >= least) & fresh & (self.below_s[near] >= self.now_s - within_s)
+        rows, columns = np.nonzero(np.maximum(self.at_eye.votes[near], self.below.votes[near]) >= least)
+        points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=-1) * CELL_M + self.at_eye.origin_m
+        cells = rows + row, columns + column
+        seen_s, below_s, came_s = self.seen_s[cells], self.below_s[cells], self.came_s[cells]
+        at_eye, below = self.at_eye.votes[cells] >= least, self.below.votes[cells] >= least
+        remembered = seen_s >= self.now_s - self.remember_s
+        beside = self.keeps_beside & (np.linalg.norm(points - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M)
+        beside &= came_s >= self.now_s - self.low_s  # nobody saw it go; but who came goes on after a while
+        fresh = remembered & (came_s >= self.now_s - self.fade_s)  # what came may have gone unseen
+        low = below & fresh & (below_s >= self.now_s - within_s)
         if self.moved_s > -np.inf:  # so may a trail of votes that a pet left too near to be seen cleared
-            stale = below & (self.below_s[near] < self.now_s - self.low_s)
+            stale = low & (below_s < self.now_s - self.low_s)
             if self.keeps_beside:
-                stale &= self.below_s[near] - self.since_s[near] < TRAIL_S
-            below[stale] = self._on_map(self.in_body(middles[stale]))
-        beside &= self.came_s[near] >= self.now_s - self.low_s  # nobody saw it go; but who came goes on after a while
-        at_eye |= beside & remembered & (self.at_eye.votes[near] >= least)
-        below |= beside & (self.below.votes[near] >= least) & (self.below_s[near] >= self.now_s - self.remember_s)
-        found = np.nonzero(at_eye | below)
-        points = middles[found]
-        votes = np.maximum(self.at_eye.votes[near], self.below.votes[near])[found]
+                stale &= below_s - self.since_s[cells] < TRAIL_S
+            low[stale] = self._on_map(self.in_body(points[stale]))
+        low |= below & beside & (below_s >= self.now_s - self.remember_s)
+        found = low | (at_eye & ((fresh & (seen_s >= self.now_s - within_s)) | (beside & remembered)))
+        points, votes = points[found], np.maximum(self.at_eye.votes[cells], self.below.votes[cells])[found]
         body = self.in_body(points[(votes >= SPECK_VOTES) | in_company(points)])
         return body[np.hypot(*body.T) < NEAR_M]
 

@@ -47,7 +47,9 @@ class Drawer:
 def serve() -> None:
     """Load what draws, hear of a folder, draw it and say so."""
     processes.die_with_parent()
+    import cv2  # noqa: F401
     import matplotlib.backends.backend_agg  # noqa: F401
+    import scipy.spatial.transform  # noqa: F401
 
     from . import report
 

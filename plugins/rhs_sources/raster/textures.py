@@ -28,7 +28,8 @@ def pyramids(images: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         for begin, width, height in levels:
             bordered = cv2.copyMakeBorder(image, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
             end = begin - width - 3 + (width + 2) * (height + 2)
-            texels[begin - width - 3:end].view(np.uint8).reshape(height + 2, width + 2, 4)[..., :3] = bordered
+            rgb0 = texels[begin - width - 3:end].view(np.uint8).reshape(height + 2, width + 2, 4)
+            cv2.mixChannels([bordered], [rgb0], [0, 0, 1, 1, 2, 2])
             padded = cv2.copyMakeBorder(image, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE)
             image = cv2.resize(padded, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
     return texels, sizes
