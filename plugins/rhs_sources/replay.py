@@ -66,7 +66,8 @@ class ReplaySource(Source):
             raise ConfigError(f"source.path={settings.path} holds no whole view "
                               f"({_counted(+self.rejected) or 'nothing rejected'}){hint}")
         self._truth: np.ndarray | None = None
-        self._told = self._begun = False
+        self._told = self._begun = self._true = False
+        self._typed = next((name for name in ("truth", "truth_topic", "truth_frame") if getattr(settings, name)), "")
 
     @property
     def lost(self) -> str:  # type: ignore[override]  # others set it once; here it grows as views are read
@@ -85,6 +86,9 @@ class ReplaySource(Source):
         self._told = True
         if self._repaired:
             log.warning("replay %s: stamps repaired, the order of the file kept: %s", self._path, _counted(self._repaired))
+        if self._begun and self._typed and not self._true:
+            log.warning("replay %s: of no view a true pose is known, though source.%s was typed: they are of another clock, "
+                        "or further apart than source.max_truth_gap_s; no error is known", self._path, self._typed)
         if self.rejected:
             log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
         if self._begun and self._folder is not None and self._folder.is_dir():
@@ -101,6 +105,7 @@ class ReplaySource(Source):
             return None
         self._ahead = self._reader.submit(next, self._views, None)
         capture, self._truth = view
+        self._true = self._true or self._truth is not None
         return capture
 
     def begin_patrol(self) -> None:
