@@ -9,10 +9,13 @@ from rhs.metrics.accuracy import pair
 from rhs.metrics.survey import TOLERANCE_S
 from rhs.runfolder.run import Run
 
+DIGITS = 6  # of a stamp: trajectories are written with nine, steps.csv as the view has it
+
 
 def truth_in_map(run: Run) -> dict[float, np.ndarray]:
-    """Stamp of a view -> (3,) true x, y, yaw, laid onto the survey as it was believed: positions by the rigid motion of the
-    ATE (Umeyama 1991), headings by the mean turn that is left between the two bodies. Empty without a truth."""
+    """Stamp of a view, rounded to DIGITS -> (3,) true x, y, yaw, laid onto the survey as it was believed: positions by a
+    rigid motion as for the ATE (Umeyama 1991), headings by the mean turn that is left between the two bodies. Empty without
+    a truth."""
     estimate, truth = run.trajectory("estimate"), run.trajectory("truth_survey")
     if estimate is None or truth is None:
         return {}
@@ -23,4 +26,5 @@ def truth_in_map(run: Run) -> dict[float, np.ndarray]:
     laid = map_from_truth @ both.truth.poses
     turns = inverse(laid)[:, :3, :3] @ both.estimate.poses[:, :3, :3]
     body = orthonormal(se3(turns.mean(axis=0), np.zeros(3)))
-    return {float(stamp): planar(pose @ body) for stamp, pose in zip(both.estimate.stamps_s, laid, strict=True)}
+    stamps = (round(float(stamp), DIGITS) for stamp in both.estimate.stamps_s)
+    return {stamp: planar(pose @ body) for stamp, pose in zip(stamps, laid, strict=True)}

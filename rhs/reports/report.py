@@ -77,7 +77,7 @@ def motion(folder: Path) -> Path | None:
     import numpy as np
 
     from .charts import errors_by_axis
-    from .frames import truth_in_map
+    from .frames import DIGITS, truth_in_map
 
     folder = Path(folder)
     if not (folder / "steps.csv").exists():
@@ -91,7 +91,7 @@ def motion(folder: Path) -> Path | None:
     recorded = not any((folder / name).exists() for name in ("true_map.yaml", "truth_localised.tum"))
     if recorded:
         laid = truth_in_map(Run(folder))
-        true = np.array([laid.get(float(row["stamp_s"]), np.full(3, np.nan)) for row in rows]).reshape(-1, 3)
+        true = np.array([laid.get(round(float(row["stamp_s"]), DIGITS), np.full(3, np.nan)) for row in rows]).reshape(-1, 3)
         steps |= dict(zip(("true_x_m", "true_y_m", "true_yaw_rad"), true.T, strict=True))
     figure = errors_by_axis(steps) if rows else None
     if figure is None:
