@@ -59,8 +59,14 @@ def draw_run(axes: Axes, folder: Path) -> None:
     if grid is not None:
         show_what_is_known(axes, grid)
     axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    unit = unit_of(json_of(folder / "row.json") or {})
+    axes.set_xlabel(f"x [{unit}]")
+    axes.set_ylabel(f"y [{unit}]")
+
+
+def unit_of(row: dict[str, Any]) -> str:
+    """Of lengths in a run's map: a single camera that nobody told the scale has one of its own."""
+    return "unknown unit" if row.get("scale_known") == 0.0 else "m"
 
 
 def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:

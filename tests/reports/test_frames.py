@@ -49,3 +49,12 @@ def test_a_stamp_with_more_digits_than_a_file_has_finds_its_truth(tmp_path):
 def test_without_a_truth_there_is_nothing(tmp_path):
     write_tum(tmp_path / "estimate.tum", Trajectory(np.arange(12.0), way()))
     assert truth_in_map(Run(tmp_path)) == {}
+
+
+def test_a_belief_without_a_scale_is_compared_in_its_own_unit(tmp_path):
+    """One camera, whose unit is a tenth of a metre: right but for that, it is not wrong by metres."""
+    (tmp_path / "steps.csv").write_text("index,phase,stamp_s,motion_scale_known\n0,survey,0.0,0\n")
+    true = way()
+    true[:, :3, 3] *= 10.0
+    laid = written(tmp_path, way(), se2(3.0, 1.0, 2.0) @ true)
+    assert max(np.hypot(*(laid[float(k)][:2] - way()[k, :2, 3])) for k in range(12)) < 1e-6
