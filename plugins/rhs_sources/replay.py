@@ -23,6 +23,8 @@ from .folders.clouds import is_clouds, open_clouds
 from .folders.euroc import is_euroc, open_euroc
 from .folders.frames import is_frames, open_frames
 from .folders.kitti import is_kitti, open_kitti
+from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
+from .folders.tartan import is_tartan, open_tartan
 from .folders.video import is_video, open_video
 from .replay_bag import is_bag, open_bag
 from .replay_mcap import is_run, open_run
@@ -64,7 +66,8 @@ class ReplaySource(Source):
             raise ConfigError(f"source.path={settings.path} holds no whole view "
                               f"({_counted(+self.rejected) or 'nothing rejected'}){hint}")
         self._truth: np.ndarray | None = None
-        self._told = self._begun = False
+        self._told = self._begun = self._true = False
+        self._typed = next((name for name in ("truth", "truth_topic", "truth_frame") if getattr(settings, name)), "")
 
     @property
     def lost(self) -> str:  # type: ignore[override]  # others set it once; here it grows as views are read
@@ -83,6 +86,9 @@ class ReplaySource(Source):
         self._told = True
         if self._repaired:
             log.warning("replay %s: stamps repaired, the order of the file kept: %s", self._path, _counted(self._repaired))
+        if self._begun and self._typed and not self._true:
+            log.warning("replay %s: of no view a true pose is known, though source.%s was typed: they are of another clock, "
+                        "or further apart than source.max_truth_gap_s; no error is known", self._path, self._typed)
         if self.rejected:
             log.warning("replay %s: rejected or unpaired: %s", self._path, _counted(self.rejected))
         if self._begun and self._folder is not None and self._folder.is_dir():
@@ -99,6 +105,7 @@ class ReplaySource(Source):
             return None
         self._ahead = self._reader.submit(next, self._views, None)
         capture, self._truth = view
+        self._true = self._true or self._truth is not None
         return capture
 
     def begin_patrol(self) -> None:
@@ -154,14 +161,14 @@ def open_recording(settings) -> Recording:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
-    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI or EuRoC "
-                      "folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
+    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI, EuRoC or "
+                      "TartanAir folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
 
 
 # Which settings a format has a use for: what was typed for another is refused, not ignored.
 MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame", "depth_camera"), "carmen": ("scan_mount",),
           "tum": ("camera_mount", "depth_camera"), "seven_scenes": ("camera_mount", "depth_camera"),
-          "kitti": ("camera_mount", "rate_hz", "stereo"), "run": ("stereo",),
+          **dict.fromkeys(("kitti", "kitti_raw", "tartan"), ("camera_mount", "rate_hz", "stereo")), "run": ("stereo",),
           "euroc": ("camera_mount", "stereo"), "video": ("camera_mount", "rate_hz"), "frames": ("camera_mount", "rate_hz"),
           "clouds": ("scan_mount", "rate_hz")}
 
@@ -171,7 +178,7 @@ def _check_mounts(kind: str, settings) -> None:
         if getattr(settings, name) and name not in MOUNTS.get(kind, ()):
             if name == "stereo":
                 raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "
-                                  "camera is read; type sensor=rgbd, or a KITTI or EuRoC folder")
+                                  "camera is read; type sensor=rgbd, or a KITTI, EuRoC or TartanAir folder")
             raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 
@@ -190,6 +197,8 @@ FORMATS = {
     "tum": (is_tum, open_tum),
     "seven_scenes": (is_seven_scenes, open_seven_scenes),
     "kitti": (is_kitti, open_kitti),
+    "kitti_raw": (is_kitti_raw, open_kitti_raw),
+    "tartan": (is_tartan, open_tartan),
     "euroc": (is_euroc, open_euroc),
     "run": (is_run, open_run),
     "carmen": (is_carmen, open_carmen),

@@ -21,7 +21,7 @@ from .carmen.log import NO_CAMERA
 from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
-from .replay_images import check_depth, check_pair
+from .replay_images import UnreadableImage, check_depth, check_pair
 from .replay_mounts import Mounts, fixed_links, mount_of, mounted
 from .replay_register import DepthCamera, typed_depth_camera
 from .replay_tum import Recording
@@ -80,8 +80,9 @@ def open_bag(path: Path, settings) -> Recording:
         reader.close()
         raise
     counts: Counter = Counter()
+    lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
-    views = islice(_views(reader, topics, settings, (camera, placed), counts), settings.start, stop, settings.stride)
+    views = islice(_views(reader, topics, settings, (camera, placed), counts, lost), settings.start, stop, settings.stride)
 
     def captures():
         wheel_before = None
@@ -96,7 +97,7 @@ def open_bag(path: Path, settings) -> Recording:
     total = reader.topics[topics.color or topics.around or topics.scan].msgcount
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
-    return Recording(camera, captures(), expected, counts, provides=topics.provide())
+    return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
 
 
 def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
@@ -198,7 +199,7 @@ def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -
         depth = ros.depth_of(message, topics.depth, scale=settings.depth_scale, max_depth_m=np.inf)
         if registered:
             check_pair(first, depth, f"{topics.color} and {topics.depth}")
-        check_depth(depth, scale=settings.depth_scale or 1000.0, where=topics.depth)
+        check_depth(depth, scale=settings.depth_scale or ros.usual_scale(message), where=topics.depth)
     return camera
 
 
@@ -285,12 +286,14 @@ def _frame(reader, topic: str, *, moved: bool = False) -> str:
     return "" if message is None else str(message.child_frame_id if moved else message.header.frame_id)
 
 
-def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], counts: Counter) -> Iterator:
-    """(Capture without number, wheel pose or None) as soon as all of a view is there."""
+def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], counts: Counter,
+           lost: list[str]) -> Iterator:
+    """(Capture without number, wheel pose or None) as soon as all of a view is there; those whose images cannot be read are
+    left out and said to be lost."""
     camera, placed = seen_by
     last: dict[str, float] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
-    scan, wheel = None, None
+    scan, wheel, unreadable = None, None, 0
     for topic, stamp, message in _messages(reader, topics.used()):
         if not stamp > last.get(topic, -np.inf):
             counts["duplicate" if stamp == last.get(topic) else "backward"] += 1
@@ -311,7 +314,13 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
         else:
             waiting[topic].append((stamp, message))
             for pair in _paired(waiting, topics, settings, counts):
-                yield _seen(pair, topics, settings, seen_by, scan), wheel
+                try:
+                    seen = _seen(pair, topics, settings, seen_by, scan)
+                except UnreadableImage as error:
+                    unreadable += 1
+                    lost[:] = [f"{unreadable} views cannot be read, the last: {error}"]
+                    continue
+                yield seen, wheel
 
 
 def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter) -> Iterator:
@@ -340,6 +349,9 @@ def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) 
     (stamp, color), deep = pair
     camera, placed = seen_by
     image = ros.color_of(color, topics.color)
+    if image.shape[:2] != (camera.height, camera.width):
+        raise UnreadableImage(f"{topics.color}: found {image.shape[1]}x{image.shape[0]} pixels; expected "
+                              f"{camera.width}x{camera.height} as in the first view")
     depth = None
     if deep is not None and topics.depth:
         depth = ros.depth_of(deep[1], topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)

@@ -11,7 +11,7 @@ from rhs.api.geometry import Camera, rotation_of_quaternion, se3, transform
 from rhs.api.pictures import HEAD_BYTES, MOST_PIXELS, check_size
 from rhs.api.records import Scan
 
-from .replay_images import metres
+from .replay_images import UnreadableImage, metres
 from .replay_rvl import unpacked_rvl
 
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
@@ -65,6 +65,12 @@ def depth_of(message, topic: str, *, scale: float, max_depth_m: float) -> np.nda
     return _in_metres(raw, topic, scale=scale, max_depth_m=max_depth_m)
 
 
+def usual_scale(message) -> float:
+    """Steps in a metre of a topic of depth where nobody says: floats are metres."""
+    kind = message.format if hasattr(message, "format") else message.encoding
+    return 1.0 if kind.startswith("32FC1") else 1000.0
+
+
 def camera_of(message, *, rectified: bool = False) -> Camera | None:
     """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero). rectified: of images whose lens
     has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
@@ -97,7 +103,7 @@ def scan_of(message, topic: str) -> Scan:
     if around > MOST_RAD or (len(ranges) > 1 and around == 0.0):
         raise ConfigError(f"{topic}: a scan of {len(ranges)} ranges, {message.angle_increment:g} rad apart; expected them "
                           "over at most a turn, in radians")
-    known = np.where((ranges >= message.range_min) & (ranges > 0.0), ranges, np.nan)  # 0: many drivers' word for nothing
+    known = np.where((ranges > 0.0) & ~(ranges < message.range_min), ranges, np.nan)  # 0: many drivers' word for nothing
     seen = known[np.isfinite(known)]
     if len(seen) and np.median(seen) > FURTHEST_M:
         raise ConfigError(f"{topic}: ranges are {np.median(seen):.4g} m typically; expected metres")
@@ -162,7 +168,7 @@ def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:
     least = width * channels * kind.itemsize
     if not 0 < height * width <= MOST_PIXELS or step < least or len(message.data) < step * (height - 1) + least:
         held = len(message.data)
-        raise ConfigError(f"{topic}: an image says {width}x{height}, {step} bytes a row, but holds {held} bytes")
+        raise UnreadableImage(f"{topic}: an image says {width}x{height}, {step} bytes a row, but holds {held} bytes")
     data = np.asarray(message.data, np.uint8)
     if len(data) < step * height:
         data = np.concatenate([data, np.zeros(step * height - len(data), np.uint8)])
@@ -177,7 +183,7 @@ def _decoded(data, topic: str, *, color: bool) -> np.ndarray:
     check_size(bytes(data[:HEAD_BYTES]), topic)
     image = cv2.imdecode(np.asarray(data, np.uint8), cv2.IMREAD_COLOR_RGB if color else cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise ConfigError(f"{topic}: {len(data)} compressed bytes are no image; expected JPEG or PNG")
+        raise UnreadableImage(f"{topic}: {len(data)} compressed bytes are no image; expected JPEG or PNG")
     return image
 
 
@@ -187,7 +193,7 @@ def _compressed_depth(message, topic: str, *, scale: float, max_depth_m: float) 
     if "compressedDepth" not in message.format:
         return _in_metres(_decoded(data, topic, color=False), topic, scale=scale, max_depth_m=max_depth_m)
     if len(data) < 12:
-        raise ConfigError(f"{topic}: {len(data)} bytes of compressed depth; expected 12 of a header and more")
+        raise UnreadableImage(f"{topic}: {len(data)} bytes of compressed depth; expected 12 of a header and more")
     _, a, b = struct.unpack("<iff", data[:12].tobytes())
     rvl = "rvl" in message.format.lower()
     raw = unpacked_rvl(data[12:], topic) if rvl else _decoded(data[12:], topic, color=False)

@@ -33,26 +33,32 @@ class BagTruth:
         return pose @ self.last_from_body
 
 
+POSES = ("Odometry", "PoseStamped", "PoseWithCovarianceStamped", "TransformStamped")
+MOST_LINKS = 50
 NO_TRUTH = BagTruth((), np.eye(4))
 
 
 def read_truth(reader, found: dict[str, str], settings, camera: Camera) -> BagTruth:
     """The truth the user named by source.truth_topic (poses of the body) or source.truth_frame (tf to the camera)."""
     if settings.truth_topic:
-        if settings.truth_topic not in found:
-            listed = ", ".join(sorted(found)) or "no topic at all"
-            raise ConfigError(f"{settings.path}: no topic {settings.truth_topic}; found {listed}")
-        poses = [(ros.stamp_of(m), ros.pose_of(m, settings.truth_topic)) for m in _read(reader, {settings.truth_topic})]
+        topic, known = settings.truth_topic, sorted(t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in POSES)
+        if topic not in known:
+            kind = f"{topic} holds {found[topic].rsplit('/', 1)[-1]}" if topic in found else f"no topic {topic}"
+            raise ConfigError(f"{settings.path}: {kind}; found {', '.join(known) or 'no topic'} with true poses "
+                              f"({', '.join(POSES)})")
+        poses = [(stamp, ros.pose_of(message, topic)) for stamp, message in _read(reader, topic)]
         return BagTruth((_track(poses, settings),), np.eye(4))
     if settings.truth_frame:
         return BagTruth(_from_tf(reader, settings), inverse(camera.body_from_camera))
     return NO_TRUTH
 
 
-def _read(reader, topics: set[str]):
-    chosen = [c for c in reader.connections if c.topic in topics]
-    for connection, _, raw in reader.messages(connections=chosen):
-        yield reader.deserialize(raw, connection.msgtype)
+def _read(reader, topic: str):
+    """(stamp, message) of a topic; a header that was left at zero means when the message arrived."""
+    chosen = [c for c in reader.connections if c.topic == topic]
+    for connection, arrived_ns, raw in reader.messages(connections=chosen) if chosen else ():  # of none it would read all
+        message = reader.deserialize(raw, connection.msgtype)
+        yield (ros.stamp_of(message) if hasattr(message, "header") else 0.0) or arrived_ns * 1e-9, message
 
 
 def _track(poses: list[tuple[float, np.ndarray]], settings) -> Truth:
@@ -71,30 +77,28 @@ class _Fixed(Truth):
 
 def _from_tf(reader, settings) -> tuple[Truth, ...]:
     """The chain of transforms from the fixed frame down to the frame of the colour images."""
-    links: dict[str, tuple[str, list]] = {}
-    fixed: set[str] = set()
+    links: dict[tuple[str, str], list] = {}  # (child, parent): a frame may have several, of odometry and of motion capture
+    fixed: set[tuple[str, str]] = set()
     for topic in ("/tf", "/tf_static"):
-        for message in _read(reader, {topic}):
+        for arrived_s, message in _read(reader, topic):
             for t in message.transforms:
-                child, parent = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
-                links.setdefault(child, (parent, []))[1].append((ros.stamp_of(t), ros.pose_of(t, topic)))
+                link = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
+                links.setdefault(link, []).append((ros.stamp_of(t) or arrived_s, ros.pose_of(t, topic)))
                 if topic == "/tf_static":
-                    fixed.add(child)
+                    fixed.add(link)
     frame, wanted = _camera_frame(reader, settings), settings.truth_frame.strip("/")
-    chain: list[Truth] = []
-    while frame != wanted:
-        if frame not in links or len(chain) > 50:
-            known = ", ".join(sorted(set(links) | {p for p, _ in links.values()})) or "no tf at all"
-            raise ConfigError(f"{settings.path}: no tf chain from {wanted} to the camera; found {known}")
-        parent, poses = links[frame]
-        track = _track(poses, settings)
-        chain.insert(0, _Fixed(track.stamps_s, track.poses, 0.0) if frame in fixed else track)
-        frame = parent
-    return tuple(chain)
+    ways: dict[str, tuple[tuple[str, str], ...]] = {frame: ()}  # frame -> the links that lead up to it from the camera
+    for _ in range(MOST_LINKS):
+        ways = {parent: (*ways[child], (child, parent)) for child, parent in links if child in ways} | ways
+    if wanted not in ways:
+        known = ", ".join(sorted({name for link in links for name in link})) or "no tf at all"
+        raise ConfigError(f"{settings.path}: no tf chain from {wanted} to the camera; found {known}")
+    tracks = [(link, _track(links[link], settings)) for link in reversed(ways[wanted])]
+    return tuple(_Fixed(track.stamps_s, track.poses, 0.0) if link in fixed else track for link, track in tracks)
 
 
 def _camera_frame(reader, settings) -> str:
     images = [c for c in reader.connections if c.msgtype.endswith("Image") and "depth" not in c.topic
               and settings.color_topic in ("", c.topic)]
-    message = next(_read(reader, {images[0].topic}), None) if images else None
+    _, message = next(_read(reader, images[0].topic), (0.0, None)) if images else (0.0, None)
     return message.header.frame_id.strip("/") if message is not None else ""

@@ -10,13 +10,14 @@ from rhs.api.errors import ConfigError, check_choice, check_range
 if TYPE_CHECKING:
     from rhs.api.contracts import Source, SourceContext
 
-FORMATS = ("auto", "tum", "seven_scenes", "kitti", "euroc", "run", "bag", "carmen", "video", "frames", "clouds")
+FORMATS = ("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "run", "bag", "carmen", "video",
+           "frames", "clouds")
 
 
 @dataclass
 class Replay:
-    """A TUM RGB-D, 7-Scenes, KITTI or EuRoC folder, numbered images or point clouds, run.mcap, a ROS 2 or ROS 1 bag,
-    a video or a CARMEN laser log."""
+    """A TUM RGB-D, 7-Scenes, KITTI, EuRoC or TartanAir folder, numbered images or point clouds, run.mcap, a ROS 2 or ROS 1
+    bag, a video or a CARMEN laser log."""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel", "extras"})
@@ -32,8 +33,8 @@ class Replay:
     [fx,fy,cx,cy,x_m,y_m,z_m] with where it sits in the axes of the colour camera (right, down, ahead). Empty: depth is
     registered, but for camera=seven_scenes, or what a bag says. Of bags and folders of the forms tum and seven_scenes."""
     format: str = "auto"
-    """How to read the path: auto, tum, seven_scenes, kitti, euroc, run (run.mcap), bag, carmen, video,
-    frames (numbered images) or clouds; auto looks at the files."""
+    """How to read the path: auto, tum, seven_scenes, kitti, kitti_raw, tartan, euroc, run (run.mcap), bag, carmen,
+    video, frames (numbered images) or clouds; auto looks at the files."""
     depth_scale: float = 0.0
     """Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
     max_depth_m: float = 20.0
@@ -46,8 +47,8 @@ class Replay:
     """Views a second of numbered images, clouds and videos, whatever their names and the container say; 0: what these say,
     else 30, of clouds 10."""
     stereo: bool = False
-    """Hand on the second camera of KITTI and EuRoC as `right_image` and `right_camera`, as they were recorded; sensor=stereo
-    sets it."""
+    """Hand on the second camera of KITTI, EuRoC and TartanAir as `right_image` and `right_camera`, as they were recorded;
+    sensor=stereo sets it."""
     relations: str = ""
     """File of true relations between scans (stamp1 stamp2 x y z roll pitch yaw) to judge the way by; empty: LOG.relations
     beside a laser log."""

@@ -37,15 +37,17 @@ def read_color(path: Path) -> np.ndarray:
     return image
 
 
-def read_depth(path: Path, *, scale: float, max_depth_m: float, typed: bool = False) -> np.ndarray:
+def read_depth(path: Path, *, scale: float, max_depth_m: float, typed: bool = False, packed: bool = False) -> np.ndarray:
     """(H, W) float32 metres, NaN unknown, of a 16-bit or float depth image, or an array of NumPy (.npy). typed: the user's
-    scale; else one of floats is 1, they are metres."""
+    scale; else one of floats is 1, they are metres. packed: four channels of 8 bits are the bytes of a float."""
     import cv2
 
     _check_file(path, "a 16-bit depth image")
     raw = _array(path) if path.suffix.lower() == ".npy" else cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if raw is None:
         raise _unreadable(path, "a 16-bit depth image")
+    if packed and raw.dtype == np.uint8 and raw.shape[2:] == (4,):
+        raw = raw.view("<f4")[:, :, 0]
     scale = scale if typed or raw.dtype.kind != "f" else 1.0
     return metres(raw, scale=scale, max_depth_m=max_depth_m, where=path.name)
 

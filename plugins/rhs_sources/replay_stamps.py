@@ -117,6 +117,9 @@ def seconds_of(text: str, where: str) -> float:
     return number_of(text, where) * (UNITS_S.get(len(text), 1.0) if text.isdigit() else 1.0)
 
 
+ROUNDED_S = 1e-3  # by which files that round them part two stamps of one view
+
+
 @dataclass(frozen=True)
 class Truth:
     """True poses world_from_camera (N, 4, 4) at ascending stamps (N,), seconds."""
@@ -127,12 +130,15 @@ class Truth:
     rejected: Counter = field(default_factory=Counter)
 
     def at(self, stamp_s: float) -> np.ndarray | None:
-        """The pose at a stamp: linear and spherical interpolation between neighbours; None outside or in a gap."""
+        """The pose at a stamp: linear and spherical interpolation between neighbours; outside or in a gap that whose stamp
+        differs by rounding alone, or None."""
         j = int(np.searchsorted(self.stamps_s, stamp_s))
         if j < len(self.stamps_s) and abs(self.stamps_s[j] - stamp_s) < 1e-9:
             return self.poses[j]
         if j == 0 or j == len(self.stamps_s) or self.stamps_s[j] - self.stamps_s[j - 1] > self.max_gap_s:
-            return None
+            near = next((k for k in (j - 1, j) if 0 <= k < len(self.stamps_s)
+                         and abs(self.stamps_s[k] - stamp_s) <= ROUNDED_S), None)
+            return None if near is None else self.poses[near]
         share = (stamp_s - self.stamps_s[j - 1]) / (self.stamps_s[j] - self.stamps_s[j - 1])
         return between(self.poses[j - 1], self.poses[j], share)
 

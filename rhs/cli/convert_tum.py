@@ -56,13 +56,13 @@ def _write_views(reading: Any, folder: Path, body_from_camera: np.ndarray) -> in
     with ((folder / "rgb.txt").open("w") as rgb, (folder / "depth.txt").open("w") as depth,
           (folder / "groundtruth.txt").open("w") as truth, (folder / "estimate.tum").open("w") as estimate):
         for view in reading.views():
-            stamp_s, name = view.capture.stamp_s, f"{view.capture.stamp_s:.6f}.png"
+            stamp_s, name = view.capture.stamp_s, f"{view.capture.stamp_s:.9f}.png"
             if view.capture.image is not None:
                 _write_png(folder / "rgb" / name, view.capture.image[:, :, ::-1])
-                rgb.write(f"{stamp_s:.6f} rgb/{name}\n")
+                rgb.write(f"{stamp_s:.9f} rgb/{name}\n")
             if view.capture.depth is not None:
                 _write_png(folder / "depth" / name, depth_steps(view.capture.depth))
-                depth.write(f"{stamp_s:.6f} depth/{name}\n")
+                depth.write(f"{stamp_s:.9f} depth/{name}\n")
             if view.truth is not None:
                 truth.write(tum_line(stamp_s, view.truth @ body_from_camera))
             if view.plain.get("map_from_body") is not None:

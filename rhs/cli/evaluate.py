@@ -5,7 +5,7 @@
     python -m rhs.evaluate EST --relations FILE  errors of published relations between scans; EST: a TUM file or a run folder
 
 Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the
-poses have a partner.
+poses have a partner, or of the relations both poses.
 """
 
 from __future__ import annotations
@@ -54,8 +54,12 @@ def _print(chosen: argparse.Namespace) -> int:
     if chosen.relations is not None:
         if len(chosen.paths) != 1:
             raise ConfigError("expected one run folder or one TUM file beside --relations")
-        sys.stdout.write(_lines(evaluate_relations(chosen.paths[0], chosen.relations)))
-        return 0
+        values = evaluate_relations(chosen.paths[0], chosen.relations)
+        sys.stdout.write(_lines(values))
+        share = float(str(values["relations_share"]))
+        return 0 if share >= HALF else complain(
+            f"of only {share:.1%} of the relations both scans have a pose, and the figures are of these alone; expected at "
+            f"least {HALF:.0%}: are these relations of this recording?", 3)
     if len(chosen.paths) == 2:
         values = evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)
         sys.stdout.write(_lines(values))

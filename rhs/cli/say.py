@@ -9,7 +9,7 @@ SHOWN = (
     "status", "reason", "success", "failure", "cause", "world", "sensor", "odometry", "loop_closer", "mapper", "planner",
     "localiser", "seed", "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m",
     "survey_collisions", "explored_share", "explore_way_m", "explore_stop", "path_length_m", "path_optimal_m", "distance_m",
-    "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share", "map_agreement",
+    "matched_share", "ate_rmse_m", "end_error_before_closing_m", "end_error_m", "tracked_share", "map_agreement",
     "map_inconsistency", "way_sigma_m", "relations_trans_m", "relations_rot_deg", "revisits_trans_m", "starts",
     "found_share", "found_m", "localise_rmse_m", "belief_lost_share",
     "belief_wrong_sure_share", "kidnaps", "kidnap_recovered_share",
@@ -19,6 +19,7 @@ SHOWN = (
     "plan_again_ms", "homotopy", "wall_ms", "real_time_factor", "peak_memory_mb",
 )
 LAST = 3  # what it cost
+USUAL = {"matched_share": 1.0}  # not worth a line
 
 
 def of_run(row: dict[str, Any], folder: Path) -> str:
@@ -29,7 +30,7 @@ def of_run(row: dict[str, Any], folder: Path) -> str:
     lines = []
     for name in (*SHOWN[:-LAST], *added(row), *SHOWN[-LAST:]):
         value = row.get(name, "")
-        if value == "" or value is None or value != value:
+        if value == "" or value is None or value != value or value == USUAL.get(name):
             continue
         lines.append(f"{name:<28}{value:.4g}" if isinstance(value, float) else f"{name:<28}{value}")
     if (folder / "places.csv").exists():

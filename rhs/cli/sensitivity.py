@@ -39,7 +39,7 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps.kept import kept_rows
-    from rhs.sweeps.sensitivity import ask, effects, in_words
+    from rhs.sweeps.sensitivity import ask, check_recorded, effects, in_words
 
     from .progress import running
 
@@ -47,6 +47,8 @@ def main(words: Sequence[str]) -> int:
     asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
     within = limits(chosen)
     with claim_sweep(chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
+        if asked.recorded:
+            check_recorded(kept_rows(asked.recorded, claim.folder, within, tell=lambda job, status: None, keep="none"))
         with running(len(asked.jobs)) as tell:
             rows = kept_rows(asked.jobs, claim.folder, within, tell=tell, keep="none")
         found = effects(asked, rows)

@@ -58,9 +58,11 @@ def _planned(row: Mapping[str, object]) -> tuple[float, str]:
 
 
 def _localised(row: Mapping[str, object]) -> tuple[float, str]:
-    """Found after nine of ten starts, and hardly ever wrong and sure of it; unknown without a truth."""
+    """Found after nine of ten starts, and hardly ever wrong and sure of it; without a truth not where it says itself that it
+    is lost most of the time, else unknown."""
     if not _known(row, "found_share"):
-        return NAN, ""
+        lost = _number(row, "belief_lost_share")
+        return (0.0, f"lost in {lost:.0%} of the views") if lost > HALF else (NAN, "")
     if _number(row, "found_share") < FOUND:
         return 0.0, f"found itself after {_number(row, 'found_share'):.0%} of {_number(row, 'starts'):.0f} starts"
     wrong = _number(row, "belief_wrong_sure_share")

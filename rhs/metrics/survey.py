@@ -56,7 +56,7 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
         return _no_trajectory(truth)
     both = pair(estimate, truth, tolerance_s)
     errors = absolute_errors_m(both, alignment)
-    scaled = replace(both, estimate=aligned(both.estimate, both.truth, alignment))  # of weight for sim3 alone
+    scaled = _scaled(both, alignment)
     per_step = relative_errors(scaled, consecutive(len(both.truth)))
     per_metre = relative_errors(scaled, apart(both.truth.travelled_m, 1.0))
     per_second = relative_errors(scaled, apart(both.truth.stamps_s, 1.0))
@@ -69,8 +69,13 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
         "rpe_trans_m": rmse(per_step[0]), "rpe_rot_rad": rmse(per_step[1]),
         "rpe_trans_per_metre_m": rmse(per_metre[0]), "rpe_rot_per_metre_rad": rmse(per_metre[1]),
         "rpe_trans_per_second_m": rmse(per_second[0]), "rpe_rot_per_second_rad": rmse(per_second[1]),
-        "end_error_m": end_error_m(both), "half_error_m": half_error_m(both),
+        "end_error_m": end_error_m(scaled), "half_error_m": half_error_m(scaled),
     }
+
+
+def _scaled(both: Pairing, alignment: str) -> Pairing:
+    """The pairing whose metres are metres: of an estimate without a scale, that of the alignment."""
+    return replace(both, estimate=aligned(both.estimate, both.truth, alignment)) if alignment == "sim3" else both
 
 
 def _no_trajectory(truth: Trajectory | None) -> Values:
@@ -97,7 +102,7 @@ def _before_closing(online: Trajectory | None, truth: Trajectory | None, how: st
     if online is None or truth is None:
         return {"ate_before_closing_m": NAN, "end_error_before_closing_m": NAN, "drift_pct": NAN}
     both = pair(online, truth, TOLERANCE_S)
-    end, distance = end_error_m(both), both.truth.travelled_m[-1] if len(both.truth) else 0.0
+    end, distance = end_error_m(_scaled(both, how)), both.truth.travelled_m[-1] if len(both.truth) else 0.0
     return {"ate_before_closing_m": rmse(absolute_errors_m(both, how)), "end_error_before_closing_m": end,
             "drift_pct": float(100.0 * end / distance) if distance > 0 else NAN}
 

@@ -44,7 +44,7 @@ def errors_over_time(steps: pandas.DataFrame) -> Figure | None:
     return figure
 
 
-def errors_by_axis(steps: dict[str, np.ndarray]) -> Figure | None:
+def errors_by_axis(steps: dict[str, np.ndarray], unit: str = "m") -> Figure | None:
     """True error in x, y and heading against the view, inside the band of three sigma that the robot itself gave.
 
     steps: columns of steps.csv as (N,) float arrays, NaN unknown; `trusted` (N,) bool where the motion was ok,
@@ -54,8 +54,8 @@ def errors_by_axis(steps: dict[str, np.ndarray]) -> Figure | None:
     figure = new_figure(9.0, 6.5)
     axes = figure.subplots(3, 1, sharex=True)
     turn = (steps["yaw_rad"] - steps["true_yaw_rad"] + np.pi) % (2 * np.pi) - np.pi
-    panels = (("x [m]", steps["x_m"] - steps["true_x_m"], steps["sigma_x_m"]),
-              ("y [m]", steps["y_m"] - steps["true_y_m"], steps["sigma_y_m"]),
+    panels = ((f"x [{unit}]", steps["x_m"] - steps["true_x_m"], steps["sigma_x_m"]),
+              (f"y [{unit}]", steps["y_m"] - steps["true_y_m"], steps["sigma_y_m"]),
               ("heading [deg]", np.degrees(turn), np.degrees(steps["sigma_yaw_rad"])))
     view, begin = np.arange(len(turn)), int(np.argmax(steps["patrol"]))
     for panel, (label, error, sigma) in zip(axes, panels, strict=True):

@@ -59,8 +59,14 @@ def draw_run(axes: Axes, folder: Path) -> None:
     if grid is not None:
         show_what_is_known(axes, grid)
     axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    unit = unit_of(json_of(folder / "row.json") or {})
+    axes.set_xlabel(f"x [{unit}]")
+    axes.set_ylabel(f"y [{unit}]")
+
+
+def unit_of(row: dict[str, Any]) -> str:
+    """Of lengths in a run's map: a single camera that nobody told the scale has one of its own."""
+    return "unknown unit" if row.get("scale_known") == 0.0 else "m"
 
 
 def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
@@ -96,13 +102,16 @@ def draw_found_walls(axes: Axes, folder: Path) -> None:
 
 def draw_lines(axes: Axes, folder: Path) -> None:
     """Trajectories: truth thin and dark, beliefs in colour. A truth measured in a frame of its own (a motion-capture
-    room) is laid onto the belief the way the row's ATE was; that of a simulator stands in the frame of the map."""
+    room) is laid onto the corrected way as the row's ATE was; that of a simulator stands in the frame of the map."""
     simulated = (folder / "true_map.yaml").exists()
     how = "none" if simulated else str((json_of(folder / "row.json") or {}).get("ate_alignment") or "none")
     note = "" if how == "none" else f" ({how} aligned)"
-    styles = (("truth_survey", "estimate", f"survey, true{note}", COLOURS["truth"], 1.4, "-"),
+    loops = any(edge.get("accepted") for edge in (json_of(folder / "closure.json") or {}).get("edges", ()))
+    closed = "survey, loop closed" if loops else "survey, corrected without a loop"
+    settled = "corrected" if (folder / "corrected.tum").exists() else "estimate"
+    styles = (("truth_survey", settled, f"survey, true{note}", COLOURS["truth"], 1.4, "-"),
               ("estimate", "", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
-              ("corrected", "", "survey, loop closed", COLOURS["corrected"], 1.2, "-"),
+              ("corrected", "", closed, COLOURS["corrected"], 1.2, "-"),
               ("truth_patrol", "patrol", f"patrol, true{note}", COLOURS["truth"], 1.4, ":"),
               ("patrol", "", "patrol, as believed", COLOURS["patrol"], 1.2, "-"),
               ("truth_localised", "", "true way, in the map", COLOURS["truth"], 1.4, ":"),

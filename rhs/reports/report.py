@@ -24,7 +24,7 @@ from rhs.runfolder.row import CHOICES, read_row
 from rhs.runfolder.run import Run
 
 from .charts import bars, errors_over_time, stage_times
-from .drawing import draw_run, json_of, title
+from .drawing import draw_run, json_of, title, unit_of
 from .patrol_story import patrol_story
 from .summary import notes_of
 from .video import video
@@ -77,7 +77,7 @@ def motion(folder: Path) -> Path | None:
     import numpy as np
 
     from .charts import errors_by_axis
-    from .frames import truth_in_map
+    from .frames import DIGITS, truth_in_map
 
     folder = Path(folder)
     if not (folder / "steps.csv").exists():
@@ -91,13 +91,15 @@ def motion(folder: Path) -> Path | None:
     recorded = not any((folder / name).exists() for name in ("true_map.yaml", "truth_localised.tum"))
     if recorded:
         laid = truth_in_map(Run(folder))
-        true = np.array([laid.get(float(row["stamp_s"]), np.full(3, np.nan)) for row in rows]).reshape(-1, 3)
+        true = np.array([laid.get(round(float(row["stamp_s"]), DIGITS), np.full(3, np.nan)) for row in rows]).reshape(-1, 3)
         steps |= dict(zip(("true_x_m", "true_y_m", "true_yaw_rad"), true.T, strict=True))
-    figure = errors_by_axis(steps) if rows else None
+    row = json_of(folder / "row.json") or {}
+    figure = errors_by_axis(steps, unit_of(row)) if rows else None
     if figure is None:
         return None
-    note = "\n(the truth is laid onto the belief by a rigid motion, as for the ATE)" if recorded else ""
-    figure.suptitle(f"{title(json_of(folder / 'row.json') or {})}{note}", fontsize=10)
+    moved = "by a rigid motion" if unit_of(row) == "m" else "by a similarity"
+    note = f"\n(the truth is laid onto the belief {moved}, as for the ATE)" if recorded else ""
+    figure.suptitle(f"{title(row)}{note}", fontsize=10)
     return write_whole(folder / "motion.png", lambda path: save(figure, path))
 
 

@@ -69,7 +69,7 @@ class Outcome:
         self.counts[status] += 1
         if len(self.status) < MOST_NAMED:
             self.status[name] = status
-        text = f"{status}: {reason}" if status != "ok" else f"ok, but {reason}"
+        text = f"ok, but {reason}" if status == "ok" else f"{status}: {reason}" if reason else status
         if status != "ok" or reason:  # it ended, without what was asked of it
             self.reasons[text if text in self.reasons or len(self.reasons) < MOST_NAMED else "other reasons"] += 1
 

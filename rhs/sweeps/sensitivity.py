@@ -81,6 +81,11 @@ class Question:
     def jobs(self) -> list[Job]:
         return [job for _, job in self.pairs] + [job for jobs in self.changed for job in jobs]
 
+    @property
+    def recorded(self) -> list[Job]:
+        """Of the jobs with nothing changed those on a recording."""
+        return [job for _, job in self.pairs if "source=replay" in job.words]
+
 
 def ask(words: Sequence[str], *, only: Sequence[str] = (), recording: str = "") -> Question:
     """Compose everything. words: `kind=name`, then words of a run. only: settings to try, by the beginning of their keys
@@ -225,6 +230,13 @@ class Effect:
         if self.high < -MATTERS or self.won - self.lost >= FAILS:
             return "better"
         return "no effect" if -MATTERS <= self.low and self.high <= MATTERS else "not sure"
+
+
+def check_recorded(rows: Sequence[Row]) -> None:
+    """Raises ConfigError where a recording is refused: it would count for nothing. rows: of `Question.recorded`."""
+    for row in rows:
+        if row["status"] == "refused":
+            raise ConfigError(f"sensitivity --recording 'PATH source.KEY=VALUE': {row.get('reason')}")
 
 
 def effects(asked: Question, rows: Sequence[Row]) -> list[Effect]:

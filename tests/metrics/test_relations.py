@@ -45,6 +45,12 @@ def test_the_command_prints_them(tmp_path, capsys):
     assert float(lines["relations_trans_m"]) == pytest.approx(0.4 / 3, rel=1e-5)
 
 
+def test_relations_of_another_recording_are_said_to_be_none_of_this_one(tmp_path, capsys):
+    write_tum(tmp_path / "est.tum", WAY)
+    assert main([str(tmp_path / "est.tum"), "--relations", str(written(tmp_path, "900 901 1 0 0 0 0 0\n"))]) == 3
+    assert "0.0% of the relations" in capsys.readouterr().err
+
+
 def test_a_line_that_is_no_relation_is_refused_with_its_place(tmp_path):
     with pytest.raises(RecordingError, match=r"walk\.relations:1: found '1 2 three'"):
         read_relations(written(tmp_path, "1 2 three\n"))

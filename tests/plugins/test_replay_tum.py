@@ -9,7 +9,7 @@ import pytest
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL
 from rhs_sources.replay_config import Replay
-from rhs_sources.replay_stamps import ascending, associate
+from rhs_sources.replay_stamps import Truth, ascending, associate
 
 INTRINSICS = [50.0, 50.0, 31.5, 23.5]
 
@@ -66,6 +66,16 @@ def test_truth_is_interpolated_between_stamps_and_unknown_outside(tmp_path):
     views = all_views(replay(folder))
     np.testing.assert_allclose(views[0][1][:3, 3], [0.025, 0.0, 0.0], atol=1e-12)
     assert views[1][1] is None
+
+
+def test_a_stamp_that_was_rounded_is_that_of_its_pose():
+    """Poses a second apart, stamped 0.3333333 s and so on; a list of views that says 0.333 means the same moment, one that
+    says 0.34 does not, and nothing is interpolated over a second."""
+    poses = np.array([np.eye(4)] * 3)
+    poses[:, 0, 3] = 0.0, 1.0, 2.0
+    truth = Truth(np.arange(3) + 1 / 3, poses, max_gap_s=0.1)
+    assert [truth.at(stamp)[0, 3] for stamp in (0.333, 1.3333, 2.334)] == [0.0, 1.0, 2.0]
+    assert [truth.at(stamp) for stamp in (0.32, 0.34, 1.0, 2.34)] == [None] * 4
 
 
 def test_start_stride_and_count_choose_views(tmp_path):

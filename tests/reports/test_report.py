@@ -1,5 +1,6 @@
 """Pictures and pages: made from a folder alone, complete, escaped. (What they look like was looked at.)"""
 
+import json
 import re
 import shutil
 
@@ -134,6 +135,30 @@ def test_a_truth_in_a_frame_of_its_own_is_laid_onto_the_belief_and_the_empty_map
     true, believed = (np.column_stack(axes.get_lines()[k].get_data()) for k in (0, 1))
     np.testing.assert_allclose(true, believed, atol=1e-6)
     assert axes.get_xlim() == pytest.approx((-0.3, 2.2), abs=1e-6) and axes.get_ylim()[1] == pytest.approx(1.3, abs=1e-6)
+
+
+@pytest.mark.parametrize(("edges", "label"), [([], "survey, corrected without a loop"),
+                                              ([{"accepted": False}], "survey, corrected without a loop"),
+                                              ([{"accepted": True}], "survey, loop closed")])
+def test_the_truth_lies_where_the_corrected_way_is_and_a_loop_is_named_where_one_was(tmp_path, edges, label):
+    """The map is drawn of the corrected way and the ATE is of it, so the truth is laid onto that, not onto the belief."""
+    from matplotlib.figure import Figure
+
+    from rhs.api.geometry import se2
+    from rhs.api.trajectory import Trajectory, write_tum
+    from rhs.reports.drawing import draw_lines
+
+    stamps = np.arange(20.0)
+    way = np.stack([se2(0.1 * k, 0.05 * k * k / 20, 0.0) for k in range(20)])
+    write_tum(tmp_path / "estimate.tum", Trajectory(stamps, se2(0.0, 0.0, 0.3) @ way))
+    write_tum(tmp_path / "corrected.tum", Trajectory(stamps, way))
+    write_tum(tmp_path / "truth_survey.tum", Trajectory(stamps, se2(40.0, 0.0, np.pi / 2) @ way))
+    write_row(tmp_path, {"ate_alignment": "se3"})
+    (tmp_path / "closure.json").write_text(json.dumps({"edges": edges}))
+    axes = Figure().subplots()
+    draw_lines(axes, tmp_path)
+    lines = {line.get_label(): np.column_stack(line.get_data()) for line in axes.get_lines()}
+    np.testing.assert_allclose(lines["survey, true (se3 aligned)"], lines[label], atol=1e-6)
 
 
 def test_the_page_is_whole_its_pictures_decode_and_its_numbers_are_the_row(run):

@@ -14,7 +14,7 @@ from rhs.cli.main import main
 from rhs.config.compose import compose_config
 from rhs.reports.sensitivity_picture import sensitivity_picture
 from rhs.sweeps import sensitivity
-from rhs.sweeps.sensitivity import Change, ask, changes_of, effects, in_words, numbers
+from rhs.sweeps.sensitivity import Change, ask, changes_of, check_recorded, effects, in_words, numbers
 
 
 @dataclass
@@ -104,3 +104,12 @@ def test_the_command_goes_on_where_it_was_stopped(tmp_path, capsys):
     picture = sensitivity_picture(content["effects"], "same", tmp_path / "again.png").read_bytes()
     assert sensitivity_picture(content["effects"], "same", tmp_path / "once.png").read_bytes() == picture
     assert "settings of planner=rrt matter here" in capsys.readouterr().out
+
+
+def test_a_recording_that_is_refused_ends_the_question_before_any_setting_is_tried():
+    """Else it would count for nothing, and nobody be told."""
+    asked = ask(["odometry=orb", "world=square_small", "seed=0"], only=["ratio"], recording="views source.camera=tum_fr1")
+    assert [job.config.source.settings.path for job in asked.recorded] == ["views"] and len(asked.pairs) == 2
+    with pytest.raises(ConfigError, match=r"--recording 'PATH source.KEY=VALUE': views: no such file"):
+        check_recorded([{"status": "refused", "reason": "views: no such file"}])
+    check_recorded([{"status": "ok"}, {"status": "failed"}])

@@ -8,6 +8,8 @@ along its axis; the true poses (poses.txt, ../../poses/NN.txt or `source.truth`)
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,46 +26,70 @@ from ..replay_mounts import mount_of
 from ..replay_stamps import in_file_order, number_of, rows
 from ..replay_tum import Recording
 from .pcd import read_cloud
-from .views import Listed, led, matrix34, moved, numbered, truth_of
+from .views import At, Listed, led, matrix34, moved, numbered, truth_of
 
-CAMERAS = {"image_2": "P2", "image_0": "P0"}
-RIGHT = {"image_2": "image_3", "image_0": "image_1"}
+P = ("P0", "P1", "P2", "P3")
 OPTICAL = se3(BODY_FROM_OPTICAL, np.zeros(3))
 
 
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive in either form (kitti_raw.py has the other): the folders of images, as P0 to P3 name them, and of clouds; the
+    projections by these names, and Tr, of a file; stamps of views by their numbers, of the camera chosen (empty: the
+    clouds'), and how many were repaired; truth() gives the poses of camera 0, and counts."""
+
+    path: Path
+    cameras: dict[str, Path]
+    clouds: Path
+    calib: dict[str, list[float]]
+    calib_file: str
+    stamps: Callable[[str, list[int]], tuple[np.ndarray, Counter]]
+    truth: Callable[[], tuple[At, Counter]]
+
+
 def is_kitti(path: Path) -> bool:
-    return path.is_dir() and (path / "calib.txt").is_file() and any((path / n).is_dir() for n in (*CAMERAS, "velodyne"))
+    return path.is_dir() and (path / "calib.txt").is_file() and any(
+        (path / n).is_dir() for n in ("image_2", "image_0", "velodyne"))
 
 
 def open_kitti(path: Path, settings) -> Recording:
     """The views of a sequence: image, cloud, and with source.stereo the right image. Raises ConfigError."""
-    calib = _calibration(path / "calib.txt")
-    name = next((n for n in CAMERAS if (path / n).is_dir()), "")
-    images = numbered((path / name).glob("*.png")) if name else []
-    clouds = numbered((path / "velodyne").glob("*.bin"))
+    return drive(Drive(path, {name: path / f"image_{name[-1]}" for name in P}, path / "velodyne",
+                       _calibration(path / "calib.txt"), "calib.txt", lambda name, numbers: _stamps(path, numbers, settings),
+                       lambda: truth_of(_truth(path), settings)), settings)
+
+
+def drive(found: Drive, settings) -> Recording:
+    """Its views: image, cloud, and with source.stereo the right image. Raises ConfigError."""
+    name = next((n for n in ("P2", "P0") if found.cameras[n].is_dir()), "")
+    second = {"P2": "P3", "P0": "P1", "": "P3"}[name]
+    images = numbered(found.cameras[name].glob("*.png")) if name else []
+    clouds = numbered(found.clouds.glob("*.bin"))
     if not images and not clouds:
-        raise ConfigError(f"{path}: no image_2/000000.png, image_0/000000.png or velodyne/000000.bin")
-    if settings.stereo and not (images and (path / RIGHT[name]).is_dir()):
-        raise ConfigError(f"source.stereo=true: {path} holds no {RIGHT.get(name, 'image_3')}; leave it out")
+        raise ConfigError(f"{found.path}: no numbered image in {found.cameras['P2']} or {found.cameras['P0']}, no cloud in "
+                          f"{found.clouds}")
+    right = found.cameras[second]
+    if settings.stereo and not (images and right.is_dir()):
+        raise ConfigError(f"source.stereo=true: {found.path} holds no {right.relative_to(found.path)}; leave it out")
     numbers = [int(float(n)) for n, _ in images or clouds]
-    stamps, repaired = _stamps(path, numbers, settings)
+    stamps, repaired = found.stamps(name, numbers)
     mount = mount_of(settings.camera_mount, "camera_mount")
     body_from_0 = OPTICAL if mount is None else mount @ OPTICAL
-    camera = _camera(images[0][1], _projection(calib, CAMERAS[name]), body_from_0, settings) if images else NO_CAMERA
+    camera = _camera(images[0][1], found, name, body_from_0, settings) if images else NO_CAMERA
     beside: dict[str, np.ndarray] = {}
     if settings.stereo:
-        second = _camera(images[0][1], _projection(calib, f"P{RIGHT[name][-1]}"), body_from_0, settings)
-        beside[RIGHT_CAMERA] = camera_numbers(second)
-    body_from_cloud = body_from_0 @ _velodyne(calib, path) if clouds else None
-    true, counts = truth_of(_truth(path), settings)
+        beside[RIGHT_CAMERA] = camera_numbers(_camera(images[0][1], found, second, body_from_0, settings))
+    body_from_cloud = body_from_0 @ _velodyne(found) if clouds else None
+    digits = len(clouds[0][0]) if clouds else 0
+    true, counts = found.truth()
 
     def read(i: int, before: int | None) -> dict[str, Any]:
         extras = dict(beside)
         if body_from_cloud is not None:
-            points = read_cloud(path / "velodyne" / f"{numbers[i]:06d}.bin").astype(float)
+            points = read_cloud(found.clouds / f"{numbers[i]:0{digits}d}.bin").astype(float)
             extras["cloud"] = transform(body_from_cloud, points).astype(np.float32)
         if settings.stereo:
-            extras[RIGHT_IMAGE] = read_color(path / RIGHT[name] / images[i][1].name)
+            extras[RIGHT_IMAGE] = read_color(right / images[i][1].name)
         return {"image": read_color(images[i][1]) if images else None, "extras": extras}
 
     def pose(i: int) -> np.ndarray | None:
@@ -71,15 +97,15 @@ def open_kitti(path: Path, settings) -> Recording:
 
     provides = {word for word, there in (("image", images), ("gray", images), ("cloud", clouds),
                                          (RIGHT_IMAGE, beside), (RIGHT_CAMERA, beside)) if there}
-    return led(Listed(str(path), stamps, read, camera, frozenset(provides), pose, counts, repaired), settings)
+    return led(Listed(str(found.path), stamps, read, camera, frozenset(provides), pose, counts, repaired), settings)
 
 
-def _velodyne(calib: dict[str, list[float]], path: Path) -> np.ndarray:
+def _velodyne(found: Drive) -> np.ndarray:
     """4x4: points of the Velodyne in the frame of camera 0."""
-    if "Tr" not in calib:
-        raise ConfigError(f"{path}/calib.txt: velodyne is there but no Tr, its place beside the cameras; type "
-                          f"source.path={path}/velodyne to have the clouds alone")
-    return check_pose(matrix34(calib["Tr"]), "calib.txt: Tr")
+    if "Tr" not in found.calib:
+        raise ConfigError(f"{found.calib_file}: velodyne is there but no Tr, its place beside the cameras; type "
+                          f"source.path={found.clouds} to have the clouds alone")
+    return check_pose(matrix34(found.calib["Tr"]), f"{found.calib_file}: Tr")
 
 
 def _calibration(file: Path) -> dict[str, list[float]]:
@@ -93,19 +119,16 @@ def _calibration(file: Path) -> dict[str, list[float]]:
     return out
 
 
-def _projection(calib: dict[str, list[float]], name: str) -> np.ndarray:
-    if name not in calib:
-        raise ConfigError(f"calib.txt: no {name}; found {', '.join(calib) or 'nothing'}")
-    return matrix34(calib[name])[:3]
-
-
-def _camera(first: Path, projection: np.ndarray, body_from_0: np.ndarray, settings) -> Camera:
+def _camera(first: Path, found: Drive, name: str, body_from_0: np.ndarray, settings) -> Camera:
     """The rectified camera K [I | t]: it sits at -t in the frame of camera 0."""
     if settings.camera != "auto":
-        raise ConfigError("source.camera: calib.txt says which camera it is; leave it out")
+        raise ConfigError(f"source.camera: {found.calib_file} says which camera it is; leave it out")
+    if name not in found.calib:
+        raise ConfigError(f"{found.calib_file}: no {name}; found {', '.join(found.calib) or 'nothing'}")
+    projection = matrix34(found.calib[name])[:3]
     k = projection[:, :3]
     if not np.all(np.isfinite(projection)) or k[0, 0] <= 0 or k[1, 1] <= 0:
-        raise ConfigError("calib.txt: a projection without a focal length above 0; expected K [I | t]")
+        raise ConfigError(f"{found.calib_file}: a projection without a focal length above 0; expected K [I | t]")
     offset = se3(np.eye(3), -np.linalg.solve(k, projection[:, 3]))
     height, width = read_color(first).shape[:2]
     return Camera(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1], body_from_camera=body_from_0 @ offset)

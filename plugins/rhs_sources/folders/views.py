@@ -65,9 +65,10 @@ def led(listed: Listed, settings) -> Recording:
                      repaired=listed.repaired)
 
 
-def numbered(files: Iterable[Path]) -> list[tuple[str, Path]]:
-    """(number in the name as it is written, file) in order of the numbers; those without one are left out."""
-    found = [(match[2], file) for file in files if (match := _NUMBERED.match(file.stem))]
+def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
+    """(number at the end of the name, before `tail`, as it is written, file) in order of the numbers; those without one are
+    left out."""
+    found = [(match[2], file) for file in files if (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
     return sorted(found, key=lambda pair: (float(pair[0]), pair[1].name))
 
 
