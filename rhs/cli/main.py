@@ -134,6 +134,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     from rhs.config.loose import match
+    from rhs.config.overrides import quoted
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import sweep
 
@@ -148,7 +149,7 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
                  and not ("engine" in typed and word.startswith("engine."))] + words
         match(words)
         folders = folders or tuple(map(Path, before["conf"]))
-        words.append(f"output={_quoted(arguments.resume)}")
+        words.append(f"output={quoted(arguments.resume)}")
     try:
         plan = sweep.plan(words, folders)
     except ConfigError as error:
@@ -197,11 +198,6 @@ def _run_sweep(plan, folder: Path, limits) -> int:
         print(f"rhs: {report.failed} of {sum(report.counts.values())} jobs did not end well; see job.log in their folders "
               f"and {folder}/jobs.json", file=sys.stderr)
     return 0 if report.complete else 3
-
-
-def _quoted(text: str) -> str:
-    """Text as Hydra's grammar takes it whole."""
-    return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
 
 
 def _config_dir(text: str) -> Path:
