@@ -161,10 +161,12 @@ def changes_of(kind: str, config: RunConfig, only: Sequence[str] = ()) -> tuple[
     values = {key: value for key, value in values.items() if key != "name"}
     changes: list[Change] = []
     left_out: dict[str, str] = {}
+    met: set[str] = set()
     for path, before in numbers(values):
         key = ".".join((kind, *path))
         if only and not any(".".join(path).startswith(one) for one in only):
             continue
+        met |= {one for one in only if ".".join(path).startswith(one)}
         if before == 0:
             left_out[key] = "is 0, which has no double"
             continue
@@ -175,9 +177,10 @@ def changes_of(kind: str, config: RunConfig, only: Sequence[str] = ()) -> tuple[
             else:
                 changes.append(Change(key, before, value, factor))
     tried = {change.key for change in changes}
-    if not changes:
+    missed = [one for one in only if one not in met]
+    if missed or not changes:
         raise ConfigError(f"sensitivity: {kind}={getattr(config, kind).name} has no such numeric setting"
-                          + (f" as {', '.join(only)}" if only else ""))
+                          + (f" as {', '.join(missed or only)}" if only else ""))
     return changes, {key: why for key, why in left_out.items() if key not in tried}
 
 

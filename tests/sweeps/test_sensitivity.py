@@ -46,7 +46,7 @@ def test_half_and_double_within_the_range(monkeypatch):
     assert list(left_out) == ["odometry.off"] and "no double" in left_out["odometry.off"]
     assert [one.key for one in changes_of("odometry", config, ["cou"])[0]] == ["odometry.count"]
     with pytest.raises(ConfigError, match="no such numeric setting as nothing"):
-        changes_of("odometry", config, ["nothing"])
+        changes_of("odometry", config, ["cou", "nothing"])
 
 
 def test_settings_of_nested_groups_are_found_and_composed():
