@@ -16,6 +16,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
 
 import argparse  # noqa: E402
 import gc  # noqa: E402
+import io  # noqa: E402
 import signal  # noqa: E402
 import threading  # noqa: E402
 import warnings  # noqa: E402
@@ -40,6 +41,8 @@ def main(words: list[str] | None = None) -> int:
     words = sys.argv[1:] if words is None else words
     debug = "--debug" in words  # wherever it stands, before the name of a command too
     words = [word for word in words if word != "--debug"] + ["--debug"] * debug
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal may lack a letter of a folder's name
     warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
     ends = [number for number in ENDINGS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
     terminate = raises(Terminated)
