@@ -64,8 +64,8 @@ def sweep(words: Words, *, jobs: int = 0, timeout_s: float = 3600.0) -> pandas.D
     """Every combination of the values given, each in a process of its own; the rows as a DataFrame.
 
     words: as on the command line after -m, or a mapping whose lists are the values to combine. jobs: processes at a time,
-    0 for one per core. timeout_s: of one job, 0 for none. In a script, call it under `if __name__ == "__main__":`, as
-    every program that starts processes."""
+    0 for one per core. timeout_s: of one job, 0 for none. A plugin of your own stands at the top of a .py file; where that
+    is the script itself, call this under `if __name__ == "__main__":`, for the jobs read the file."""
     from rhs.sweeps.face import sweep_words
 
     return sweep_words(words, jobs=jobs, timeout_s=timeout_s)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import check_ranges
-from .geometry import Camera, arc
+from .geometry import Camera, arc, planar
 from .robot_shape import Footprint
 from .statuses import BeliefStatus as BeliefStatus
 from .statuses import Event as Event
@@ -351,3 +351,8 @@ class Step:
     def event(self) -> str:
         """The events as steps.csv has them, joined by `+`."""
         return "+".join(self.events)
+
+    def __repr__(self) -> str:
+        x_m, y_m, yaw_rad = planar(self.belief.map_from_body)
+        return (f"Step(index={self.index}, phase={self.phase!r}, stamp_s={self.stamp_s:g}, x_m={x_m:.2f}, y_m={y_m:.2f}, "
+                f"yaw_deg={np.degrees(yaw_rad):.0f}, event={self.event!r}, ...)")

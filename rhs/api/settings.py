@@ -117,8 +117,8 @@ def is_record(value: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """Dataclasses as dicts, tuples as lists, enumerations as their value (or name), paths as text: what can be written to
-    YAML or JSON."""
+    """Dataclasses as dicts, tuples and arrays as lists, enumerations as their value (or name), paths as text: what can be
+    written to YAML or JSON."""
     if is_record(value):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
     if isinstance(value, Mapping):
@@ -127,6 +127,8 @@ def plain(value: Any) -> Any:
         return [plain(v) for v in value]
     if isinstance(value, enum.Enum):
         return value.value if isinstance(value.value, (str, int, float)) else value.name
+    if hasattr(value, "tolist"):  # arrays and numbers of NumPy, columns of pandas
+        return plain(value.tolist())
     return str(value) if isinstance(value, PurePath) else value
 
 

@@ -24,13 +24,14 @@ class Number:
     unit: str = ""
 
 
+Option = Number | str | bool | tuple[str, ...]
 JOBS = Number(0, low=0, high=1024)
 TIMEOUT = Number(3600.0, low=0.0, high=1e7, unit="s")
 LIMITED = {"timeout": "timeout_s", "fail_fast": "same_failures", "memory_mb": "memory_mb", "retries": "retries"}
 
 
 def parse(command: str, description: str | None, words: Sequence[str], *, positional: Sequence[str] = (),
-          **options: Number | str | bool) -> argparse.Namespace:
+          **options: Option) -> argparse.Namespace:
     """The options by name, `typed` (the other words), `output` (its folder, or ""), `words` (those typed but it).
     options: name -> default.
 
@@ -48,18 +49,20 @@ def parse(command: str, description: str | None, words: Sequence[str], *, positi
     return chosen
 
 
-def add(parser: argparse.ArgumentParser, options: Mapping[str, Number | str | bool]) -> None:
-    """One `--name` for each option; those that are False take no value."""
+def add(parser: argparse.ArgumentParser, options: Mapping[str, Option]) -> None:
+    """One `--name` for each option; those that are False take no value, those that are () may be given several times."""
     for name, default in options.items():
         flag = f"--{name.replace('_', '-')}"
         if isinstance(default, bool):
             parser.add_argument(flag, action="store_true")
+        elif isinstance(default, tuple):
+            parser.add_argument(flag, action="append", default=[])
         else:
             value = default.default if isinstance(default, Number) else default
             parser.add_argument(flag, type=type(value), default=value)
 
 
-def check(chosen: argparse.Namespace, options: Mapping[str, Number | str | bool]) -> None:
+def check(chosen: argparse.Namespace, options: Mapping[str, Option]) -> None:
     """Refuse numbers outside their bounds."""
     for name, number in options.items():
         if isinstance(number, Number):

@@ -16,6 +16,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
 
 import argparse  # noqa: E402
 import gc  # noqa: E402
+import io  # noqa: E402
 import signal  # noqa: E402
 import threading  # noqa: E402
 import warnings  # noqa: E402
@@ -40,6 +41,8 @@ def main(words: list[str] | None = None) -> int:
     words = sys.argv[1:] if words is None else words
     debug = "--debug" in words  # wherever it stands, before the name of a command too
     words = [word for word in words if word != "--debug"] + ["--debug"] * debug
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal may lack a letter of a folder's name
     warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
     ends = [number for number in ENDINGS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
     terminate = raises(Terminated)
@@ -134,6 +137,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
     from rhs.config.loose import match
+    from rhs.config.overrides import quoted
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import sweep
 
@@ -148,7 +152,7 @@ def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
                  and not ("engine" in typed and word.startswith("engine."))] + words
         match(words)
         folders = folders or tuple(map(Path, before["conf"]))
-        words.append(f"output={_quoted(arguments.resume)}")
+        words.append(f"output={quoted(arguments.resume)}")
     try:
         plan = sweep.plan(words, folders)
     except ConfigError as error:
@@ -197,11 +201,6 @@ def _run_sweep(plan, folder: Path, limits) -> int:
         print(f"rhs: {report.failed} of {sum(report.counts.values())} jobs did not end well; see job.log in their folders "
               f"and {folder}/jobs.json", file=sys.stderr)
     return 0 if report.complete else 3
-
-
-def _quoted(text: str) -> str:
-    """Text as Hydra's grammar takes it whole."""
-    return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
 
 
 def _config_dir(text: str) -> Path:

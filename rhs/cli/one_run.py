@@ -45,6 +45,9 @@ def one_run(config: RunConfig, debug: bool) -> int:
     if status == "ok" and row.get("success") == 0:
         print(f"rhs: not achieved: {row.get('plan_failure') or row.get('failure', '')}", file=sys.stderr)
         return 3
+    if status == "ok" and (failed := row.get("metric_failures") or row.get("picture_failures")):
+        print(f"rhs: done, but a figure or a picture failed: {shortened(plain(str(failed)), LONGEST)}", file=sys.stderr)
+        return 3
     if status == "ok":
         return 0
     code = 1 if cause is None or status != "interrupted" else signal_code(cause)

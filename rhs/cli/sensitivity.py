@@ -3,7 +3,8 @@
     python -m rhs sensitivity odometry=procrustes
     python -m rhs --plugin my.py sensitivity odometry=mine world=office,home --only gate,advanced.window
         --only KEY,...     of the part's settings only those whose keys begin so
-        --recording "PATH source.camera=tum_fr1"      a recording in addition, with words of its own
+        --recording "PATH source.camera=tum_fr1"      a recording in addition, with words of its own; several times: several
+        --data FOLDER      in addition those with colour and depth of `bench recordings-v1`
         --jobs N           processes at a time (one per core)
         --timeout S        a run that takes longer has failed (3600)
         output=FOLDER      where it goes (results/sweeps/sensitivity_KIND_NAME)
@@ -39,12 +40,13 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps.kept import kept_rows
-    from rhs.sweeps.sensitivity import ask, check_recorded, effects, in_words
+    from rhs.sweeps.sensitivity import ask, check_recorded, effects, frozen, in_words, recording
 
     from .progress import running
 
-    chosen = parse("sensitivity", __doc__, words, only="", recording="", jobs=JOBS, timeout=TIMEOUT)
-    asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recording=chosen.recording)
+    chosen = parse("sensitivity", __doc__, words, only="", recording=(), data="", jobs=JOBS, timeout=TIMEOUT)
+    recordings = [*map(recording, chosen.recording), *(frozen(Path(chosen.data), chosen.words) if chosen.data else ())]
+    asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recordings=recordings)
     within = limits(chosen)
     with claim_sweep(chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
         if asked.recorded:

@@ -19,7 +19,7 @@ from typing import Any
 
 from rhs.api.contracts import PLUGIN_KINDS
 from rhs.api.metric import Metric
-from rhs.base.errors import PluginError
+from rhs.base.errors import ConfigError, PluginError
 
 from . import registry
 from .registry import names_in
@@ -48,6 +48,13 @@ def take_over(carried: Sequence[Mapping[str, str]]) -> None:
             found = _found(one)
             if not _known(one):  # its file may have done it
                 registry.register(one["kind"], one["name"], found)
+
+
+def check_in_files(carried: Sequence[Mapping[str, str]]) -> None:
+    """Raises PluginError for the first of them that another process cannot have."""
+    for one in carried:
+        if not Path(one["file"]).is_file() or "<locals>" in one["class"]:
+            raise _nowhere(one, one["class"].partition(":")[2])
 
 
 def _known(one: Mapping[str, str]) -> bool:
@@ -120,6 +127,13 @@ def _unanswered(words: Sequence[str]) -> list[tuple[str, str]]:
 
 
 _silent: list[ModuleType] = []
+_being_read: list[Path] = []
+
+
+def check_not_being_read() -> None:
+    """Raises ConfigError where a file that is read for its plugins runs experiments as it is read."""
+    if _being_read:
+        raise ConfigError("it is read for its plugins; put what runs experiments under `if __name__ == '__main__':`")
 
 
 def _load(path: Path) -> ModuleType:
@@ -131,12 +145,15 @@ def _load(path: Path) -> ModuleType:
         raise PluginError(f"--plugin {path}: expected a Python file, my_plugin.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
+    _being_read.append(path)
     try:
         spec.loader.exec_module(module)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         raise PluginError(f"--plugin {path} cannot be run: {registry.why_not_imported(error)}") from error
+    finally:
+        _being_read.pop()
     return module
 
 

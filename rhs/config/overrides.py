@@ -258,6 +258,11 @@ def _word(item: Override, value: Any) -> Word:
     return Word(key, _unquoted(value), (item.input_line or "").lstrip("+"))
 
 
+def quoted(text: str) -> str:
+    """Text as Hydra's grammar takes it whole."""
+    return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
+
+
 def _unquoted(value: Any) -> Any:
     """Plain Python values for Hydra's quoted strings, inside lists and dicts too."""
     if isinstance(value, dict):

@@ -5,6 +5,7 @@ What is missing is NaN, never 0. A metric that fails costs its own column: the r
 
 from __future__ import annotations
 
+import traceback
 from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS, read_tum
@@ -55,5 +56,12 @@ def evaluate(folder: Path, task: str = "patrol") -> Values:
             values[metric.name] = metric.function(run)
         except Exception as error:
             values[metric.name] = metric.unknown
-            failures.append(f"{metric.name}: {type(error).__name__}: {error}")
+            failures.append(f"{metric.name}: {type(error).__name__}: {error}{_where(error)}")
     return values | {"metric_failures": "; ".join(failures)[:2000]} if failures else values
+
+
+def _where(error: BaseException) -> str:
+    """The line of a stranger's file that was called, in brackets; nothing where there is none."""
+    frames = [(Path(frame.f_code.co_filename).name, line) for frame, line in traceback.walk_tb(error.__traceback__)
+              if not str(frame.f_globals.get("__name__")).startswith("rhs.")]
+    return f" ({frames[0][0]}:{frames[0][1]})" if frames else ""

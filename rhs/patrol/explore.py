@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 HOME = "home"
 MATCH_AFTER, REDRAW = 10, 5  # views that make a map worth matching with, and views between two drawings of it
-PLANAR = (0, 1, 5)  # x, y, yaw of a covariance (6, 6)
+PLANAR, OTHERS = (0, 1, 5), (2, 3, 4)  # x, y, yaw of a covariance (6, 6); height, roll, pitch
 LEAST_DOUBT = np.diag([1e-4, 1e-4, 1e-4])  # since the last match: 1 cm and half a degree, odometries promise too much
 ALL_DRAWN = MatchSettings(unmapped=0.0)  # a map just drawn holds what stands there
 STOOD = 0.05  # chance that something stands where the robot's own body was
@@ -107,8 +107,7 @@ class Explorer(Sentinel):
         match = self.matcher.match(scan, planar(belief.map_from_body), belief.covariance[planar_of] + LEAST_DOUBT)
         if match is None:
             return belief
-        covariance = belief.covariance.copy()
-        covariance[planar_of] = match.covariance
+        covariance = measured_anew(belief.covariance, match.covariance)
         return Belief(freeze(se2(*match.state)), freeze(covariance), belief.status)
 
     def note(self, belief: Belief, scan: Scan) -> None:
@@ -267,3 +266,15 @@ def summary(explorer: Explorer) -> dict[str, Any]:
     """Of explore.json: why it stopped, after how many views, and the viewpoints."""
     return {"stop": explorer.stop or "broken off", "views": explorer.explored_views,
             "viewpoints": [mission.goal_m for mission in explorer.book.missions]}
+
+
+def measured_anew(covariance: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """(6, 6) covariance of a pose whose x, y and yaw have the covariance `spread` (3, 3) from now on. Height, roll and pitch
+    follow by their regression on these, as a Gaussian's do, so that it stays positive definite."""
+    plane, across, rest = np.ix_(PLANAR, PLANAR), np.ix_(PLANAR, OTHERS), np.ix_(OTHERS, OTHERS)
+    slope = np.linalg.solve(covariance[plane], covariance[across])
+    out = covariance.copy()
+    out[plane], out[across] = spread, spread @ slope
+    out[np.ix_(OTHERS, PLANAR)] = out[across].T
+    out[rest] += slope.T @ (spread - covariance[plane]) @ slope
+    return 0.5 * (out + out.T)

@@ -14,6 +14,7 @@ from rhs.api.records import Step
 from rhs.base.errors import ConfigError
 from rhs.config import registry
 from rhs.config.compose import Composer, RunConfig
+from rhs.config.loose import check_not_being_read
 from rhs.config.overrides import GROUPS, Word, parse, plain_words
 from rhs.runfolder.folders import claim_run
 
@@ -45,10 +46,18 @@ def steps_of(words: Sequence[str] | Mapping[str, Any]) -> Iterator[Step]:
 
 def config_of(words: Sequence[str] | Mapping[str, Any]) -> RunConfig:
     """The checked configuration for words, or for a mapping whose values may be objects. Raises ConfigError."""
-    if isinstance(words, str):
-        raise ConfigError(f"'{words}' is one text; give a list of words, [\"key=value\", ...]")
+    check_words(words)
     found = words_of(words) if isinstance(words, Mapping) else plain_words(parse(list(words)))
     return Composer().config(found)
+
+
+def check_words(words: Sequence[str] | Mapping[str, Any]) -> None:
+    """Raises ConfigError for what are no words, and in a file that is only being read for its plugins."""
+    check_not_being_read()
+    if isinstance(words, str):
+        raise ConfigError(f"'{words}' is one text; give a list of words, [\"key=value\", ...]")
+    if not isinstance(words, Sequence | Mapping) or not all(isinstance(word, str) for word in words):
+        raise ConfigError(f"{str(words)[:60]}: expected a list of words, [\"key=value\", ...], or a mapping")
 
 
 def words_of(values: Mapping[str, Any]) -> list[Word]:
@@ -60,10 +69,18 @@ def words_of(values: Mapping[str, Any]) -> list[Word]:
             out.append(Word(key, name, f"{key}={name}"))
             out += [Word(f"{key}.{k}", v, f"{key}.{k}={v}") for k, v in settings.plain(value).items()]
         else:
-            if isinstance(value, type):
-                raise ConfigError(f"{key}: {value.__name__} is a class; give an object of it, {value.__name__}()")
+            check_value(key, value)
             out.append(Word(key, settings.plain(value), f"{key}={value}"))
     return [word for word in out if word.key in GROUPS] + [word for word in out if word.key not in GROUPS]
+
+
+def check_value(key: str, value: Any) -> None:
+    """Raises ConfigError for a class, and for an object in the place of a part that is no dataclass."""
+    if isinstance(value, type):
+        raise ConfigError(f"{key}: {value.__name__} is a class; give an object of it, {value.__name__}()")
+    if key in PLUGIN_KINDS and not isinstance(value, str | Mapping | None):
+        raise ConfigError(f"{key}: found an object of {type(value).__name__}; expected a name, or an object of a dataclass "
+                          f"that has build(context)")
 
 
 def known_as(kind: str, cls: type) -> str:

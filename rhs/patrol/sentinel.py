@@ -12,7 +12,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
 from rhs.api.robot_shape import Footprint
 from rhs.api.task import Parts
-from rhs.api.validate import check_capture
+from rhs.api.validate import check_belief, check_capture, check_grid
 from rhs.estimation.survey import known_free
 
 from .barred import Barred
@@ -39,7 +39,8 @@ class Sentinel(Barred):
                  places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings,
                  footprint: Footprint | None = None) -> None:
         self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
-        self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan)
+        self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan,
+                                       localiser=parts.localiser)
         self.radius_m, self.views, self.slam = radius_m, tuple(views), parts.slam  # which draws a new map all the time
         updates = settings.update_map and self.phase == "patrol" and self.slam is None
         self.changed = ChangedMap(grid, settings.advanced.guard.votes) if updates else None
@@ -82,7 +83,7 @@ class Sentinel(Barred):
     def locate(self, observation: Observation, motion: Motion) -> Belief:
         self.guard.observe(observation, motion)
         self.obstacle = observation.obstacle
-        belief = self.localiser.update(observation, motion)
+        belief = check_belief(self.localiser.update(observation, motion), who=self.who["localiser"])
         self.expected = self.expected @ motion.previous_from_body
         if belief.status is BeliefStatus.TRACKING:
             off = planar(inverse(self.expected) @ belief.map_from_body)
@@ -241,7 +242,7 @@ class Sentinel(Barred):
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)
         events.append(Event(status))
-        grid = self.watch.redrawn() if self.slam is None else self.slam.grid()
+        grid = self.watch.redrawn() if self.slam is None else check_grid(self.slam.grid(), who=self.who["localiser"])
         self.watch.forget()
         if grid is not None:
             touched_m = self.watch.touched_m

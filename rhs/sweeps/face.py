@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from rhs.api import settings
 from rhs.api.contracts import PLUGIN_KINDS
-from rhs.base.errors import ConfigError
-from rhs.patrol.face import known_as
+from rhs.base.errors import ConfigError, check_range
+from rhs.config import registry
+from rhs.config.loose import check_in_files
+from rhs.config.overrides import parse, quoted
+from rhs.patrol.face import check_value, check_words, known_as
 from rhs.runfolder.folders import claim_sweep
 
 from . import running, sweep
-from .jobs import Limits, processors
+from .jobs import Limits, processors, task_of
 
 if TYPE_CHECKING:
     import pandas
+
+PLAIN = re.compile(r"[\w./:+*-]*", re.ASCII)  # texts that need no quotes
 
 
 def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, timeout_s: float = 3600.0) -> pandas.DataFrame:
     """rhs.sweep."""
     from rhs.reports.table import rows
 
-    if isinstance(words, str):
-        raise ConfigError(f"'{words}' is one text; give a list of words, [\"key=value\", ...]")
+    check_words(words)
+    check_range("", "jobs", jobs, low=0, high=1024)
+    check_range("", "timeout_s", timeout_s, low=0.0, high=1e7, unit="s")
     mapped = words.items() if isinstance(words, Mapping) else ()
     typed = [word for key, value in mapped for word in _words(key, value)] or list(words)
     plan = sweep.plan(typed)
+    if registry.by_hand():
+        check_in_files([one for job in plan.first for one in task_of(job).plugins])
     with claim_sweep(plan.output) as claim:
         sweep.remember(plan, claim.folder)
         running.run_plan(plan, claim.folder, Limits(jobs or processors(), timeout_s), tell=lambda status, outcome: None)
@@ -35,9 +45,15 @@ def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, time
 
 def _words(key: str, value: Any) -> Iterator[str]:
     """A key and its value or values as words; a part's settings object as its name, and what is not at its default."""
+    value = settings.plain(value) if hasattr(value, "tolist") else value
     items = list(value) if isinstance(value, (list, tuple, range)) else [value]
+    if not items:
+        raise ConfigError(f"{key}: an empty list has no values to combine")
+    for item in items:
+        if not settings.is_record(item):
+            check_value(key, item)
     if key not in PLUGIN_KINDS or not any(map(settings.is_record, items)):
-        yield f"{key}={_typed(value)}"
+        yield _as_typed(key, value) if isinstance(value, str) else f"{key}={_typed(value)}"
         return
     changed = {name: now for item in items if settings.is_record(item) for name, now in _flat(settings.plain(item)).items()
                if now != _flat(settings.defaults(type(item)))[name]}
@@ -46,6 +62,15 @@ def _words(key: str, value: Any) -> Iterator[str]:
         raise ConfigError(f"{key}: objects in a list have their defaults; combine settings by {{'{key}.{one}': [...]}}")
     yield f"{key}={','.join(known_as(key, type(item)) if settings.is_record(item) else _typed(item) for item in items)}"
     yield from (f"{key}.{name}={_literal(now)}" for name, now in changed.items())
+
+
+def _as_typed(key: str, text: str) -> str:
+    """A text as on the command line, where it may hold several values; one that cannot be read as such is taken whole."""
+    try:
+        parse([f"{key}={text}"])
+    except ConfigError:
+        return f"{key}={quoted(text)}"
+    return f"{key}={text}"
 
 
 def _flat(values: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
@@ -61,14 +86,16 @@ def _literal(value: Any) -> str:
     """One value as it is typed: texts quoted, lists in brackets."""
     if isinstance(value, list):
         return f"[{','.join(map(_literal, value))}]"
-    return repr(value) if isinstance(value, str) else _typed(value)
+    return quoted(value) if isinstance(value, str) else _typed(value)
 
 
 def _typed(value: Any) -> str:
     """A value, or a list or range of values to combine, as one would type it."""
     if isinstance(value, (list, tuple, range)):
-        return ",".join(_typed(item) if not isinstance(item, (list, tuple)) else str(list(item)).replace(" ", "")
+        return ",".join(_literal(settings.plain(item)) if not isinstance(item, str) or not PLAIN.fullmatch(item) else item
                         for item in value)
+    if isinstance(value, PurePath):
+        return quoted(str(value))
     if isinstance(value, bool) or value is None:
         return {True: "true", False: "false", None: "null"}[value]
     return str(value)

@@ -262,11 +262,10 @@ def _left_by_key(sweep: Path) -> dict[str, list[Path]]:
 @contextlib.contextmanager
 def _as_on_the_command_line() -> Iterator[None]:
     """For the start of a process: one thread each, whoever sweeps (sums must not depend on it), and our path for modules.
-    multiprocessing runs the file of the main module again in each process; what was typed into a pipe has none."""
+    multiprocessing would run the file of the main module again in each process: what a job needs of it, it is sent."""
     main, environment = sys.modules["__main__"], dict(os.environ)
     os.environ |= dict.fromkeys(THREADS, "1") | {SWEEP_PATH: os.pathsep.join(sys.path)}
-    if not os.path.exists(getattr(main, "__file__", None) or ""):
-        sys.modules["__main__"] = ModuleType("__main__")
+    sys.modules["__main__"] = ModuleType("__main__")
     try:
         yield
     finally:

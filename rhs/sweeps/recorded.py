@@ -19,6 +19,7 @@ import numpy as np
 from rhs.api.geometry import inverse
 from rhs.api.trajectory import read_tum
 from rhs.base.errors import ConfigError
+from rhs.config.overrides import Word, parse, plain_words
 from rhs.metrics.accuracy import pair
 
 COMMON = ("task=survey", "source=replay", "recording=off", "pictures=off", "seed=0")
@@ -57,9 +58,10 @@ class Recording:
     origin: str
     files: tuple[str, ...] = ()
 
-    def typed(self, data: Path) -> str:
+    def read_from(self, data: Path) -> list[Word]:
         """The words that read it."""
-        return f"source.path={data / self.path} {self.words}".strip()
+        path = str(data / self.path)
+        return [Word("source.path", path, f"source.path={path}"), *plain_words(parse(self.words.split()))]
 
 
 RECORDINGS = (

@@ -14,6 +14,7 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from rhs.reports.intervals import LEAST, reach, units
 from rhs.runfolder.row import machine_dependent, number_in
 from rhs.worlds.random.names import building_of
 
+from . import recorded
 from .jobs import Job
 from .kept import Row
 from .sweep import job_of
@@ -37,6 +39,9 @@ LIGHT = ("recording=off", "pictures=off")
 BUILDINGS = ("zip(world=random:loop/1,random:office/1,random:home/1,random:hall/1,random:non_manhattan/1 seed=0,1,2,3,4)",)
 QUESTIONS = ("world=map1,map2,map3,map4", "seed=0,1,2")
 MOST_PAIRS = 50
+BUILDINGS_OWN = {"world", "seed", "source"}  # words that say nothing of a recording
+REPLAY = Word("source", "replay", "source=replay")
+Recorded = tuple[str, list[Word]]  # a recording's name or path, and the words that read it
 # kind -> (task, column that is compared, less is better). map_agreement is compared by what it lacks of 1.
 MEASURES = {"odometry": ("survey", "ate_before_closing_m"), "loop_closer": ("survey", "ate_rmse_m"),
             "slam": ("survey", "ate_rmse_m"), "sensor": ("survey", "ate_before_closing_m"),
@@ -87,16 +92,19 @@ class Question:
         return [job for _, job in self.pairs if "source=replay" in job.words]
 
 
-def ask(words: Sequence[str], *, only: Sequence[str] = (), recording: str = "") -> Question:
+def ask(words: Sequence[str], *, only: Sequence[str] = (), recordings: Sequence[Recorded] = ()) -> Question:
     """Compose everything. words: `kind=name`, then words of a run. only: settings to try, by the beginning of their keys
-    below the part. recording: its path and further words. Raises ConfigError in one line."""
+    below the part. recordings: in addition. Raises ConfigError in one line."""
     kind, _, name = (words[0] if words else "").partition("=")
     if kind not in MEASURES:
         raise ConfigError(f"sensitivity: say which part, for example odometry=procrustes; kinds: {', '.join(MEASURES)}")
     registry.check_requirements(kind, name, registry.load(kind, name))
     task, measure = MEASURES[kind]
+    if recordings and not measure.startswith("ate_"):
+        raise ConfigError(f"sensitivity --recording, --data: a {kind} is compared by {measure}, which no recording tells; "
+                          f"leave it out")
     composer = Composer(())
-    runs = list(_runs(task, list(words), recording))
+    runs = list(_runs(task, list(words), recordings))
     first = composer.config(runs[0][1])
     changes, left_out = changes_of(kind, first, only)
     pairs = tuple((world, _job(composer, typed)) for world, typed in runs)
@@ -104,7 +112,7 @@ def ask(words: Sequence[str], *, only: Sequence[str] = (), recording: str = "") 
     return Question(f"{kind}={name}", measure, pairs, tuple(changes), changed, left_out)
 
 
-def _runs(task: str, words: list[str], recording: str) -> Iterator[tuple[str, list[Word]]]:
+def _runs(task: str, words: list[str], recordings: Sequence[Recorded]) -> Iterator[tuple[str, list[Word]]]:
     """(world, words) of each pair."""
     given = {key for word in parse(words) for key in _keys(word)}
     where: tuple[str, ...] = BUILDINGS if task != "planning" else QUESTIONS
@@ -116,12 +124,27 @@ def _runs(task: str, words: list[str], recording: str) -> Iterator[tuple[str, li
         raise ConfigError(f"sensitivity: {stray[0]} takes one value; only world and seed may take several")
     for combination in sweep_words(typed, most=MOST_PAIRS):
         yield next((str(word.value) for word in combination if word.key == "world"), ""), combination
-    if recording:
-        if task != "survey":
-            raise ConfigError(f"sensitivity --recording: {words[0]} needs a robot that drives; leave it out")
-        path, *rest = shlex.split(recording)
-        own = [word for word in words if word.partition("=")[0] not in ("world", "seed") and not word.startswith("zip(")]
-        yield path, plain_words(parse([f"task={task}", *LIGHT, *own, "source=replay", f"source.path={path}", *rest]))
+    own = [word for word in parse(words) if not {key.partition(".")[0] for key in _keys(word)} & BUILDINGS_OWN]
+    for name, read in recordings:
+        yield name, [*plain_words(parse([f"task={task}", *LIGHT])), *plain_words(own), REPLAY, *read]
+
+
+def recording(typed: str) -> Recorded:
+    """A recording as it is typed: `PATH key=value ...`. Raises ConfigError."""
+    try:
+        path, *rest = shlex.split(typed)
+    except ValueError as error:
+        raise ConfigError(f"sensitivity --recording '{typed}': {error}; type \"PATH key=value ...\"") from error
+    return path, [Word("source.path", path, f"source.path={path}"), *plain_words(parse(rest))]
+
+
+def frozen(data: Path, words: Sequence[str]) -> list[Recorded]:
+    """The recordings of recordings-v1 with colour, depth and true poses, in this folder. Raises ConfigError."""
+    names = recorded.asked_of(" ".join(words))
+    if any(recorded.BY_NAME[name].sensor != "rgbd" for name in names):
+        raise ConfigError("sensitivity --data: the laser logs of recordings-v1 have no true poses; leave it out")
+    recorded.check_data(data, names)
+    return [(name, recorded.BY_NAME[name].read_from(data)) for name in names]
 
 
 def _keys(word: Any) -> list[str]:
@@ -143,10 +166,12 @@ def changes_of(kind: str, config: RunConfig, only: Sequence[str] = ()) -> tuple[
     values = {key: value for key, value in values.items() if key != "name"}
     changes: list[Change] = []
     left_out: dict[str, str] = {}
+    met: set[str] = set()
     for path, before in numbers(values):
         key = ".".join((kind, *path))
         if only and not any(".".join(path).startswith(one) for one in only):
             continue
+        met |= {one for one in only if ".".join(path).startswith(one)}
         if before == 0:
             left_out[key] = "is 0, which has no double"
             continue
@@ -157,9 +182,10 @@ def changes_of(kind: str, config: RunConfig, only: Sequence[str] = ()) -> tuple[
             else:
                 changes.append(Change(key, before, value, factor))
     tried = {change.key for change in changes}
-    if not changes:
+    missed = [one for one in only if one not in met]
+    if missed or not changes:
         raise ConfigError(f"sensitivity: {kind}={getattr(config, kind).name} has no such numeric setting"
-                          + (f" as {', '.join(only)}" if only else ""))
+                          + (f" as {', '.join(missed or only)}" if only else ""))
     return changes, {key: why for key, why in left_out.items() if key not in tried}
 
 

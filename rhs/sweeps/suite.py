@@ -143,8 +143,7 @@ def jobs_of(words: str, buildings: Sequence[tuple[str, int]], data: Path | None 
             chosen = [*plain_words(parse([*COMMON, *more.split()])), *typed, Word("world", world, f"world={world}"),
                       Word("seed", seed, f"seed={seed}")]
         else:
-            read = plain_words(parse(recorded.BY_NAME[world].typed(data).split()))
-            chosen = [*plain_words(parse(recorded.COMMON)), *typed, *read]
+            chosen = [*plain_words(parse(recorded.COMMON)), *typed, *recorded.BY_NAME[world].read_from(data)]
         jobs.append(job_of(composer.config(chosen), chosen, ["source.path" if data else "world", *keys]))
     return jobs
 

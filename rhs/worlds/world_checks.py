@@ -87,11 +87,12 @@ def walk_fault(world: World, person: Person) -> str:
 def _check_route(world: World, file: Located) -> None:
     for x, y in world.route_m:
         _check_point(world, file, f"route point [{x:g}, {y:g}]", np.array([x, y]), "ROUTE")
-    for a, b in zip(world.route_m[:-1], world.route_m[1:], strict=True):
-        along = np.linspace(0.0, 1.0, 2 + int(np.hypot(*(b - a)) / 0.05))[:, None]
-        if not _reached(world, a + along * (b - a)).all():
-            raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: the leg from {a.tolist()} to {b.tolist()} goes "
-                              "through a wall or a box; lead it round")
+    legs = {f"the leg from {a.tolist()} to {b.tolist()} goes through":
+            a + np.linspace(0.0, 1.0, 2 + int(np.hypot(*(b - a)) / 0.05))[:, None] * (b - a)
+            for a, b in zip(world.route_m[:-1], world.route_m[1:], strict=True)}
+    for leg, points in legs.items():
+        if not _reached(world, points).all():
+            raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: {leg} a wall or a box; lead it round")
     timed = tuple(box for timed in world.moving.timed if (box := timed.at(0.0)) is not None)
     come = tuple(box for box in after(world).boxes if box not in world.boxes) + timed
     for end in (world.route_m[0], world.route_m[-1]):
@@ -102,6 +103,12 @@ def _check_route(world: World, file: Located) -> None:
             key = of.get(thing, "changes")
             raise ConfigError(f"{file.where(key)}: {thing} is put in {distance:.2f} m from the robot at "
                               f"the end of the survey {end.tolist()}; the robot's radius is {world.robot_radius_m:g} m")
+    standing = replace(world, walls=(), boxes=timed, mesh=None)
+    for leg, points in legs.items() if timed else ():
+        distance, thing = min(distance_m(standing, point) for point in points)
+        if distance <= 0.0:
+            raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: {leg} {thing}, which stands there during the survey "
+                              "as at 0 s; lead it round, or have it stand elsewhere then")
 
 
 @lru_cache(maxsize=1)  # the many points of one route are looked up in one plan

@@ -1,8 +1,11 @@
 """The public face: what a person in a notebook types."""
 
+import subprocess
+import sys
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 import pytest
 from installing import CHOICE, FAKES, installed
 
@@ -10,6 +13,8 @@ import rhs
 from rhs.api.records import Path, PlanReason
 from rhs.base.errors import ConfigError, PluginError
 from rhs.config import registry
+
+PLANNING = {"task": "planning", "world": "map1"}
 
 
 @pytest.fixture(autouse=True)
@@ -41,9 +46,6 @@ class Direct:
 
 
 def test_every_name_of_the_face_is_there_and_nothing_heavy_is_loaded():
-    import subprocess
-    import sys
-
     code = ("import sys, rhs; [getattr(rhs, name) for name in rhs.__all__ if name != 'Config']; "
             "print(sorted({'numpy', 'cv2', 'pandas', 'hydra'} & set(sys.modules)))")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
@@ -103,6 +105,78 @@ def test_a_registered_plugin_is_chosen_by_its_word():
 def test_one_text_instead_of_a_list_is_refused():
     with pytest.raises(ConfigError, match="is one text; give a list"):
         rhs.run("seed=3")
+
+
+@pytest.mark.parametrize(("face", "words", "says"), [
+    (rhs.run, None, "expected a list of words"), (rhs.run, [3], "expected a list of words"),
+    (rhs.sweep, [3], "expected a list of words"), (rhs.sweep, {"seed": []}, "seed: an empty list"),
+    (rhs.run, {"planner": object()}, "planner: found an object of object; expected a name"),
+    (rhs.sweep, {"planner": [object()]}, "planner: found an object of object; expected a name")])
+def test_what_are_no_words_is_refused_in_one_line(face, words, says):
+    with pytest.raises(ConfigError, match=says):
+        face(words)
+
+
+def test_limits_of_a_sweep_have_a_range():
+    for limit in ({"jobs": -1}, {"timeout_s": -1.0}):
+        with pytest.raises(ConfigError, match="outside the allowed range"):
+            rhs.sweep(["task=planning"], **limit)
+
+
+def test_values_of_numpy_and_odd_folders_are_taken_as_they_are(tmp_path):
+    row = rhs.run({**PLANNING, "seed": np.int64(3), "start": np.array([1.0, 2.0]), "output": tmp_path / "run"}, quiet=True)
+    assert (row["status"], row["seed"]) == ("ok", 3)
+    folder = tmp_path / "with (brackets), a comma and \u00fc"
+    table = rhs.sweep({**PLANNING, "seed": np.arange(2), "start": [(1, 2), np.array([2.0, 2.0])], "output": folder}, jobs=1)
+    assert sorted(zip(table["seed"], table["start"], strict=True)) == [
+        (seed, str(start)) for seed in (0, 1) for start in ([1.0, 2.0], [2.0, 2.0])] and folder.is_dir()
+
+
+SCRIPT = """
+import rhs
+from dataclasses import dataclass
+from typing import ClassVar
+
+print("begins")
+
+@dataclass
+class Own:
+    needs: ClassVar[frozenset] = frozenset()
+    provides: ClassVar[frozenset] = frozenset()
+
+    def build(self, context):
+        raise ValueError("built")
+
+print(*rhs.sweep({"task": "planning", "world": "map1", "planner": PLANNER, "output": FOLDER}, jobs=1)["reason"])
+"""
+
+
+def test_a_script_without_a_guard_may_sweep_and_is_run_once(tmp_path):
+    """Jobs do not read it, unless a plugin of theirs stands in it: then its rows say what to write."""
+    def said(planner, name):
+        script = tmp_path / name
+        script.write_text(SCRIPT.replace("PLANNER", planner).replace("FOLDER", repr(str(tmp_path / f"{name}_out"))))
+        done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path)
+        assert done.returncode == 0 and done.stderr == ""
+        return done.stdout
+
+    assert said("'astar'", "others.py") == "begins\n\n"
+    told = said("Own()", "own.py")
+    assert told.count("begins") == 1 and "put what runs experiments under `if __name__ == '__main__':`" in told
+
+
+def test_a_class_of_a_notebook_is_refused_before_a_sweep_begins(tmp_path):
+    class Local(Direct):
+        pass
+
+    with pytest.raises(PluginError, match="write it at the top of a .py file"):
+        rhs.sweep({**PLANNING, "planner": Local(), "output": tmp_path / "s"})
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_step_is_printed_in_one_line(tmp_path):
+    step = next(rhs.steps([*CHOICE, f"output={tmp_path / 'run'}"]))
+    assert repr(step).startswith("Step(index=0, phase='survey', stamp_s=") and len(repr(step)) < 150
 
 
 def test_a_sweep_is_a_data_frame(tmp_path):

@@ -99,6 +99,11 @@ def test_sums_are_made_on_one_thread_whatever_the_environment_says(tmp_path):
     assert done.stdout.strip() == str(["1"] * len(THREADS))
 
 
+def test_a_terminal_that_lacks_a_letter_is_no_accident(tmp_path):
+    done = child(tmp_path, *CHOICE, "output='with \u00fc'", PYTHONIOENCODING="ascii")
+    assert done.returncode == 0 and "with ?" in done.stdout and (tmp_path / "with \u00fc" / "row.json").exists(), done.stderr
+
+
 def test_a_closed_pipe_is_no_accident(tmp_path):
     done = subprocess.run(f"{sys.executable} -m rhs --help | head -1", shell=True, cwd=tmp_path, capture_output=True,
                           text=True, env=environment(FAKES), timeout=60)

@@ -11,7 +11,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Path, PlanReason
 from rhs.cli.main import main
 from rhs.metrics.explore import explored_share, floor_within_reach
-from rhs.patrol.explore import Explorer, summary
+from rhs.patrol.explore import PLANAR, Explorer, measured_anew, summary
 from rhs.patrol.frontiers import ExploreSettings, Frontiers
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionAdvanced, MissionSettings
@@ -174,3 +174,18 @@ def test_a_source_that_cannot_be_driven_is_refused():
         check_explorable(parts, frozenset({"scan"}))
     with pytest.raises(ConfigError, match="leave slam= out"):
         check_explorable(SimpleNamespace(**(vars(parts) | {"slam": object()})), frozenset({"scan"}))
+
+
+def test_a_pose_measured_anew_keeps_a_covariance():
+    """Height goes with x by 0.99: x known ten times better, what they shared is more than there is of x."""
+    covariance = np.eye(6)
+    covariance[0, 2] = covariance[2, 0] = 0.99
+    kept = measured_anew(covariance, np.eye(3))
+    np.testing.assert_allclose(kept, covariance, atol=1e-15)
+    better = measured_anew(covariance, 0.01 * np.eye(3))
+    assert np.linalg.eigvalsh(better).min() > 0.0
+    np.testing.assert_allclose(better[np.ix_(PLANAR, PLANAR)], 0.01 * np.eye(3))
+    assert better[0, 2] == pytest.approx(0.0099) and better[2, 2] == pytest.approx(1 - 0.99**2 + 0.99**2 * 0.01)
+    replaced = covariance.copy()
+    replaced[np.ix_(PLANAR, PLANAR)] = 0.01 * np.eye(3)
+    assert np.linalg.eigvalsh(replaced).min() < 0.0

@@ -8,6 +8,7 @@ from installing import CHOICE, FAKES, installed
 
 import rhs
 from rhs.base.errors import ConfigError
+from rhs.cli.main import main
 from rhs.config.compose import compose_config
 from rhs.recording.reader import read
 
@@ -71,3 +72,9 @@ def test_a_strangers_metric_stands_in_the_row_and_a_broken_one_costs_only_itself
     assert row["views_seen"] == 6 and row["status"] == "ok"
     assert np.isnan(row["broken_m"]) and "broken_m: ZeroDivisionError" in row["metric_failures"]
     assert json.loads((tmp_path / "run" / "row.json").read_text())["broken_m"] is None
+
+
+def test_a_broken_metric_is_said_at_the_end_of_a_run_with_its_line(tmp_path, capsys):
+    assert main([*CHOICE, "task=survey", f"output={tmp_path / 'run'}"]) == 3
+    said = capsys.readouterr().err
+    assert "a figure or a picture failed: broken_m: ZeroDivisionError: float division by zero (metrics.py:7)" in said

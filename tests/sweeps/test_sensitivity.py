@@ -46,7 +46,7 @@ def test_half_and_double_within_the_range(monkeypatch):
     assert list(left_out) == ["odometry.off"] and "no double" in left_out["odometry.off"]
     assert [one.key for one in changes_of("odometry", config, ["cou"])[0]] == ["odometry.count"]
     with pytest.raises(ConfigError, match="no such numeric setting as nothing"):
-        changes_of("odometry", config, ["nothing"])
+        changes_of("odometry", config, ["cou", "nothing"])
 
 
 def test_settings_of_nested_groups_are_found_and_composed():
@@ -81,11 +81,31 @@ def test_an_effect_by_hand():
     ([], "say which part"), (["source=simulator"], "say which part"), (["odometry=procrusts"], "did you mean"),
     (["odometry=wheel", "localiser=sift_db,odometry_only"], "localiser takes one value"),
     (["planner=prm", "planner.milestones=-4"], "milestones"),
-    (["localiser=sift_db", "--recording", "x"], "needs a robot that drives")])
-def test_what_is_no_question_is_refused_in_one_line(words, says):
-    recording = words.pop() if "--recording" in words else ""
-    with pytest.raises(ConfigError, match=says):
-        ask([word for word in words if word != "--recording"], recording=recording)
+    (["localiser=sift_db", "--recording", "x"], "compared by patrol_rmse_m, which no recording tells"),
+    (["mapper=occupancy", "--recording", "x"], "compared by map_agreement, which no recording tells"),
+    (["odometry=procrustes", "--recording", "'x"], "No closing quotation"),
+    (["odometry=procrustes", "--data", "nowhere"], "nothing at nowhere/rgbd"),
+    (["odometry=wheel", "sensor=laser", "--data", "nowhere"], "no true poses")])
+def test_what_is_no_question_is_refused_in_one_line(words, says, capsys):
+    assert main(["sensitivity", *words]) == 2
+    said = capsys.readouterr().err
+    assert says in said and said.count("\n") == 1
+
+
+def test_recordings_are_asked_in_addition(tmp_path, monkeypatch):
+    """Each is a pair of its own, without the words that are the buildings'; a folder's name may hold anything."""
+    monkeypatch.setattr("rhs.sweeps.recorded.check_data", lambda data, names: None)
+    data = tmp_path / "with a space, (brackets)"
+    words = ["odometry=procrustes", "world=square_small", "seed=0,1", "source.image_width=320"]
+    given = [sensitivity.recording(f"'{tmp_path}/one two' source.camera=tum_fr1"), sensitivity.recording("other")]
+    asked = ask(words, only=["min_inliers"], recordings=[*given, *sensitivity.frozen(data, words)])
+    assert [where for where, _ in asked.pairs] == ["square_small", "square_small", f"{tmp_path}/one two", "other",
+                                                   "tum_fr1_rpy_60", "open3d_5"]
+    sources = [job.config.source.settings for _, job in asked.pairs[2:]]
+    assert [str(one.path) for one in sources] == [f"{tmp_path}/one two", "other", f"{data}/rgbd/tum_fr1_rpy_60",
+                                                  f"{data}/rgbd/open3d_5"]
+    assert [one.camera for one in sources] == ["tum_fr1", "auto", "tum_fr1", "auto"]
+    assert [[job.config.odometry.settings.min_inliers for job in jobs] for jobs in asked.changed] == [[6] * 6, [24] * 6]
 
 
 def test_the_command_goes_on_where_it_was_stopped(tmp_path, capsys):

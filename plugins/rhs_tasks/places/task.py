@@ -17,8 +17,9 @@ import numpy as np
 
 from rhs.api.files import replacing
 from rhs.api.geometry import planar
-from rhs.api.records import BeliefStatus, Motion, Observation, Step, Tracking, View
+from rhs.api.records import Belief, BeliefStatus, Motion, Step, Tracking, View
 from rhs.api.task import Parts, TaskContext, Value
+from rhs.api.validate import check_belief
 from rhs.estimation.survey import ViewCollector, draw, revise
 from rhs.estimation.views.features import features
 from rhs.estimation.views.place_files import save
@@ -107,20 +108,20 @@ def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]],
     for begin in np.linspace(0, 0.9 * last, settings.sequences).astype(int):
         parts.localiser.start(None)
         way_m, k = 0.0, int(begin)
-        belief = parts.localiser.update(_seen(queried[k][1]), STILL)
+        belief = _believed(parts, queried[k][1], STILL)
         while way_m < settings.sequence_m and k < last:
             k += 1
             step = queried[k][1]
             way_m += float(np.hypot(*planar(step.motion.previous_from_body)[:2]))
-            belief = parts.localiser.update(_seen(step), step.motion)
+            belief = _believed(parts, step, step.motion)
         sure = belief.status is BeliefStatus.TRACKING
         pose = belief.map_from_body if sure else None
         out.append(Answered(judge_pose(pose, queried[k][0].map_from_body), belief.probability))
     return out
 
 
-def _seen(step: Step) -> Observation:
-    return step.observation
+def _believed(parts: Parts, step: Step, motion: Motion) -> Belief:
+    return check_belief(parts.localiser.update(step.observation, motion), who=parts.who["localiser"])
 
 
 def columns(memory: Memory, answers: dict[str, list[Answered]]) -> dict[str, Any]:
