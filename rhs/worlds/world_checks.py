@@ -107,7 +107,7 @@ def _check_route(world: World, file: Located) -> None:
     for leg, points in legs.items() if timed else ():
         distance, thing = min(distance_m(standing, point) for point in points)
         if distance <= 0.0:
-            raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: {leg} {thing}, which stands there during the survey "
+            raise ConfigError(f"{file.where('route_m')}: ROUTE_OCCUPIED: {leg} {thing}, which is there in the survey "
                               "as at 0 s; lead it round, or have it stand elsewhere then")
 
 

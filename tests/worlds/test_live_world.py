@@ -115,7 +115,7 @@ like: square_small
     ("doors: [{name: d, hinge_m: [0, 4], closed_deg: 0, open_deg: 90, closed_s: [[5, 2]]}]", "each later"),
     ("timed: [{name: t, centre_m: [3, 1], size_m: [0.4, 0.4, 1], stands_s: [[0, 5]]}]", "robot's radius"),
     ("doors: [{name: d, hinge_m: [4, 0.1], width_m: 1.8, closed_deg: 0, open_deg: 90, closed_s: [[5, 9]]}]",
-     "ROUTE_OCCUPIED: the leg from .* goes through box 'd', which stands there during the survey"),
+     "ROUTE_OCCUPIED: the leg from .* goes through box 'd', which is there in the survey"),
     ("light_s: [[0, 9]]", "brightness of 0.05 to 3"),
 ])
 def test_what_cannot_move_so_is_refused(tmp_path, text, says):
