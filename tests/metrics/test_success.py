@@ -17,7 +17,7 @@ from rhs.metrics.success import success_of
     ({"status": "ok", "task": "patrol", "places_total": 4, "places_visited": 1}, (0.0, "1 of 4 places")),
     ({"status": "ok", "places_total": 4, "places_visited": None}, (0.0, "0 of 4 places")),
     ({"status": "ok", "task": "survey", "places_total": 4, "places_visited": 0, "tracked_share": 0.9}, (1.0, "")),
-    ({"status": "ok", "task": "localise", "belief_lost_share": 0.79}, (0.0, "lost in 79% of the views")),  # nobody knows more
+    ({"status": "ok", "task": "localise", "belief_lost_share": 0.79}, (0.0, "lost in 79% of the views")),
     ({"status": "ok", "task": "survey", "tracked_share": 0.31}, (0.0, "tracked in 31% of the views")),
     ({"status": "ok", "task": "survey", "tracked_share": 1.0, "map_inconsistency": 0.03, "way_sigma_m": 0.4}, (1.0, "")),
     ({"status": "ok", "task": "survey", "tracked_share": 1.0, "map_inconsistency": 0.06},
