@@ -156,7 +156,7 @@ def open_recording(settings) -> Recording:
         raise ConfigError(f"source.path={settings.path} is a FIFO or a device; expected a file or a folder")
     try:
         kind = settings.format if settings.format != "auto" else _format_of(path)
-        _check_mounts(kind, settings)
+        _check_used(kind, settings)
         if kind in FORMATS:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
@@ -165,21 +165,27 @@ def open_recording(settings) -> Recording:
                       "TartanAir folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
 
 
-# Which settings a format has a use for: what was typed for another is refused, not ignored.
-MOUNTS = {"bag": ("scan_mount", "camera_mount", "body_frame", "depth_camera"), "carmen": ("scan_mount",),
-          "tum": ("camera_mount", "depth_camera"), "seven_scenes": ("camera_mount", "depth_camera"),
-          **dict.fromkeys(("kitti", "kitti_raw", "tartan"), ("camera_mount", "rate_hz", "stereo")), "run": ("stereo",),
-          "euroc": ("camera_mount", "stereo"), "video": ("camera_mount", "rate_hz"), "frames": ("camera_mount", "rate_hz"),
-          "clouds": ("scan_mount", "rate_hz")}
+# Which formats have a use for a setting: what was typed for another is refused, not ignored.
+_FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video")
+USED_BY = {
+    "scan_mount": ("bag", "carmen", "clouds"), "camera_mount": (*_FOLDERS, "bag"), "body_frame": ("bag",),
+    "rate_hz": ("kitti", "kitti_raw", "tartan", "frames", "video", "clouds"),
+    "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
+    "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video", "clouds",
+                                            "carmen"),
+    "truth_topic": ("bag",), "truth_frame": ("bag",),
+}
 
 
-def _check_mounts(kind: str, settings) -> None:
-    for name in ("scan_mount", "camera_mount", "body_frame", "rate_hz", "stereo", "depth_camera"):
-        if getattr(settings, name) and name not in MOUNTS.get(kind, ()):
-            if name == "stereo":
-                raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "
-                                  "camera is read; type sensor=rgbd, or a KITTI, EuRoC or TartanAir folder")
-            raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
+def _check_used(kind: str, settings) -> None:
+    for name, kinds in USED_BY.items():
+        typed = getattr(settings, name)
+        if not typed or (name == "camera" and typed == "auto") or kind in kinds or kind not in FORMATS:
+            continue
+        if name == "stereo":
+            raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "
+                              "camera is read; type sensor=rgbd, or a KITTI, EuRoC or TartanAir folder")
+        raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 
 def _facts(settings, provides: frozenset[str]) -> WorldFacts:

@@ -75,7 +75,9 @@ def open_bag(path: Path, settings) -> Recording:
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
-        truth = read_truth(reader, found, settings, camera)
+        sees = topics.color or topics.around or topics.scan
+        truth = read_truth(reader, found, settings, frame=_frame(reader, sees), body_from_frame=camera.body_from_camera
+                           if topics.color else placed.cloud if topics.around else placed.scan)
     except BaseException:
         reader.close()
         raise
@@ -94,7 +96,7 @@ def open_bag(path: Path, settings) -> Recording:
         finally:
             reader.close()
 
-    total = reader.topics[topics.color or topics.around or topics.scan].msgcount
+    total = reader.topics[sees].msgcount
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
     return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)

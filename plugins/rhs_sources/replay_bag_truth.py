@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import Camera, inverse
+from rhs.api.geometry import inverse
 
 from . import replay_bag_messages as ros
 from .replay_stamps import Truth, ascending
@@ -38,8 +38,9 @@ MOST_LINKS = 50
 NO_TRUTH = BagTruth((), np.eye(4))
 
 
-def read_truth(reader, found: dict[str, str], settings, camera: Camera) -> BagTruth:
-    """The truth the user named by source.truth_topic (poses of the body) or source.truth_frame (tf to the camera)."""
+def read_truth(reader, found: dict[str, str], settings, *, frame: str, body_from_frame: np.ndarray | None) -> BagTruth:
+    """The truth the user named by source.truth_topic (poses of the body) or source.truth_frame (tf down to `frame`, that of
+    the images, clouds or scans, which sits at the body where nothing is said)."""
     if settings.truth_topic:
         topic, known = settings.truth_topic, sorted(t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in POSES)
         if topic not in known:
@@ -49,7 +50,8 @@ def read_truth(reader, found: dict[str, str], settings, camera: Camera) -> BagTr
         poses = [(stamp, ros.pose_of(message, topic)) for stamp, message in _read(reader, topic)]
         return BagTruth((_track(poses, settings),), np.eye(4))
     if settings.truth_frame:
-        return BagTruth(_from_tf(reader, settings), inverse(camera.body_from_camera))
+        return BagTruth(_from_tf(reader, settings, frame.strip("/")),
+                        np.eye(4) if body_from_frame is None else inverse(body_from_frame))
     return NO_TRUTH
 
 
@@ -75,8 +77,8 @@ class _Fixed(Truth):
         return self.poses[0]
 
 
-def _from_tf(reader, settings) -> tuple[Truth, ...]:
-    """The chain of transforms from the fixed frame down to the frame of the colour images."""
+def _from_tf(reader, settings, frame: str) -> tuple[Truth, ...]:
+    """The chain of transforms from the fixed frame down to a frame."""
     links: dict[tuple[str, str], list] = {}  # (child, parent): a frame may have several, of odometry and of motion capture
     fixed: set[tuple[str, str]] = set()
     for topic in ("/tf", "/tf_static"):
@@ -86,19 +88,12 @@ def _from_tf(reader, settings) -> tuple[Truth, ...]:
                 links.setdefault(link, []).append((ros.stamp_of(t) or arrived_s, ros.pose_of(t, topic)))
                 if topic == "/tf_static":
                     fixed.add(link)
-    frame, wanted = _camera_frame(reader, settings), settings.truth_frame.strip("/")
-    ways: dict[str, tuple[tuple[str, str], ...]] = {frame: ()}  # frame -> the links that lead up to it from the camera
+    wanted = settings.truth_frame.strip("/")
+    ways: dict[str, tuple[tuple[str, str], ...]] = {frame: ()}  # the links that lead up to each from the frame
     for _ in range(MOST_LINKS):
         ways = {parent: (*ways[child], (child, parent)) for child, parent in links if child in ways} | ways
     if wanted not in ways:
         known = ", ".join(sorted({name for link in links for name in link})) or "no tf at all"
-        raise ConfigError(f"{settings.path}: no tf chain from {wanted} to the camera; found {known}")
+        raise ConfigError(f"{settings.path}: no tf chain from {wanted} to {frame or 'the sensor'}; found {known}")
     tracks = [(link, _track(links[link], settings)) for link in reversed(ways[wanted])]
     return tuple(_Fixed(track.stamps_s, track.poses, 0.0) if link in fixed else track for link, track in tracks)
-
-
-def _camera_frame(reader, settings) -> str:
-    images = [c for c in reader.connections if c.msgtype.endswith("Image") and "depth" not in c.topic
-              and settings.color_topic in ("", c.topic)]
-    _, message = next(_read(reader, images[0].topic), (0.0, None)) if images else (0.0, None)
-    return message.header.frame_id.strip("/") if message is not None else ""

@@ -14,14 +14,21 @@ from .replay_tum import Recording
 
 
 def is_run(path: Path) -> bool:
-    """Whether the file is a recording by rhs."""
+    """Whether it is a recording by rhs, or the folder of a run that holds one."""
+    path = _file(path)
     return path.suffix == ".mcap" and path.is_file() and read_head(path) is not None
+
+
+def _file(path: Path) -> Path:
+    return path / "run.mcap" if path.is_dir() else path
 
 
 def open_run(path: Path, settings) -> Recording:
     """The views of one phase of a recorded run. A recording without images is refused."""
-    head = read_head(path)
-    assert head is not None
+    path = _file(path)
+    head = read_head(path) if path.is_file() else None
+    if head is None:
+        raise ConfigError(f"{path} is no recording that rhs wrote; leave source.format out")
     if head.level != "full":
         raise ConfigError(f"{path}: recorded with recording={head.level}, which keeps no images; record with "
                           "recording=full to replay")
@@ -29,7 +36,9 @@ def open_run(path: Path, settings) -> Recording:
     lost: list[str] = []
     views = _views(path, settings, lost)
     first = next(views)
-    provides = (settings.provides - {"extras"}) | set(first[0].extras)
+    capture = first[0]
+    held = {"image": capture.image, "gray": capture.image, "depth": capture.depth, "scan": capture.scan}
+    provides = frozenset({word for word, what in held.items() if what is not None} | {"wheel"} | set(capture.extras))
     return Recording(head.camera, chain([first], views), None, Counter(), facts, provides, lost)
 
 

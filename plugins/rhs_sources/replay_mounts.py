@@ -95,15 +95,19 @@ class Mounts:
 
 
 def fixed_links(transforms) -> dict[str, tuple[str, np.ndarray]]:
-    """Of (child, parent, pose, is static) in the order of a bag: those that never move."""
+    """Of (child, parent, pose, is static), the static ones first: those that never move. A static one stands whatever else
+    is said of its child (motion capture sees it under a parent of its own)."""
     links: dict[str, tuple[str, np.ndarray]] = {}
     moving: set[str] = set()
+    stands: set[str] = set()
     for child, parent, pose, static in transforms:
+        if static:
+            stands.add(child)
         if child not in links:
             links[child] = (parent, pose)
             continue
         off = inverse(links[child][1]) @ pose
-        if not static and (np.linalg.norm(off[:3, 3]) > STILL_M or np.linalg.norm(log_so3(off[:3, :3])) > STILL_RAD
+        if child not in stands and (np.linalg.norm(off[:3, 3]) > STILL_M or np.linalg.norm(log_so3(off[:3, :3])) > STILL_RAD
                            or parent != links[child][0]):
             moving.add(child)
     return {child: link for child, link in links.items() if child not in moving}

@@ -95,6 +95,9 @@ def rows(path) -> list[tuple[int, list[str]]]:
     out = []
     try:
         text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file; is the recording of another form? (source.format=auto looks at the "
+                          "files)") from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: found {path.stat().st_size} bytes that are no text; expected lines of words") from None
     for number, line in enumerate(text.splitlines(), start=1):

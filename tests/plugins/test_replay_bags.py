@@ -149,7 +149,7 @@ def test_truth_from_tf_follows_the_chain_to_the_camera(tmp_path):
     path = write(tmp_path, extra=extra)
     _, seen = views(path, truth_frame="world")
     np.testing.assert_allclose([truth[0, 3] for _, truth in seen], [0.5, 1.5, 2.5, 3.5], atol=1e-6)
-    with pytest.raises(ConfigError, match="no tf chain from map to the camera; found camera, rig, world"):
+    with pytest.raises(ConfigError, match="no tf chain from map to camera; found camera, rig, world"):
         views(path, truth_frame="map")
 
 

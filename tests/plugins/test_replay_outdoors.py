@@ -153,3 +153,11 @@ def test_broken_folders_of_tartan_air_are_refused_in_one_line(tmp_path):
     assert "depth" not in views(folder, depth_topic="none")[0].provides
     (folder / "image_right").rename(folder / "elsewhere")
     assert "holds no image_right" in refused(folder, stereo=True)
+
+
+@pytest.mark.parametrize(("settings", "words"), [
+    ({"format": "kitti"}, "calib.txt: no such file"),
+    ({"truth_frame": "world"}, "source.truth_frame: a recording of the kind tartan has no use for it"),
+    ({"format": "run"}, "is no recording that rhs wrote")])
+def test_what_does_not_belong_to_a_form_is_refused_in_one_line(tmp_path, settings, words):
+    assert words in refused(tartan(tmp_path), **settings)

@@ -69,3 +69,9 @@ def test_what_cannot_be_replayed(run, tmp_path):
     (tmp_path / "stub.mcap").write_bytes(run.read_bytes()[:3000])
     with pytest.raises(ConfigError, match="no complete view"):
         replay(tmp_path / "stub.mcap")
+
+
+def test_the_folder_of_a_run_is_its_recording(run, tmp_path):
+    (tmp_path / "run.mcap").write_bytes(run.read_bytes())
+    (folder, _), (file, _) = replay(tmp_path), replay(run)
+    assert folder.facts == file.facts and file.facts.name == FACTS.name
