@@ -216,6 +216,14 @@ class FitSettings:
     expected: float = 0.75
     """share of a scan's ends in mapped ground that lie on walls, at which a right pose is as likely
     as the best wrong one"""
+    rival_weight: float = 0.5
+    """how far the share from the best rival place on the map moves `expected` to itself (0: not at all)"""
+    rivals_m: float = 1.0
+    """way between two searches for rivals, metres"""
+    apart_m: float = 1.0
+    """nearer than this to the belief nothing is a rival, metres"""
+    rivals: int = 30
+    """rivals looked at, the likeliest first, one in each square metre"""
     slope: float = 6.0
     """log-odds that a share larger by 1 is worth"""
     step: float = 1.5
@@ -240,12 +248,17 @@ class FitSettings:
     """a belief that moved so far off its own motion is another belief, metres"""
     jump_deg: float = 30.0
     """or turned off it by so much, degrees"""
+    slip_m: float = 0.5
+    """a belief that scans pulled so far off its own motion, metres, ..."""
+    slip_over_m: float = 3.0
+    """... over so much way, is not trusted: at the end of the map it stays where the walls still look alike"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, expected=(0.0, 1.0), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
+        check_ranges("", self, expected=(0.0, 1.0), rival_weight=(0.0, 1.0), rivals_m=(0.0, 1000.0), apart_m=(0.0, 1000.0),
+                     rivals=(1, 10_000), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
                      most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4), reach_m=(0.01, 10.0),
                      range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), mapped=(0.0, 1.0),
-                     jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
+                     jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0), slip_m=(0.0, 1000.0), slip_over_m=(0.1, 1000.0))
 
 
 @dataclass

@@ -40,7 +40,7 @@ from .confirmation import Confirmation, Contradiction
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import NamedPlaces, PlaceEvidence
 from .scan_fit import FitWatch
-from .scan_search import summits, throws
+from .scan_search import rivals, summits, throws
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 
@@ -115,8 +115,7 @@ class ParticleLocaliser:
         self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD, cluster_m=self._advanced.cluster_m,
                           cluster_rad=self._advanced.cluster_rad)
         if self._fit is not None:
-            self._fit.follow(self._expected, self._peak.mean)
-            self._fit.look(scan_of(observation, motion), self._peak.mean, self._fresh)
+            self._explain(self._fit, scan_of(observation, motion), motion)
         if self._places is not None:
             if self._expected is not None:
                 self._confirmation.follow(self._expected, self._peak.mean)
@@ -124,6 +123,19 @@ class ParticleLocaliser:
                 self._confirmation.divided()
         self._sure_views = self._sure_views + 1 if self._status() is BeliefStatus.TRACKING else 0
         return self._belief(self._peak)
+
+    def _explain(self, fit: FitWatch, scan: Scan | None, motion: Motion) -> None:
+        """What does the map explain of the scan, from the belief and from elsewhere?"""
+        assert self._peak is not None and self._field is not None and isinstance(self._advanced, ScanAdvanced)
+        a, believed = self._advanced, self._peak.mean
+        way_m = way_of(motion, a)
+        fit.follow(self._expected, believed, way_m)
+        if scan is not None and fit.rivals_due(way_m):
+            score = partial(self._field.log_likelihood, scan=scan)
+            thrown = self._field.anywhere(throws(self._field.area_m2, a.search), self._rng)
+            found = summits(thrown, score(thrown), score, self._rng, a.search).states
+            fit.compare(scan, rivals(found, score(found), believed, a.fit.apart_m, a.fit.rivals))
+        fit.look(scan, believed, self._fresh)
 
     def _watch(self, observation: Observation, motion: Motion) -> None:
         """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
@@ -290,9 +302,13 @@ class ParticleLocaliser:
 
 def freshness(motion: Motion, a: ScanAdvanced) -> float:
     """How much of a view after this motion is new (0..1): a robot that stands sees the same errors again."""
+    return min(1.0, way_of(motion, a) / a.fresh_m) if a.fresh_m > 0 else 1.0
+
+
+def way_of(motion: Motion, a: ScanAdvanced) -> float:
+    """Metres of a motion, a turn counted by `fresh_lever_m`."""
     x_m, y_m, yaw_rad = planar(motion.previous_from_body)
-    way_m = float(np.hypot(x_m, y_m)) + a.fresh_lever_m * abs(float(yaw_rad))
-    return min(1.0, way_m / a.fresh_m) if a.fresh_m > 0 else 1.0
+    return float(np.hypot(x_m, y_m)) + a.fresh_lever_m * abs(float(yaw_rad))
 
 
 def scan_of(observation: Observation, motion: Motion) -> Scan | None:

@@ -17,6 +17,7 @@ from rhs.estimation.filters.particles import ParticleSet, displaced
 from .advanced import SearchSettings
 
 USUAL = SearchSettings()
+BIN = np.array([0.5, 0.5, np.pi / 6.0])  # metres and radians in which only the best throw climbs
 
 Score = Callable[[np.ndarray], np.ndarray]  # log-likelihoods (N,) of states (N, 3)
 
@@ -31,7 +32,7 @@ def summits(
 ) -> ParticleSet:
     """The cloud round the places where states (N, 3) thrown over the map, with their log-likelihoods (N,), climb to: each
     place (cluster) has a weight by its best likelihood."""
-    best = _best_of_each_bin(thrown, log_likelihood)[: s.climbers]
+    best = _best_of_each_bin(thrown, log_likelihood, BIN)[: s.climbers]
     states, value = thrown[best], log_likelihood[best]
     parent = np.tile(np.arange(len(states)), 1 + s.children)
     visited, heights = [thrown[best]], [value]
@@ -53,9 +54,19 @@ def summits(
     return ParticleSet(tried[kept], np.log(share[kept] / share[kept].sum()))
 
 
-def _best_of_each_bin(states: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Rows of the best state in each bin of half a metre and 30 degrees, best bin first: no place crowds out the others."""
-    bins = np.floor(states / [0.5, 0.5, np.pi / 6.0]).astype(int)
+def rivals(states: np.ndarray, log_likelihood: np.ndarray, believed: np.ndarray, apart_m: float, most: int) -> np.ndarray:
+    """(K, 3) the likeliest of states (N, 3) in each square metre that is further than apart_m from a pose (3,), at most
+    `most`, best first."""
+    away = np.hypot(*(states[:, :2] - believed[:2]).T) > apart_m
+    states, log_likelihood = states[away], log_likelihood[away]
+    return states[_best_of_each_bin(states, log_likelihood, np.array([1.0, 1.0, np.inf]))[:most]]
+
+
+def _best_of_each_bin(states: np.ndarray, value: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Rows of the best state in each bin of this size (3,), best bin first: no place crowds out the others."""
+    if not len(states):
+        return np.empty(0, np.intp)
+    bins = np.floor((states - states.min(axis=0)) / size).astype(int)
     order = np.argsort(-value, kind="stable")
-    _, first = np.unique(bins[order], axis=0, return_index=True)
+    _, first = np.unique(np.ravel_multi_index(tuple(bins[order].T), tuple(bins.max(axis=0) + 1)), return_index=True)
     return order[np.sort(first)]

@@ -19,6 +19,7 @@ import argparse
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -65,9 +66,10 @@ def main() -> int:
     return 0
 
 
-def mapped(log: Path, work: Path, which: str) -> tuple[GivenMap, int]:
-    """The map, and the first scan that may be asked about. Runs that lie in the folder are taken as they are."""
-    words = ["source=replay", f"source.path={log}", "sensor=laser", "recording=off", "pictures=off"]
+def mapped(log: Path, work: Path, which: str, more: Sequence[str] = ()) -> tuple[GivenMap, int]:
+    """The map, and the first scan that may be asked about. Runs that lie in the folder are taken as they are. more: words of
+    the command line for the source."""
+    words = ["source=replay", f"source.path={log}", "sensor=laser", "recording=off", "pictures=off", *more]
     if not (work / "whole" / "row.json").exists():
         rhs.run([*words, f"output={work / 'whole'}"], quiet=True)
     truth = read_tum(work / "whole" / "corrected.tum")

@@ -73,10 +73,42 @@ def test_the_chance_grows_with_new_scans_that_fit_and_falls_with_others():
 def test_a_belief_that_leaps_off_its_motion_begins_anew():
     watch = FitWatch(room(), FitSettings(prior=0.1))
     watch.begin(0.99)
-    watch.follow(np.array([1.0, 1.0, 0.0]), np.array([1.2, 1.0, 0.1]))
+    watch.follow(np.array([1.0, 1.0, 0.0]), np.array([1.2, 1.0, 0.1]), 0.1)
     assert watch.chance == pytest.approx(0.99)
-    watch.follow(np.array([1.0, 1.0, 0.0]), np.array([2.0, 1.0, 0.0]))
+    watch.follow(np.array([1.0, 1.0, 0.0]), np.array([2.0, 1.0, 0.0]), 0.1)
     assert watch.chance == pytest.approx(0.1)
+
+
+def test_a_belief_that_stays_behind_its_motion_is_not_trusted_until_it_follows_again():
+    watch = FitWatch(room(), FitSettings(prior=0.1, slip_m=0.5, slip_over_m=3.0, least_beams=2))
+    watch.begin(0.99)
+    for _ in range(20):  # 0.2 m behind in 2 m
+        watch.follow(np.array([1.1, 1.0, 0.0]), np.array([1.09, 1.0, 0.0]), 0.1)
+    assert watch.chance == pytest.approx(0.99)
+    for _ in range(20):  # 0.6 m more in 2 m
+        watch.follow(np.array([1.1, 1.0, 0.0]), np.array([1.07, 1.0, 0.0]), 0.1)
+    assert watch.chance == pytest.approx(0.1)
+    at, seen = np.array([2.0, 2.5, 0.0]), scan(1.95, 1.45)
+    for _ in range(40):  # 4 m as it moved: forgotten, and the walls count again
+        watch.follow(np.array([1.1, 1.0, 0.0]), np.array([1.1, 1.0, 0.0]), 0.1)
+    for _ in range(10):
+        watch.look(seen, at, 1.0)
+        watch.follow(np.array([1.1, 1.0, 0.0]), np.array([1.1, 1.0, 0.0]), 0.1)
+    assert watch.chance > 0.9
+
+
+def test_a_rival_that_explains_as_much_takes_the_worth_of_a_scan():
+    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, expected=0.7, rival_weight=0.5, slope=2.0, rivals_m=1.0))
+    at, twin, wrong, seen = (2.0, 2.5, 0.0), (2.0, 2.5, 0.0), (2.0, 1.0, 0.0), scan(1.95, 1.45)
+    assert watch.rivals_due(0.0)  # none is known yet
+    watch.compare(seen, np.array([twin, wrong]))
+    assert watch.rival == 1.0 and not watch.rivals_due(0.9) and watch.rivals_due(0.1)
+    watch.look(seen, np.array(at), 1.0)
+    assert watch.chance == pytest.approx(1.0 / (1.0 + 4.0 * np.exp(-2.0 * (1.0 - 0.85))))  # expected: (0.7 + 1) / 2
+    alone = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, expected=0.7, rival_weight=0.5, slope=2.0))
+    alone.compare(seen, np.empty((0, 3)))
+    alone.look(seen, np.array(at), 1.0)
+    assert alone.chance == pytest.approx(1.0 / (1.0 + 4.0 * np.exp(-2.0 * (1.0 - 0.7))))
 
 
 def test_what_is_new_in_a_scan_goes_with_the_way():
