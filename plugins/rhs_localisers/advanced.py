@@ -213,10 +213,10 @@ class SearchSettings:
 class FitSettings:
     """Whether the map explains what is seen; see scan_fit.py."""
 
-    expected: float = 0.75
+    expected: float = 0.65
     """share of a scan's ends in mapped ground that lie on walls, at which a right pose is as likely
     as the best wrong one"""
-    rival_weight: float = 0.5
+    rival_weight: float = 0.65
     """how far the share from the best rival place on the map moves `expected` to itself (0: not at all)"""
     rivals_m: float = 1.0
     """way between two searches for rivals, metres"""
@@ -224,7 +224,7 @@ class FitSettings:
     """nearer than this to the belief nothing is a rival, metres"""
     rivals: int = 30
     """rivals looked at, the likeliest first, one in each square metre"""
-    slope: float = 6.0
+    slope: float = 4.0
     """log-odds that a share larger by 1 is worth"""
     step: float = 1.5
     """most that one scan is worth, log-odds"""
