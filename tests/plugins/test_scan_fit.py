@@ -61,7 +61,7 @@ def test_the_chance_grows_with_new_scans_that_fit_and_falls_with_others():
     watch.look(fits, at, 0.0)
     assert watch.chance == pytest.approx(0.1)  # nothing new
     watch.look(fits, at, 1.0)
-    assert watch.chance == pytest.approx(1.0 / (1.0 + 9.0 * np.exp(-1.5)))  # odds 1:9, and 6 * (1 - 0.75)
+    assert watch.chance == pytest.approx(1.0 / (1.0 + 9.0 * np.exp(-1.4)))  # odds 1:9, and 4 * (1 - 0.65)
     for _ in range(20):
         watch.look(fits, at, 1.0)
     assert watch.chance == pytest.approx(0.9995)
