@@ -88,4 +88,4 @@ def test_a_strangers_metric_stands_in_the_row_and_a_broken_one_costs_only_itself
 def test_a_broken_metric_is_said_at_the_end_of_a_run_with_its_line(tmp_path, capsys, broken):
     assert main([*CHOICE, "task=survey", f"output={tmp_path / 'run'}"]) == 3
     said = capsys.readouterr().err
-    assert f"a figure or a picture failed: broken_m: ZeroDivisionError: float division by zero ({Path(__file__).name}:" in said
+    assert f"broken_m: ZeroDivisionError: float division by zero ({Path(__file__).name}:" in said
