@@ -108,13 +108,17 @@ class BagFile:
                             range_max=10.0, ranges=values, intensities=np.zeros(0, np.float32))
         self.put(topic, stamp_s, message)
 
-    def cloud(self, topic: str, stamp_s: float, points: np.ndarray) -> None:
-        field = "sensor_msgs/msg/PointField"
-        fields = [self.make(field, name=n, offset=4 * i, datatype=7, count=1) for i, n in enumerate("xyz")]
-        data = np.ascontiguousarray(points, np.float32)
-        message = self.make("sensor_msgs/msg/PointCloud2", header=self.header(stamp_s), height=1, width=len(data),
-                            fields=fields, is_bigendian=False, point_step=12, row_step=12 * len(data),
-                            data=data.view(np.uint8).ravel(), is_dense=True)
+    def cloud(self, topic: str, stamp_s: float, points: np.ndarray, times_ns: np.ndarray | None = None) -> None:
+        """times_ns: of each point, in a field `t`, as Ouster's driver writes it."""
+        kind = np.dtype([(n, "<f4") for n in "xyz"] + ([] if times_ns is None else [("t", "<u4")]))
+        table = np.zeros(len(points), kind)
+        for name, column in zip("xyzt", [*np.asarray(points).T, *([] if times_ns is None else [times_ns])], strict=False):
+            table[name] = column
+        fields = [self.make("sensor_msgs/msg/PointField", name=n, offset=4 * i, datatype=7 if n != "t" else 6, count=1)
+                  for i, n in enumerate(kind.names or ())]
+        message = self.make("sensor_msgs/msg/PointCloud2", header=self.header(stamp_s), height=1, width=len(table),
+                            fields=fields, is_bigendian=False, point_step=kind.itemsize, row_step=table.nbytes,
+                            data=table.view(np.uint8).ravel(), is_dense=True)
         self.put(topic, stamp_s, message)
 
     def transform(self, topic: str, stamp_s: float, parent: str, child: str, x: float, yaw: float = 0.0,

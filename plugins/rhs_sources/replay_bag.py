@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3, transform
+from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
 from rhs.recording.mcap_scan import open_scan
 
@@ -24,6 +24,7 @@ from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair
 from .replay_mounts import Mounts, fixed_links, mount_of, mounted
 from .replay_register import DepthCamera, typed_depth_camera
+from .replay_stamps import cloud_extras
 from .replay_tum import Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -312,7 +313,7 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             if not topics.color and not topics.around:
                 yield Capture(0, stamp, scan=scan, sensed=True), wheel
         elif topic == topics.around:
-            yield Capture(0, stamp, scan=scan, sensed=True, extras={"cloud": _cloud(message, topic, placed.cloud)}), wheel
+            yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), wheel
         else:
             waiting[topic].append((stamp, message))
             for pair in _paired(waiting, topics, settings, counts):
@@ -366,11 +367,11 @@ def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) 
     return Capture(0, stamp, image=image, depth=depth, scan=scan, sensed=True)
 
 
-def _cloud(message, topic: str, body_from_cloud: np.ndarray | None) -> np.ndarray:
-    """(N, 3) float32 finite points in the body frame."""
-    points = ros.points_of(message, topic)
-    points = points[np.isfinite(points).all(axis=1)]
-    return (points if body_from_cloud is None else transform(body_from_cloud, points)).astype(np.float32)
+def _cloud(message, topic: str, stamp_s: float, placed: Placed) -> dict[str, np.ndarray]:
+    """Its finite points in the body frame, and their times if it has them."""
+    points, times = ros.points_of(message, topic)
+    finite = np.isfinite(points).all(axis=1)
+    return cloud_extras(points[finite], None if times is None else times[finite], stamp_s, placed.cloud)
 
 
 def _with(capture: Capture, index: int, travel) -> Capture:

@@ -13,6 +13,7 @@ from rhs.api.records import Scan
 
 from .replay_images import UnreadableImage, metres
 from .replay_rvl import unpacked_rvl
+from .replay_stamps import TIME_FIELDS
 
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
@@ -23,6 +24,7 @@ DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled ends add
 FURTHEST_M = 500.0  # that lasers which look round see
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
+NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **FLOATS}
 
 
 def stamp_of(message) -> float:
@@ -130,7 +132,7 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
                 camera_from_cloud: np.ndarray | None = None) -> np.ndarray:
     """(H, W) float32 metres of a PointCloud2, whose frame is the camera's optical one or stands to it as given: organised as
     it is where the frames are one, else the nearest point that falls on each pixel."""
-    points = points_of(message, topic)
+    points, _ = points_of(message, topic)
     count = len(points)
     elsewhere = camera_from_cloud is not None and not np.allclose(camera_from_cloud, np.eye(4), atol=1e-6)
     if camera_from_cloud is not None and elsewhere:
@@ -150,16 +152,19 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
 
 
 
-def points_of(message, topic: str) -> np.ndarray:
-    """(N, 3) points of a PointCloud2 as it has them, in its own frame; unknown ones NaN."""
+def points_of(message, topic: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """(N, 3) points of a PointCloud2 as it has them, in its own frame, unknown ones NaN; and the time of each as it stands
+    there (N,), or None where it has none."""
     fields = {f.name: f for f in message.fields}
     if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
         raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
-    kind = np.dtype({"names": list("xyz"), "formats": [FLOATS[fields[n].datatype] for n in "xyz"],
-                     "offsets": [fields[n].offset for n in "xyz"], "itemsize": message.point_step})
+    timed = [name for name in TIME_FIELDS if name in fields and fields[name].datatype in NUMBERS][:1]
+    names = [*"xyz", *timed]
+    kind = np.dtype({"names": names, "formats": [NUMBERS[fields[n].datatype] for n in names],
+                     "offsets": [fields[n].offset for n in names], "itemsize": message.point_step})
     count = len(message.data) // max(message.point_step, 1)
     table = np.frombuffer(bytes(message.data), kind, count)
-    return np.stack([table[n] for n in "xyz"], axis=1).astype(float)
+    return np.stack([table[n] for n in "xyz"], axis=1).astype(float), table[timed[0]].astype(float) if timed else None
 
 
 def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Rules for the time stamps of recordings, association of two lists, and poses between two stamps."""
+"""Rules for the time stamps of recordings, association of two lists, poses between two stamps, times of a cloud's points."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import inverse, rotation_of_quaternion, se3
+from rhs.api.geometry import inverse, rotation_of_quaternion, se3, transform
 from rhs.api.settings import near_file
 
 UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
+CLOUD_TIME = "cloud_time_s"
+TIME_FIELDS = ("t", "time", "timestamp", "stamps", "time_stamp", "offset_time", "time_offset")  # as drivers call it
+POINT_UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
+TURN_S = (0.01, 0.5)  # scanners turn 2 to 100 times a second, which tells the unit
+OTHER_CLOCK_S = 1.0  # further than this from the cloud's stamp, times are of another clock
 
 
 def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
@@ -188,3 +193,30 @@ def read_tum_truth(path, settings) -> Truth:
     kept, rejected = in_order(stamps, settings.max_jump_s)
     rejected = rejected + Counter(unknown=unknown)
     return Truth(np.array(stamps)[kept], np.array(poses).reshape(-1, 4, 4)[kept], settings.max_truth_gap_s, rejected)
+
+
+def seconds_after(stamp_s: float, times: np.ndarray) -> np.ndarray | None:
+    """When each point of a turning lidar's cloud was seen, (N,) float32 seconds after the stamp of the cloud.
+
+    times (N,): as a driver wrote them, since the stamp, or since 1970 by its clock; where that is another clock, the first
+    point is taken to be of the stamp. None where they are no times of one turn."""
+    times = np.asarray(times, float)
+    if not len(times) or not np.isfinite(times).all():
+        return None
+    first = times.min()
+    unit = next((unit for unit in POINT_UNITS_S if TURN_S[0] <= (times.max() - first) * unit <= TURN_S[1]), None)
+    if unit is None:
+        return None
+    for begin in (0.0, stamp_s / unit):
+        after = (times - begin) * unit
+        if np.abs(after).max() <= OTHER_CLOCK_S:
+            return after.astype(np.float32)
+    return ((times - first) * unit).astype(np.float32)
+
+
+def cloud_extras(points: np.ndarray, times: np.ndarray | None, stamp_s: float,
+                 body_from_cloud: np.ndarray | None) -> dict[str, np.ndarray]:
+    """The extra modalities of a cloud (N, 3) in its own frame: `cloud`, in the body's, and its `cloud_time_s` if known."""
+    placed = points if body_from_cloud is None else transform(body_from_cloud, points.astype(float))
+    after = None if times is None else seconds_after(stamp_s, times)
+    return {"cloud": placed.astype(np.float32)} | ({} if after is None else {CLOUD_TIME: after})

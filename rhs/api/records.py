@@ -79,7 +79,7 @@ class Capture:
     view in the previous body frame (dx m, dy m, dyaw rad), or None. scan: of a laser scanner, or None.
     sensed: a sensor has taken this view already (a recording): it brings its own noise, and no sensor adds more.
     extras: further modalities by name (`imu`, `right_image`, ...), arrays of any shape; `cloud`: (N, 3) finite points in the
-    body frame, metres, of a lidar.
+    body frame, metres, of a lidar, and `cloud_time_s`: (N,) when each was seen, seconds after the stamp.
     contact: whether the robot's bumper was pressed since the previous view; None: it has none (a recording).
     """
 

@@ -1,17 +1,21 @@
 """A SLAM in the place of four parts, and modalities that rhs has never heard of, through loop, recording and replay."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from installing import CHOICE, FAKES, installed
 
 import rhs
+from rhs.api.metric import Metric
 from rhs.base.errors import ConfigError
 from rhs.cli.main import main
+from rhs.config import registry
 from rhs.config.compose import compose_config
 from rhs.recording.reader import read
 
+BROKEN = (Metric("broken_m", "m", "fails always", "nowhere", lambda run: 1.0 / 0.0, tasks=("survey",)),)
 OTHERS = [word for word in CHOICE if word.split("=")[0] not in ("odometry", "loop_closer", "mapper", "localiser")]
 
 
@@ -67,14 +71,21 @@ def test_extra_modalities_are_recorded_bit_for_bit_whatever_their_type(tmp_path)
             assert found.dtype == array.dtype and found.shape == array.shape and np.array_equal(found, array)
 
 
-def test_a_strangers_metric_stands_in_the_row_and_a_broken_one_costs_only_itself(tmp_path):
+@pytest.fixture
+def broken(fakes, monkeypatch):
+    """For this test only: a metric stands in every row of the process."""
+    monkeypatch.setattr(registry, "_by_hand", {})
+    rhs.register("metric", "broken", BROKEN)
+
+
+def test_a_strangers_metric_stands_in_the_row_and_a_broken_one_costs_only_itself(tmp_path, broken):
     row = rhs.run([*CHOICE, "task=survey", f"output={tmp_path / 'run'}"], quiet=True)
     assert row["views_seen"] == 6 and row["status"] == "ok"
     assert np.isnan(row["broken_m"]) and "broken_m: ZeroDivisionError" in row["metric_failures"]
     assert json.loads((tmp_path / "run" / "row.json").read_text())["broken_m"] is None
 
 
-def test_a_broken_metric_is_said_at_the_end_of_a_run_with_its_line(tmp_path, capsys):
+def test_a_broken_metric_is_said_at_the_end_of_a_run_with_its_line(tmp_path, capsys, broken):
     assert main([*CHOICE, "task=survey", f"output={tmp_path / 'run'}"]) == 3
     said = capsys.readouterr().err
-    assert "a figure or a picture failed: broken_m: ZeroDivisionError: float division by zero (metrics.py:7)" in said
+    assert f"broken_m: ZeroDivisionError: float division by zero ({Path(__file__).name}:" in said

@@ -59,7 +59,7 @@ PLY = "ply\nformat {} 1.0\nelement vertex 3\nproperty float x\nproperty float y\
 ])
 def test_a_cloud_file_gives_its_finite_points(tmp_path, name, data):
     (tmp_path / name).write_bytes(data)
-    np.testing.assert_allclose(read_cloud(tmp_path / name), POINTS[:2])
+    np.testing.assert_allclose(read_cloud(tmp_path / name)[0], POINTS[:2])
     (tmp_path / name).write_bytes(data[: len(data) - 13])  # cut
     with pytest.raises(ConfigError, match="bytes that are no") as error:
         read_cloud(tmp_path / name)

@@ -128,7 +128,8 @@ def test_the_command_goes_on_where_it_was_stopped(tmp_path, capsys):
 
 def test_a_recording_that_is_refused_ends_the_question_before_any_setting_is_tried():
     """Else it would count for nothing, and nobody be told."""
-    asked = ask(["odometry=orb", "world=square_small", "seed=0"], only=["ratio"], recording="views source.camera=tum_fr1")
+    asked = ask(["odometry=orb", "world=square_small", "seed=0"], only=["ratio"],
+                recordings=[sensitivity.recording("views source.camera=tum_fr1")])
     assert [job.config.source.settings.path for job in asked.recorded] == ["views"] and len(asked.pairs) == 2
     with pytest.raises(ConfigError, match=r"--recording 'PATH source.KEY=VALUE': views: no such file"):
         check_recorded([{"status": "refused", "reason": "views: no such file"}])

@@ -63,7 +63,7 @@ class VgicpAdvanced(LidarAdvanced):
 
 @dataclass
 class LidarOdometry:
-    """What both are told of the clouds (the extra modality `cloud`), taken at one instant each."""
+    """What both are told of the clouds: the extra modality `cloud`, and `cloud_time_s` where a recording knows it."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"cloud"})
     provides: ClassVar[frozenset[str]] = frozenset()
@@ -71,6 +71,8 @@ class LidarOdometry:
 
     voxel_m: float = 0.0
     """Side of the voxels of the map, metres; 0: by how far the first cloud's points are (advanced.voxels_of_range)."""
+    deskew: bool = True
+    """Points whose time is known are moved to where they would have been at the stamp of their cloud, as the robot moves."""
     min_range_m: float = 0.5
     """Nearer points are the robot itself, metres."""
     max_range_m: float = 100.0

@@ -33,10 +33,11 @@ class KissIcp(LidarOdometry):
         self._kiss = KissICP(config)
         self._kiss.register_frame(points, WITHOUT_STAMPS)
 
-    def align(self, points: np.ndarray, before: np.ndarray, wheel: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        guess = self._kiss.last_delta = self.last if wheel is None else wheel
+    def align(self, points: np.ndarray, before: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        self._kiss.last_delta = guess
         self._kiss.register_frame(points, WITHOUT_STAMPS)
-        return np.asarray(self._kiss.last_pose, float), guess
+        return np.asarray(self._kiss.last_pose, float)
 
-    def correct(self, pose: np.ndarray) -> None:
-        self._kiss.last_pose = pose
+    def settle(self, pose: np.ndarray, *, aligned: bool) -> None:
+        if not aligned:
+            self._kiss.last_pose = pose

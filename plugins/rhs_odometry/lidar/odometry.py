@@ -8,16 +8,25 @@ horizontal direction, the cloud can slide along it and the motion is `degenerate
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from rhs.api.contracts import Odometry
 from rhs.api.geometry import inverse, log_se3, orthonormal, se2
-from rhs.api.records import Motion, Observation, Tracking
+from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
 from .config import LidarAdvanced
 from .config import LidarOdometry as Settings
+from .deskew import deskewed, deskewed_scan
+
+
+class Cloud(NamedTuple):
+    """points (N, 3) in the body's frame; after_s (N,): when each was seen, seconds after the view's stamp, or None."""
+
+    points: np.ndarray
+    after_s: np.ndarray | None
 
 
 class LidarOdometry(Odometry):
@@ -30,49 +39,92 @@ class LidarOdometry(Odometry):
         self.voxel_m = settings.voxel_m
         self.last = np.eye(4)  # previous_from_body of the last cloud
         self._pose: np.ndarray | None = None  # map_from_body; the first cloud's is the identity
+        self._stamp_s: float | None = None  # of the last cloud
+        self._taken_s = 0.0  # from the one before to it
+        self._timed: list[tuple[np.ndarray, Scan | None]] | None = None  # pose and scan of each view, if points have times
+        self._first: Cloud | None = None  # such a cloud, until the motion is known that bent it
 
     @abstractmethod
     def begin(self, points: np.ndarray) -> None:
         """Make the map of the first cloud (N, 3), whose voxels are `voxel_m` wide."""
 
-    @abstractmethod
-    def align(self, points: np.ndarray, before: np.ndarray, wheel: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """map_from_body of this cloud, which is put into the map there, and previous_from_body that it began with. before:
-        map_from_body of the last cloud; wheel: previous_from_body by the wheels, where there are any. All 4x4."""
+    def guess(self, points: np.ndarray) -> np.ndarray:
+        """previous_from_body (4x4) of this cloud (N, 3) without wheels."""
+        return self.last
 
     @abstractmethod
-    def correct(self, pose: np.ndarray) -> None:
-        """The last cloud was at this map_from_body, whatever `align` found."""
+    def align(self, points: np.ndarray, before: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        """map_from_body of this cloud. before: map_from_body of the last; guess: previous_from_body. All 4x4."""
+
+    @abstractmethod
+    def settle(self, pose: np.ndarray, *, aligned: bool) -> None:
+        """The cloud that was aligned last is at this map_from_body; or, not aligned, no cloud is believed to be there."""
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation."""
-        points = self._points(observation)
+        cloud = self._cloud(observation)
+        first, self._taken_s = self._stamp_s is None, observation.stamp_s - (self._stamp_s or 0.0)
+        self._stamp_s = observation.stamp_s
         wheel = observation.wheel
-        told = None if wheel is None or not np.isfinite(wheel).all() else se2(*wheel)
-        few = f"only {len(points)} points" if len(points) < self.settings.min_points else ""
-        if few:
-            return self._lost(self.last if told is None else told, few, told is not None)
+        motion = self._moved(cloud, None if wheel is None or not np.isfinite(wheel).all() else se2(*wheel))
+        if first and cloud.after_s is not None:
+            self._timed, self._first = [(np.eye(4), observation.scan)], cloud
+        elif self._timed is not None:
+            self._note(observation.scan, cloud, motion.previous_from_body)
+        return motion
+
+    def revise(self) -> Revision | None:
+        """The scans as of the stamps of their clouds, where points have times; nothing else changes."""
+        if self._timed is None:
+            return None
+        return Revision(np.array([pose for pose, _ in self._timed]), tuple(scan for _, scan in self._timed))
+
+    def _cloud(self, observation: Observation) -> Cloud:
+        points = np.asarray(observation.extras.get("cloud", np.empty((0, 3))), float)
+        reach = np.linalg.norm(points, axis=1)
+        used = (reach >= self.settings.min_range_m) & (reach <= self.settings.max_range_m)
+        after = observation.extras.get("cloud_time_s") if self.settings.deskew else None
+        return Cloud(points[used], None if after is None else np.asarray(after, float)[used])
+
+    def _moved(self, cloud: Cloud, told: np.ndarray | None) -> Motion:
+        """told: previous_from_body by the wheels, where there are any."""
+        if len(cloud.points) < self.settings.min_points:
+            return self._lost(self.last if told is None else told, f"only {len(cloud.points)} points", told is not None)
         if self._pose is None:
-            self.voxel_m = self.voxel_m or _voxel(points, self.settings.advanced)
-            self.begin(points)
+            self.voxel_m = self.voxel_m or _voxel(cloud.points, self.settings.advanced)
+            self.begin(cloud.points)
             self._pose = np.eye(4)
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view")
-        found, guess = self.align(points, self._pose, told)
-        motion = inverse(self._pose) @ found
+        guess = self.guess(self._deskewed(cloud, self.last)) if told is None else told
+        if self._first is not None:
+            self.begin(self._deskewed(self._first, guess))  # both clouds were bent alike: only now is it known how
+        points = self._deskewed(cloud, guess)
+        motion = inverse(self._pose) @ self.align(points, self._pose, guess)
         if trouble := self._trouble(motion, guess):
             return self._lost(guess, trouble, told is not None)
         self.last = orthonormal(motion)
         self._pose = self._pose @ self.last
+        self.settle(self._pose, aligned=True)
         return self._judged(points, self.last)
 
-    def revise(self) -> None:
-        """Nothing to say afterwards."""
-        return None
+    def _deskewed(self, cloud: Cloud, motion: np.ndarray) -> np.ndarray:
+        """Its points as of its stamp, if the body moves as in `motion` (4x4, since the last cloud)."""
+        if cloud.after_s is None or self._taken_s <= 0.0:
+            return cloud.points
+        return deskewed(cloud.points, cloud.after_s, motion, self._taken_s)
 
-    def _points(self, observation: Observation) -> np.ndarray:
-        points = np.asarray(observation.extras.get("cloud", np.empty((0, 3))), float)
-        reach = np.linalg.norm(points, axis=1)
-        return points[(reach >= self.settings.min_range_m) & (reach <= self.settings.max_range_m)]
+    def _note(self, scan: Scan | None, cloud: Cloud, motion: np.ndarray) -> None:
+        """Pose and scan, for the end. Until the second cloud the body is taken to move as it does until that."""
+        assert self._timed is not None
+        if self._first is not None:
+            self._timed = [(np.eye(4), self._scan(self._timed[0][1], self._first, motion))]
+            self._first = None
+        self._timed.append((self._timed[-1][0] @ motion, self._scan(scan, cloud, motion)))
+
+    def _scan(self, scan: Scan | None, cloud: Cloud, motion: np.ndarray) -> Scan | None:
+        if scan is None or cloud.after_s is None or not len(cloud.points) or self._taken_s <= 0.0:
+            return scan
+        return deskewed_scan(scan, cloud.points, cloud.after_s, motion, self._taken_s)
 
     def _trouble(self, motion: np.ndarray, guess: np.ndarray) -> str:
         """What is wrong with an alignment; empty: nothing."""
@@ -88,7 +140,7 @@ class LidarOdometry(Odometry):
         if self._pose is None:
             return Motion(np.eye(4), wide, Tracking.LOST, trouble)
         self.last, self._pose = guess, self._pose @ guess
-        self.correct(self._pose)
+        self.settle(self._pose, aligned=False)
         return Motion(guess, wide, Tracking.LOST, f"{trouble}; took {'wheel' if by_wheel else 'same again'}")
 
     def _judged(self, points: np.ndarray, motion: np.ndarray) -> Motion:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import small_gicp
 
-from rhs.api.geometry import inverse, orthonormal
+from rhs.api.geometry import orthonormal
 
 from .config import VgicpLidar
 from .odometry import LidarOdometry
@@ -26,6 +26,8 @@ class Vgicp(LidarOdometry):
     settings: VgicpLidar
     _map: Any
     _before: Any  # points and tree of the last cloud
+    _now: Any  # of this one
+    _made_of: np.ndarray | None = None  # the points of `_now`
 
     def begin(self, points: np.ndarray) -> None:
         self._map = small_gicp.GaussianVoxelMap(self.voxel_m)
@@ -33,26 +35,26 @@ class Vgicp(LidarOdometry):
         self._before = self._prepared(points)
         self._map.insert(self._before[0], np.eye(4))
 
-    def align(self, points: np.ndarray, before: np.ndarray, wheel: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        cloud = self._prepared(points)
-        guess = self._fit(cloud) if wheel is None else wheel
-        self._before = cloud
-        found = small_gicp.align(self._map, cloud[0], init_T_target_source=before @ guess, num_threads=1,
-                                 max_iterations=self.settings.iterations)
-        pose = np.asarray(found.T_target_source, float)
-        if not self._trouble(inverse(before) @ pose, guess):
-            self._map.insert(cloud[0], pose)
-        return pose, guess
-
-    def correct(self, pose: np.ndarray) -> None:
-        """The map holds no cloud that was not believed."""
-
-    def _fit(self, cloud: Any) -> np.ndarray:
-        """previous_from_body by the surfaces of this cloud and the last; the last motion again where they fit nowhere."""
-        found = small_gicp.align(self._before[0], cloud[0], self._before[1], init_T_target_source=self.last, num_threads=1,
+    def guess(self, points: np.ndarray) -> np.ndarray:
+        """By the surfaces of this cloud and the last; the last motion again where they fit nowhere."""
+        self._now, self._made_of = self._prepared(points), points
+        before, tree = self._before
+        found = small_gicp.align(before, self._now[0], tree, init_T_target_source=self.last, num_threads=1,
                                  registration_type="GICP", max_correspondence_distance=self.settings.advanced.partner_m)
         motion = np.asarray(found.T_target_source, float)
         return orthonormal(motion) if found.converged and np.isfinite(motion).all() else self.last
+
+    def align(self, points: np.ndarray, before: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        if points is not self._made_of:
+            self._now, self._made_of = self._prepared(points), points
+        self._before = self._now
+        found = small_gicp.align(self._map, self._now[0], init_T_target_source=before @ guess, num_threads=1,
+                                 max_iterations=self.settings.iterations)
+        return np.asarray(found.T_target_source, float)
+
+    def settle(self, pose: np.ndarray, *, aligned: bool) -> None:
+        if aligned:
+            self._map.insert(self._now[0], pose)
 
     def _prepared(self, points: np.ndarray) -> Any:
         return small_gicp.preprocess_points(points, self.voxel_m, self.settings.advanced.neighbours, 1)

@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import transform
 
 from ..carmen.log import NO_CAMERA
 from ..replay_mounts import mount_of
-from ..replay_stamps import in_order
+from ..replay_stamps import cloud_extras, in_order
 from ..replay_tum import Recording
 from .pcd import SUFFIXES, read_cloud
 from .views import Listed, led, numbered, stamps_by_name, truth_of
@@ -38,19 +37,16 @@ def open_clouds(path: Path, settings) -> Recording:
     kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(files))), Counter())
     found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)
     true, counts = truth_of(found, settings)
-    read_cloud(files[kept[0]][1])
     mount = mount_of(settings.scan_mount, "scan_mount")
 
     def read(i: int, before: int | None) -> dict:
-        cloud = read_cloud(files[kept[i]][1])
-        if mount is not None:
-            cloud = transform(mount, cloud.astype(float)).astype(np.float32)
-        return {"extras": {"cloud": cloud}}
+        return {"extras": cloud_extras(*read_cloud(files[kept[i]][1]), float(stamps[kept[i]]), mount)}
 
     def pose(i: int) -> np.ndarray | None:
         return true(kept[i], float(stamps[kept[i]]))
 
-    return led(Listed(str(path), stamps[kept], read, NO_CAMERA, frozenset({"cloud"}), pose, rejected + counts), settings)
+    provides = frozenset(read(0, None)["extras"])
+    return led(Listed(str(path), stamps[kept], read, NO_CAMERA, provides, pose, rejected + counts), settings)
 
 
 def _files(path: Path) -> list[tuple[str, Path]]:

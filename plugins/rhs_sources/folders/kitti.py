@@ -86,7 +86,7 @@ def drive(found: Drive, settings) -> Recording:
     def read(i: int, before: int | None) -> dict[str, Any]:
         extras = dict(beside)
         if body_from_cloud is not None:
-            points = read_cloud(found.clouds / f"{numbers[i]:0{digits}d}.bin").astype(float)
+            points = read_cloud(found.clouds / f"{numbers[i]:0{digits}d}.bin")[0].astype(float)
             extras["cloud"] = transform(body_from_cloud, points).astype(np.float32)
         if settings.stereo:
             extras[RIGHT_IMAGE] = read_color(right / images[i][1].name)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..replay_images import UnreadableImage
+from ..replay_stamps import TIME_FIELDS
 
 SUFFIXES = (".pcd", ".bin", ".ply")
 MOST_POINTS = 20_000_000  # of one view
@@ -26,8 +27,9 @@ class UnreadableCloud(UnreadableImage):
     """A file that holds no cloud; what else the recording holds may be whole."""
 
 
-def read_cloud(path: Path) -> np.ndarray:
-    """(N, 3) float32 finite points of a file, in its own frame. Raises UnreadableCloud."""
+def read_cloud(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """(N, 3) float32 finite points of a file, in its own frame, and the time of each as it stands there (N,), or None where
+    it has none. Raises UnreadableCloud."""
     if not path.is_file():
         raise UnreadableCloud(f"{path}: found no such file; expected a point cloud")
     read = {".pcd": _pcd, ".bin": _bin, ".ply": _ply}[path.suffix.lower()]
@@ -37,7 +39,8 @@ def read_cloud(path: Path) -> np.ndarray:
         short = " ".join(str(error).split())[:120]
         raise UnreadableCloud(f"{path}: found {path.stat().st_size} bytes that are no {path.suffix[1:].lower()} cloud "
                               f"({short}); expected points with x, y, z") from None
-    return np.ascontiguousarray(points[np.isfinite(points).all(axis=1)], np.float32)
+    finite = points[np.isfinite(points[:, :3]).all(axis=1)]
+    return np.ascontiguousarray(finite[:, :3], np.float32), finite[:, 3] if finite.shape[1] > 3 else None
 
 
 def _bin(path: Path) -> np.ndarray:
@@ -81,7 +84,7 @@ def _pcd(path: Path) -> np.ndarray:
         return _columns(data[at:].decode("ascii", "replace"), fields, total)
     if head["DATA"][0] == "binary":
         table = np.frombuffer(data, _table(fields), total, at)
-        return _xyz(table)
+        return _picked(table)
     if head["DATA"][0] != "binary_compressed":
         raise ValueError(f"DATA is {head['DATA'][0]}")
     packed, size = (int(v) for v in np.frombuffer(data, "<u4", 2, at))
@@ -96,27 +99,33 @@ def _table(fields) -> np.dtype:
                      for i, (name, kind, count) in enumerate(fields)])
 
 
-def _xyz(table: np.ndarray) -> np.ndarray:
-    return np.stack([table[name].astype(float) for name in "xyz"], axis=1)
+def _wanted(names) -> list[str]:
+    """x, y, z, and the first field that is a time."""
+    return [*"xyz", *[name for name in TIME_FIELDS if name in names][:1]]
+
+
+def _picked(table: np.ndarray) -> np.ndarray:
+    return np.stack([table[name].astype(float) for name in _wanted(table.dtype.names)], axis=1)
 
 
 def _columns(text: str, fields, total: int) -> np.ndarray:
-    """x, y, z of numbers in lines."""
+    """What is wanted of numbers in lines."""
     width = sum(count for _, _, count in fields)
     starts = np.cumsum([0, *(count for _, _, count in fields)])
     numbers = np.array(text.split()[: total * width], float).reshape(total, width)
     names = [name for name, _, _ in fields]
-    return numbers[:, [starts[names.index(axis)] for axis in "xyz"]]
+    return numbers[:, [starts[names.index(name)] for name in _wanted(names)]]
 
 
 def _by_field(data: bytes, fields, total: int) -> np.ndarray:
-    """x, y, z where all values of one field come before those of the next."""
+    """What is wanted where all values of one field come before those of the next."""
     found, at = {}, 0
+    wanted = _wanted([name for name, _, _ in fields])
     for name, kind, count in fields:
-        if name in ("x", "y", "z"):
+        if name in wanted:
             found[name] = np.frombuffer(data, kind, total * count, at)[::count].astype(float)
         at += total * count * np.dtype(kind).itemsize
-    return np.stack([found[axis] for axis in "xyz"], axis=1)
+    return np.stack([found[name] for name in wanted], axis=1)
 
 
 def unpacked_lzf(data: bytes, size: int) -> bytes:
@@ -168,7 +177,7 @@ def _ply(path: Path) -> np.ndarray:
     if form == "ascii":
         return _columns(data[at:].decode("ascii", "replace"), fields, total)
     order = {"binary_little_endian": "<", "binary_big_endian": ">"}[form]
-    return _xyz(np.frombuffer(data, _table([(name, order + kind, 1) for name, kind, _ in fields]), total, at))
+    return _picked(np.frombuffer(data, _table([(name, order + kind, 1) for name, kind, _ in fields]), total, at))
 
 
 def _check_count(total: int) -> None:
