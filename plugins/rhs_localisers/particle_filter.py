@@ -93,7 +93,7 @@ class ParticleLocaliser:
         self._cloud = even(states)
         self._peak, self._scan, self._fresh = None, None, 1.0
         if self._fit is not None:
-            self._fit.begin(None if belief is None else belief.probability)
+            self._fit.start(None if belief is None else belief.probability)
         if self._places is not None:
             self._places.watching.begin()
         self._contradiction = Contradiction(self._rules)

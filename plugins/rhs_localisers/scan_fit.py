@@ -34,9 +34,13 @@ class FitWatch:
         gap_m = distance_transform_edt(~occupied) * grid.resolution_m if occupied.any() else np.full(grid.shape, np.inf)
         self._wall = (gap_m <= settings.reach_m).astype(np.uint8)
         self._mapped = (occupied | grid.free() | (gap_m <= settings.reach_m)).astype(np.uint8)
+        self.start()
+
+    def start(self, chance: float | None = None) -> None:
+        """A robot that begins, of whose belief only this is known."""
         self.rival = float("nan")  # largest share from a place that is not believed in, at the last search
         self._unrivalled_m = np.inf
-        self.begin()
+        self.begin(chance)
 
     def begin(self, chance: float | None = None) -> None:
         """A new belief, of which only this is known."""

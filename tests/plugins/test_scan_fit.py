@@ -105,6 +105,8 @@ def test_a_rival_that_explains_as_much_takes_the_worth_of_a_scan():
     assert watch.rival == 1.0 and not watch.rivals_due(0.9) and watch.rivals_due(0.1)
     watch.look(seen, np.array(at), 1.0)
     assert watch.chance == pytest.approx(1.0 / (1.0 + 4.0 * np.exp(-2.0 * (1.0 - 0.85))))  # expected: (0.7 + 1) / 2
+    watch.start()
+    assert np.isnan(watch.rival) and watch.rivals_due(0.0)  # a new start knows no rival
     alone = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, expected=0.7, rival_weight=0.5, slope=2.0))
     alone.compare(seen, np.empty((0, 3)))
     alone.look(seen, np.array(at), 1.0)
