@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bags import HEIGHT, WIDTH, BagFile, picture
+from helpers.replayed import views
 
 from rhs.api.errors import ConfigError
-from rhs_sources.replay_config import Replay
 
 COLOR, DEPTH, INFO = "/camera/color", "/camera/depth", "/camera/camera_info"
 MILLIMETRES = np.full((HEIGHT, WIDTH), 2500, np.uint16)
@@ -24,15 +24,6 @@ def write(folder, extra, kind="ros2_mcap", image=lambda k: picture(k)):
             bag.image(DEPTH, stamp, MILLIMETRES[: len(image(k))], "16UC1")
             extra(bag, k, stamp)
     return bag.path
-
-
-def views(path, **settings):
-    source = Replay(path=str(path), **settings).build(None)
-    out = []
-    while (capture := source.lead()) is not None:
-        out.append((capture, source.truth()))
-    source.close()
-    return source, out
 
 
 def way(seen):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
+from helpers.replayed import views
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
@@ -30,15 +31,6 @@ def write(folder, kind="ros2_mcap", count=4, depth=MILLIMETRES, encoding="16UC1"
             if extra:
                 extra(bag, k, stamp)
     return bag.path
-
-
-def views(path, **settings):
-    source = Replay(path=str(path), **settings).build(None)
-    out = []
-    while (capture := source.lead()) is not None:
-        out.append((capture, source.truth()))
-    source.close()
-    return source, out
 
 
 @ALL_KINDS

@@ -7,21 +7,12 @@ import bz2
 import cv2
 import numpy as np
 import pytest
+from helpers.replayed import views
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, se2
-from rhs_sources.replay_config import Replay
 
 INTRINSICS = [50.0, 50.0, 31.5, 23.5]
-
-
-def views(path, **settings):
-    source = Replay(path=str(path), **settings).build(None)
-    out = []
-    while (capture := source.lead()) is not None:
-        out.append((capture, source.truth()))
-    source.close()
-    return source, out
 
 
 def seven_scenes(folder, poses):

@@ -5,32 +5,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from helpers.replayed import refused, views
 
-from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL
 from rhs.api.stereo import camera_of
-from rhs_sources.replay_config import Replay
 
 P = "50 0 31.5 {} 0 50 23.5 0 0 0 1 0"
 ONE = "1 0 0 0 1 0 0 0 1"
 SOUTH_M = 111319.49  # of one degree of latitude at the equator: 6378137 m * pi / 180
-
-
-def views(path, **settings):
-    source = Replay(path=str(path), **settings).build(None)
-    out = []
-    while (capture := source.lead()) is not None:
-        out.append((capture, source.truth()))
-    source.close()
-    return source, out
-
-
-def refused(path, **settings):
-    with pytest.raises(ConfigError) as error:
-        views(path, **settings)
-    text = str(error.value)
-    assert "\n" not in text and len(text) < 400
-    return text
 
 
 def pictures(folder, name, value, count=3, size=(64, 48)):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers.replayed import views
 from helpers.synthetic_run import FACTS, make_steps
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov
 from rhs.recording.writer import Recorder
-from rhs_sources.replay_config import Replay
 
 CAMERA = camera_from_fov(96, 72, 60.0, height_m=1.0)
 
@@ -22,17 +22,8 @@ def run(tmp_path_factory):
     return path
 
 
-def replay(path, **settings):
-    source = Replay(path=str(path), **settings).build(None)
-    captures = []
-    while (capture := source.lead()) is not None:
-        captures.append((capture, source.truth()))
-    source.close()
-    return source, captures
-
-
 def test_a_recorded_survey_is_handed_out_again_exactly(run):
-    source, captures = replay(run)
+    source, captures = views(run)
     assert len(captures) == 30 and source.lost == ""
     for step, (capture, truth) in zip(make_steps(30, camera=CAMERA), captures, strict=True):
         np.testing.assert_array_equal(capture.image, step.observation.image)
@@ -44,15 +35,15 @@ def test_a_recorded_survey_is_handed_out_again_exactly(run):
 
 
 def test_phases_and_thinning(run):
-    assert len(replay(run, phase="patrol")[1]) == 5
-    assert len(replay(run, phase="all")[1]) == 35
-    _, thinned = replay(run, start=2, stride=3, count=4)
+    assert len(views(run, phase="patrol")[1]) == 5
+    assert len(views(run, phase="all")[1]) == 35
+    _, thinned = views(run, start=2, stride=3, count=4)
     assert [capture.index for capture, _ in thinned] == [2, 5, 8, 11]
 
 
 def test_a_cut_recording_says_what_it_lost(run, tmp_path):
     (tmp_path / "cut.mcap").write_bytes(run.read_bytes()[: run.stat().st_size // 2])
-    source, captures = replay(tmp_path / "cut.mcap")
+    source, captures = views(tmp_path / "cut.mcap")
     assert 5 < len(captures) < 30
     assert "the file " in source.lost and str(tmp_path) not in source.lost
 
@@ -60,18 +51,18 @@ def test_a_cut_recording_says_what_it_lost(run, tmp_path):
 def test_what_cannot_be_replayed(run, tmp_path):
     (tmp_path / "empty.mcap").write_bytes(b"")
     with pytest.raises(ConfigError, match="not an MCAP file"):
-        replay(tmp_path / "empty.mcap")
+        views(tmp_path / "empty.mcap")
     recorder = Recorder(tmp_path / "light.mcap", "light", CAMERA, FACTS)
     recorder.step(next(make_steps(1)))
     recorder.close()
     with pytest.raises(ConfigError, match="recording=full"):
-        replay(tmp_path / "light.mcap")
+        views(tmp_path / "light.mcap")
     (tmp_path / "stub.mcap").write_bytes(run.read_bytes()[:3000])
     with pytest.raises(ConfigError, match="no complete view"):
-        replay(tmp_path / "stub.mcap")
+        views(tmp_path / "stub.mcap")
 
 
 def test_the_folder_of_a_run_is_its_recording(run, tmp_path):
     (tmp_path / "run.mcap").write_bytes(run.read_bytes())
-    (folder, _), (file, _) = replay(tmp_path), replay(run)
+    (folder, _), (file, _) = views(tmp_path), views(run)
     assert folder.facts == file.facts and file.facts.name == FACTS.name
