@@ -29,7 +29,7 @@ from .tasks import Gate
 FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
 # Scans decide between the two: the least share of the last one's beams seen again, and how much more than as vision says
 LEAST_SHARE, MORE_SHARE = 0.4, 0.2
-FLOOR_SIGMA = 0.05  # of z, roll and pitch where the wheels alone are believed: metres, radians
+FLOOR_SIGMA = 0.05  # of z, roll and pitch as wheels have it, from view to view: metres, radians
 
 
 class GatedOdometry:
@@ -86,8 +86,7 @@ class GatedOdometry:
         what = f"{both} are {np.sqrt(apart):.1f} sigmas apart"
         if self._contradicted > self._settings.patience:
             return replace(said, reason=_with(said.reason, f"{what}: wheels doubted"))
-        covariance = np.diag([0.0, 0.0, FLOOR_SIGMA**2, FLOOR_SIGMA**2, FLOOR_SIGMA**2, 0.0])
-        covariance[np.ix_(FREE, FREE)] = spread
+        covariance = on_floor(spread)
         if known:
             return replace(_instead(said, se2(*wheel), covariance, f"{what}; the scan agrees with wheel"),
                            status=Tracking.DEGENERATE)
@@ -132,14 +131,21 @@ def contradiction(said: Motion, wheel: np.ndarray, spread: np.ndarray, *, slip_s
     return float(off @ weight @ off)
 
 
+def on_floor(spread: np.ndarray) -> np.ndarray:
+    """(6, 6) covariance of wheel travel whose x, y and yaw have the covariance `spread` (3, 3): wheels stay on the floor."""
+    covariance = np.diag([0.0, 0.0, FLOOR_SIGMA**2, FLOOR_SIGMA**2, FLOOR_SIGMA**2, 0.0])
+    covariance[np.ix_(FREE, FREE)] = spread
+    return covariance
+
+
 def joined(said: Motion, wheel: np.ndarray, spread: np.ndarray) -> Motion:
-    """The motion corrected by the wheel travel (Kalman update of x, y and yaw); status and reason stay."""
-    off = log_se3(inverse(said.previous_from_body) @ se2(*wheel))[FREE]
-    gain = said.covariance[:, FREE] @ np.linalg.inv(said.covariance[np.ix_(FREE, FREE)] + spread)
-    rest = np.eye(6)
-    rest[:, FREE] -= gain
-    noise = gain @ spread @ gain.T
-    covariance = rest @ said.covariance @ rest.T + noise  # Joseph's form stays positive definite
+    """The motion corrected by the wheel travel (Kalman update); status and reason stay. What vision hardly knows of height,
+    roll and pitch is the floor's too: else the belief of a robot before somebody's coat tilts, and its metres with it."""
+    off = log_se3(inverse(said.previous_from_body) @ se2(*wheel))
+    noise = on_floor(spread)
+    gain = said.covariance @ np.linalg.inv(said.covariance + noise)
+    rest = np.eye(6) - gain
+    covariance = rest @ said.covariance @ rest.T + gain @ noise @ gain.T  # Joseph's form stays positive definite
     pose = said.previous_from_body @ exp_se3(gain @ off)
     return replace(said, previous_from_body=pose, covariance=0.5 * (covariance + covariance.T),
                    reason=_with(said.reason, "joined with wheel"))

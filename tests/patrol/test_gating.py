@@ -9,7 +9,7 @@ import pytest
 
 from rhs.api.contracts import Odometry, complete
 from rhs.api.errors import ContractError
-from rhs.api.geometry import Camera, planar, se2
+from rhs.api.geometry import Camera, exp_se3, log_se3, planar, se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs.patrol.gate import GatedOdometry, contradiction, gated, joined
 from rhs.patrol.tasks import Gate
@@ -183,3 +183,12 @@ def test_a_part_that_derives_from_nothing_is_given_the_defaults_of_its_contract(
     assert (source.provides, source.renderer, source.lost, source.truth()) == (None, "", "", None)
     with pytest.raises(ContractError, match="derive it from rhs.api.contracts.Odometry"):
         complete("odometry", Closed())
+
+
+def test_a_robot_on_wheels_does_not_tilt_where_vision_hardly_knows():
+    """17 degrees of roll known to 30, as where somebody's coat has the picture: the floor knows better."""
+    said = Motion(exp_se3(np.array([0.2, 0.0, 0.3, 0.3, 0.0, 0.0])), np.diag([0.5**2] * 6), Tracking.DEGENERATE, "few")
+    motion = joined(said, np.array([0.2, 0.0, 0.0]), np.diag([0.02, 0.02, 0.01]) ** 2)
+    twist = log_se3(motion.previous_from_body)
+    np.testing.assert_allclose(twist, [0.2, 0.0, 0.3 / 101.0, 0.3 / 101.0, 0.0, 0.0], atol=2e-3)  # 0.05^2 against 0.5^2
+    np.testing.assert_allclose(np.sqrt(np.diag(motion.covariance))[2:5], 0.05, rtol=0.01)
