@@ -20,6 +20,7 @@ from rhs.api.geometry import compose_covariance, exp_se3, inverse, log_se3, orth
 from .kalman import correct, gate
 
 PLANE = np.eye(6)[[0, 1, 5]]  # rows of x, y and heading
+_SHARED = np.equal.outer(PLANE.any(axis=0), PLANE.any(axis=0))  # (6, 6) both in the plane, or both out of it
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,14 @@ def begin(map_from_body: np.ndarray | None, covariance: np.ndarray | None, proba
 
 
 def predict(state: Hypotheses, previous_from_body: np.ndarray, covariance: np.ndarray, trust: Trust) -> Hypotheses:
-    """All guesses moved; a little of their weight leaks elsewhere."""
+    """All guesses moved; a little of their weight leaks elsewhere.
+
+    What the plane has in common with height, roll and pitch is not kept: nothing ever measures these, so a robot that was
+    lost for a while hardly knows them, and a place that corrects x by centimetres would tilt it by degrees."""
     moved = [
         Hypothesis(
             orthonormal(g.map_from_body @ previous_from_body),
-            compose_covariance(g.covariance, previous_from_body, covariance),
+            compose_covariance(g.covariance, previous_from_body, covariance) * _SHARED,
             g.weight * (1.0 - trust.kidnap),
         )
         for g in state.guesses
