@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,17 @@ def killed_while_recording(bench: Bench) -> None:
         "source.delay_s=0.005",
         "output=run",
     )
-    bench.wait(lambda: any(path.stat().st_size > 40_000 for path in bench.folder.glob("run/run.mcap*")))
+
+    def size() -> int:
+        return max((path.stat().st_size for path in bench.folder.glob("run/run.mcap*")), default=0)
+
+    def between_chunks() -> bool:
+        """A chunk is written by several calls: killed between these, it is cut (R02)."""
+        before = size()
+        time.sleep(0.02)
+        return size() == before > 40_000
+
+    bench.wait(between_chunks)
     process.send_signal(signal.SIGKILL)
     process.wait()
     cut = next(bench.folder.glob("run/run.mcap*"))
