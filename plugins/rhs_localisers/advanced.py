@@ -77,6 +77,12 @@ class PanoramaSettings:
     """what was seen from further away is not used, metres"""
     more: float = 0.25
     """the map is asked whenever this share of the bearings more was looked at"""
+    about: int = 400
+    """only a robot before which, while it knew its place, something stood that is not on the map, so many views ago at
+    most, asks: else nobody can have hidden anything"""
+    sure: float = 0.99
+    """chance of being right from which the robot knows its place again, the chance of having been carried off being half:
+    walls look alike more often than by chance, as who is carried off stands along a corridor as before"""
     step_m: float = 0.2
     """between the places of the map that are tried, metres"""
     turn_deg: float = 10.0
@@ -101,7 +107,8 @@ class PanoramaSettings:
     """neighbouring beams share their errors, so each counts for so much"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, bearings=(8, 3600), near_m=(0.0, 100.0), more=(0.01, 1.0),
+        check_ranges("", self, bearings=(8, 3600), near_m=(0.0, 100.0), more=(0.01, 1.0), about=(0, 1_000_000),
+                     sure=(0.5, 1.0),
                      step_m=(0.01, 10.0), turn_deg=(0.1, 180.0), most=(1, 10_000_000), range_max_m=(0.1, 1000.0),
                      slack_m=(1e-3, 10.0), slack_per_m=(0.0, 1.0), hit=(1e-6, 1.0), short=(1e-6, 1.0),
                      through=(1e-6, 1.0), unknown=(1e-6, 1.0), trust=(1e-6, 1.0))

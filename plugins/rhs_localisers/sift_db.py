@@ -67,7 +67,8 @@ class PlaceLocaliser:
         self._steps, self._last_asked = 0, 0
         self._of_fix = np.zeros((6, 6))  # what a place lifted on pictures errs by besides what its key-points say ...
         self._of_map = np.zeros((6, 6))  # ... and covariance of a map drawn by one camera, which no fix in it takes away
-        self._round: LookRound | None = None  # walls seen all round, by a robot that doubts
+        self._round: LookRound | None = None  # walls seen all round, by a robot that doubts ...
+        self._unhidden = 0  # ... and views since somebody or something stood before them
         self._contradicted = False
         self._before: Hypotheses | None = None  # believed when it was sure last, and moved since
         self._last = np.eye(4)
@@ -98,6 +99,7 @@ class PlaceLocaliser:
         self._steps, self._last_asked, self._contradicted = 0, 0, False
         self._before = None
         self._watching.begin()
+        self._unhidden = self._advanced.panorama.about
         if self._round is not None:
             self._round.begin()
         self._contradiction = Contradiction(self._advanced.confirmation)
@@ -159,21 +161,23 @@ class PlaceLocaliser:
                 self._round.again()
 
     def _look_round(self, scan: Scan | None, motion: Motion) -> None:
-        """Walls seen all round may say that nobody was carried off, where nothing is recognised."""
+        """Walls seen all round may say that nobody was carried off, where nothing is recognised and people are about."""
         best = self._state.best
         if self._round is None:
             return
+        self._unhidden += 1
         if best is not None and self._status(best.weight) is BeliefStatus.TRACKING:
+            self._unhidden = 0 if self._hides(scan, best) else self._unhidden
             self._round.begin()
             return
-        due = self._round.add(scan, motion.previous_from_body)
+        due = self._round.add(scan, motion.previous_from_body) and self._unhidden < self._advanced.panorama.about
         state = added(self._state, self._before, 0.5, self._trust)
         if not due or not any(self._fits(scan, guess) for guess in state.guesses):
             return
         laid, odds = self._round.odds(state.guesses)
         state = replace(state, guesses=tuple(laid))
         sure = likelier(carried(state, self._advanced.continuity.carried, self._trust), odds, self._trust)
-        if sure.best is not None and sure.best.weight >= self._settings.tracking_above and self._fits(scan, sure.best):
+        if sure.best is not None and sure.best.weight >= self._advanced.panorama.sure and self._fits(scan, sure.best):
             self._resume(sure)
         else:
             self._state = likelier(state, odds, self._trust)

@@ -90,9 +90,9 @@ def test_things_lower_than_the_camera_are_free_at_its_level():
     assert level.free().tolist() == [[False, True, True, False]]
 
 
-def told(carried_to: np.ndarray | None) -> list[Belief]:
+def told(carried_to: np.ndarray | None, *, people: bool = True) -> list[Belief]:
     """A robot among bare walls, with a post, turns once round after somebody stood before it; meanwhile nobody carried it
-    off, or to another pose (3,)."""
+    off, or to another pose (3,). people: somebody was to be seen before, too."""
     grid, here = room(post=True), np.array([1.5, 5.0, 0.0])
     part = SiftDb().build(context())
     part.learn(survey(ring(24)), grid)
@@ -103,6 +103,7 @@ def told(carried_to: np.ndarray | None) -> list[Belief]:
         step = se2(0.0, 0.0, np.radians(12.0)) if k > 2 else np.eye(4)
         here = planar(se2(*here) @ step) if k != 2 or carried_to is None else carried_to
         scan = seen(grid, here) if k != 2 else Scan(VIEW, np.full(61, 0.4), 9.0)
+        scan = replace(scan, ranges_m=np.where(VIEW > 0.1, 0.8, scan.ranges_m)) if people and k < 2 else scan
         shown = view if k < 2 else coat if k == 2 else bare
         status = Tracking.LOST if k == 2 else Tracking.OK
         beliefs.append(part.update(replace(shown, index=k, scan=scan), Motion(step, SMALL, status)))
@@ -115,3 +116,7 @@ def test_walls_all_round_say_that_nobody_was_carried_off_and_never_that_who_was_
     sure = [belief.status is BeliefStatus.TRACKING for belief in beliefs]
     assert sure[0] and not sure[3], "the view broke off"
     assert sure[-1] == (carried_to is None)
+
+
+def test_where_nobody_was_to_be_seen_walls_are_not_asked():
+    assert told(None, people=False)[-1].status is not BeliefStatus.TRACKING
