@@ -56,9 +56,12 @@ class ClosingAdvanced:
     base_m: float = 0.5
     """a closure may move a pose by this at once, beside max_drift_share of the way, metres"""
     ransac: RansacSettings = field(default_factory=RansacSettings)
+    depth_share: float = 0.0
+    """what depths of key-points are wrong by beside a Kinect's noise, a share of them (1 sigma): where one eye reads them off
+    its pictures"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, base_m=(0.0, 1000.0))
+        check_ranges("", self, base_m=(0.0, 1000.0), depth_share=(0.0, 1.0))
 
 
 @dataclass

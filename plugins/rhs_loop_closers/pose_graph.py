@@ -72,7 +72,8 @@ class PoseGraphCloser:
     def __init__(self, settings: PoseGraph, context: Context) -> None:
         self._settings, self._advanced, self._rng = settings, settings.advanced, context.rng
         ransac = settings.advanced.ransac
-        self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio, ransac)
+        self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio, ransac,
+                                          settings.advanced.depth_share)
 
     def close(self, views: Sequence[View]) -> Closure:
         """Walls, candidates, geometry, odometry, graph."""
@@ -191,7 +192,7 @@ class PoseGraphCloser:
     def _optimised(self, loops: list[LoopEdge], poses: np.ndarray, between: Between) -> Solution:
         """The poses (N, 4, 4) that odometry, loops and walls agree on, solved from `poses` on; squared residuals of the
         loops, then of the walls."""
-        walls, held = between.walls, _loop_edges(loops, self._advanced)
+        walls, held = between.walls, self._held(loops, between.believed)
         rows = key_rows(len(poses), self._advanced.most_poses, held.from_at, held.to_at,
                         np.empty(0, int) if walls is None else walls.edges.from_at)
         keys = KeyPoses(between.believed, between.covariances, rows)
@@ -209,6 +210,15 @@ class PoseGraphCloser:
         solution = optimise(nodes, graph, kernel=self._settings.kernel_sigma, scale=scale, effort=effort)
         return replace(solution, poses=keys.filled(solution.poses[: len(rows)], solution.share),
                        chi2=solution.chi2[len(odometry):])
+
+    def _held(self, loops: list[LoopEdge], poses: np.ndarray) -> Edges:
+        """The loops as edges of the graph. Where depths are read off pictures, loops of the same two stretches of the way
+        share the errors of their depths: together they know no more than one of them."""
+        held = _loop_edges(loops, self._advanced)
+        if self._advanced.depth_share == 0.0:
+            return held
+        alike = supported(loops, travelled_m(poses), self._settings.window_m)
+        return replace(held, covariances=held.covariances * alike[:, None, None])
 
 
 def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph) -> np.ndarray:
