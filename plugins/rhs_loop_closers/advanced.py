@@ -57,8 +57,8 @@ class ClosingAdvanced:
     """a closure may move a pose by this at once, beside max_drift_share of the way, metres"""
     ransac: RansacSettings = field(default_factory=RansacSettings)
     depth_share: float = 0.0
-    """what depths of key-points are wrong by beside a Kinect's noise, a share of them (1 sigma): where one eye reads them off
-    its pictures"""
+    """depths of key-points are wrong by this share of them beside a Kinect's noise (1 sigma), where one eye read them off
+    pictures. Loops of the same two stretches of the way then count as one"""
 
     def __post_init__(self) -> None:
         check_ranges("", self, base_m=(0.0, 1000.0), depth_share=(0.0, 1.0))

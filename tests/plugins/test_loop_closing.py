@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from painted_survey import context, ring, survey
 
 from rhs.api.geometry import exp_se3, inverse, log_se3, se2
@@ -12,7 +13,7 @@ from rhs.estimation.views.edge_consistency import DriftBounds, agreement, larges
 from rhs.estimation.views.loops import travelled_m
 from rhs_loop_closers.advanced import PoseGraphAdvanced
 from rhs_loop_closers.error_distribution_config import ErrorDistribution
-from rhs_loop_closers.pose_graph import level_edges
+from rhs_loop_closers.pose_graph import Between, level_edges
 from rhs_loop_closers.pose_graph_config import PoseGraph
 
 TRUTH = ring(24)
@@ -116,6 +117,19 @@ def test_a_loop_that_errs_in_height_and_tilt_lifts_no_robot_off_its_floor():
     held = optimise(poses, joined(joined(unsure, level_edges(poses, PoseGraphAdvanced())), loop)).poses
     assert np.abs(free[:, 2, 3]).mean() > 0.04 and np.abs(held[:, 2, 3]).mean() < 0.01
     np.testing.assert_allclose(held[:, :2, 3], poses[:, :2, 3], atol=0.01)
+
+
+def test_loops_that_share_the_depths_of_one_eye_know_no_more_together_than_one():
+    """Five loops of neighbouring views pull the end of a line aside as far as one does; of measured depths twice as far."""
+    straight = np.stack([se2(0.25 * k, 0.0, 0.0) for k in range(41)])
+    between = Between(straight, np.tile(1e-4 * np.eye(6), (40, 1, 1)), level=False, walls=None)
+    loops = [LoopEdge(0, 40 - k, se2(10.0 - 0.25 * k, 0.5, 0.0), 0.2 * np.eye(6), 30) for k in range(5)]
+    aside_m = {}
+    for share in (0.0, 0.06):
+        closer = PoseGraph(advanced=PoseGraphAdvanced(depth_share=share)).build(context())
+        aside_m[share] = [closer._optimised(some, straight, between).poses[-1, 1, 3] for some in (loops[:1], loops)]
+    assert aside_m[0.06][1] == pytest.approx(aside_m[0.06][0], rel=0.01)
+    assert aside_m[0.0][0] == pytest.approx(aside_m[0.06][0]) and aside_m[0.0][1] > 2.0 * aside_m[0.0][0]
 
 
 def test_pose_graph_refuses_a_planted_lie_with_a_reason():

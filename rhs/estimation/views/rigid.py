@@ -23,8 +23,8 @@ HUBER = 2.0  # sigmas beyond which a pair pulls no harder
 @dataclass(frozen=True)
 class PointNoise:
     """How well a key-point with depth is known: sigma_z = constant + quadratic * (z - nearest)^2 along the optical axis
-    (Nguyen, Izadi and Lovell 2012, section 4.1, for the Kinect), and pixel_px pixels across it at focal_px. share: of the depth
-    that it is wrong by as well, where it was read off pictures."""
+    (Nguyen, Izadi and Lovell 2012, section 4.1, for the Kinect), and pixel_px pixels across it at focal_px. share: of the
+    depth, by which it is wrong as well where it was read off pictures."""
 
     focal_px: float
     pixel_px: float = 1.0
