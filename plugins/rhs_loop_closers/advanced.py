@@ -89,6 +89,9 @@ class PoseGraphAdvanced(ClosingAdvanced):
     points share"""
     edge_sigma_rad: float = 0.005
     """and its heading, radians (1 sigma)"""
+    odometry_probability: float = 1.0
+    """chance that a true loop passes the chi-square gate of what the odometry and the loop themselves state; 1: not asked, for
+    the drift of most odometries is steady and their stated noise is that of a step"""
     gate_probability: float = 0.999
     """chance that a true loop passes the chi-square gate of the solved graph"""
     level_m: float = 0.05
@@ -107,4 +110,4 @@ class PoseGraphAdvanced(ClosingAdvanced):
         super().__post_init__()
         check_ranges("", self, apart_m=(0.1, 1000.0), turn_share=(0.0, 1.0), edge_sigma_m=(1e-6, 10.0),
                      edge_sigma_rad=(1e-6, 1.0), level_m=(0.0, 10.0), level_rad=(1e-4, 10.0),
-                     gate_probability=(0.5, 1.0 - 1e-12), most_poses=(2, 10_000_000))
+                     odometry_probability=(0.5, 1.0), gate_probability=(0.5, 1.0 - 1e-12), most_poses=(2, 10_000_000))

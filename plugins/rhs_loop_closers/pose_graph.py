@@ -32,7 +32,7 @@ from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.key_poses import KeyPoses, key_rows
 from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, joined, log_poses, optimise
 from rhs.estimation.scans.scan_loops import scan_edges
-from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported
+from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported, surprise
 from rhs.estimation.views.loops import closing_gap, edge_between, in_a_hand, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
@@ -84,6 +84,7 @@ class PoseGraphCloser:
         straight = self._solved([], poses, between)
         between, poses = replace(between, walls=straight.walls), straight.poses
         found, checked = self._recognised(views, poses, way_m, solid=solid)
+        found = self._likely(found, poses, between.covariances)
         first = self._solved(self._judged(found, poses, way_m, solid=solid), poses, between)
         if solid and self._borne_out(first.edges, between.believed):
             first = replace(first, poses=between.believed)
@@ -142,6 +143,14 @@ class PoseGraphCloser:
         if not any(edge.accepted for edge in more):
             return replace(solved, edges=solved.edges + more)
         return self._solved(solved.edges + more, solved.poses, replace(between, walls=solved.walls))
+
+    def _likely(self, edges: list[LoopEdge], poses: np.ndarray, motions: np.ndarray) -> list[LoopEdge]:
+        """Refuse what the odometry calls all but impossible by its own covariances (N - 1, 6, 6)."""
+        if self._advanced.odometry_probability == 1.0:
+            return edges
+        squared, most = surprise(edges, poses, motions), gate(3, self._advanced.odometry_probability)
+        return [edge if off <= most else _refused(edge, f"moves the later view by {np.sqrt(off):.1f} sigmas of the odometry")
+                for edge, off in zip(edges, squared, strict=True)]
 
     def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray, *, solid: bool = False) -> list[LoopEdge]:
         """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others
