@@ -90,7 +90,7 @@ class PoseGraphAdvanced(ClosingAdvanced):
     edge_sigma_rad: float = 0.005
     """and its heading, radians (1 sigma)"""
     odometry_probability: float = 1.0
-    """chance that a true loop passes the chi-square gate of what the odometry and the loop themselves state; 1: not asked, for
+    """chance that a true loop passes the chi-square gate of what the odometry and the loop state; 1: not asked, as
     the drift of most odometries is steady and their stated noise is that of a step"""
     gate_probability: float = 0.999
     """chance that a true loop passes the chi-square gate of the solved graph"""

@@ -38,9 +38,9 @@ def consistent(a: LoopEdge, b: LoopEdge, poses: np.ndarray, travelled_m: np.ndar
 
 
 def surprise(edges: Sequence[LoopEdge], poses: np.ndarray, motions: np.ndarray) -> np.ndarray:
-    """(M,) how far each edge moves its later view on the floor from where believed poses (N, 4, 4) put it, squared and in units
-    of what it and the motions between, covariances (N - 1, 6, 6), state: chi-square with 3 degrees of freedom if all are honest
-    (individual compatibility; Neira and Tardos, IEEE Trans. Robotics and Automation 17(6), 2001)."""
+    """(M,) how far each edge moves its later view on the floor from where believed poses (N, 4, 4) put it: squared, in
+    sigmas of the edge and of the motions between, covariances (N - 1, 6, 6); chi-square with 3 degrees of freedom if all
+    are honest (individual compatibility; Neira and Tardos, IEEE Trans. Robotics and Automation 17(6), 2001)."""
     carried = adjoints(poses[1:])
     drifted = np.concatenate([np.zeros((1, 6, 6)), np.cumsum(carried @ motions @ np.swapaxes(carried, 1, 2), axis=0)])
     out, floor = np.empty(len(edges)), np.ix_([0, 1, 5], [0, 1, 5])
