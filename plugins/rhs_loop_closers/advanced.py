@@ -56,9 +56,12 @@ class ClosingAdvanced:
     base_m: float = 0.5
     """a closure may move a pose by this at once, beside max_drift_share of the way, metres"""
     ransac: RansacSettings = field(default_factory=RansacSettings)
+    depth_share: float = 0.0
+    """depths of key-points are wrong by this share of them beside a Kinect's noise (1 sigma), where one eye read them off
+    pictures. Loops of the same two stretches of the way then count as one"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, base_m=(0.0, 1000.0))
+        check_ranges("", self, base_m=(0.0, 1000.0), depth_share=(0.0, 1.0))
 
 
 @dataclass
@@ -86,6 +89,9 @@ class PoseGraphAdvanced(ClosingAdvanced):
     points share"""
     edge_sigma_rad: float = 0.005
     """and its heading, radians (1 sigma)"""
+    odometry_probability: float = 1.0
+    """chance that a true loop passes the chi-square gate of what the odometry and the loop state; 1: not asked, as
+    the drift of most odometries is steady and their stated noise is that of a step"""
     gate_probability: float = 0.999
     """chance that a true loop passes the chi-square gate of the solved graph"""
     level_m: float = 0.05
@@ -104,4 +110,4 @@ class PoseGraphAdvanced(ClosingAdvanced):
         super().__post_init__()
         check_ranges("", self, apart_m=(0.1, 1000.0), turn_share=(0.0, 1.0), edge_sigma_m=(1e-6, 10.0),
                      edge_sigma_rad=(1e-6, 1.0), level_m=(0.0, 10.0), level_rad=(1e-4, 10.0),
-                     gate_probability=(0.5, 1.0 - 1e-12), most_poses=(2, 10_000_000))
+                     odometry_probability=(0.5, 1.0), gate_probability=(0.5, 1.0 - 1e-12), most_poses=(2, 10_000_000))

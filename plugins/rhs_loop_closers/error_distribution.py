@@ -43,7 +43,8 @@ class ErrorSpreader:
         self._settings = settings
         self._rng = context.rng
         a = settings.advanced
-        self._sighting = SightingSettings(settings.min_inliers, a.min_coverage, context.features.ratio, a.ransac)
+        self._sighting = SightingSettings(settings.min_inliers, a.min_coverage, context.features.ratio, a.ransac,
+                                          a.depth_share)
 
     def close(self, views: Sequence[View]) -> Closure:
         """Find the end among the beginning, and divide the error through the steps between."""

@@ -32,7 +32,7 @@ from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.key_poses import KeyPoses, key_rows
 from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, joined, log_poses, optimise
 from rhs.estimation.scans.scan_loops import scan_edges
-from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported
+from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported, surprise
 from rhs.estimation.views.loops import closing_gap, edge_between, in_a_hand, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
@@ -72,7 +72,8 @@ class PoseGraphCloser:
     def __init__(self, settings: PoseGraph, context: Context) -> None:
         self._settings, self._advanced, self._rng = settings, settings.advanced, context.rng
         ransac = settings.advanced.ransac
-        self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio, ransac)
+        self._sighting = SightingSettings(settings.min_inliers, settings.min_coverage, context.features.ratio, ransac,
+                                          settings.advanced.depth_share)
 
     def close(self, views: Sequence[View]) -> Closure:
         """Walls, candidates, geometry, odometry, graph."""
@@ -83,6 +84,7 @@ class PoseGraphCloser:
         straight = self._solved([], poses, between)
         between, poses = replace(between, walls=straight.walls), straight.poses
         found, checked = self._recognised(views, poses, way_m, solid=solid)
+        found = self._likely(found, poses, between.covariances)
         first = self._solved(self._judged(found, poses, way_m, solid=solid), poses, between)
         if solid and self._borne_out(first.edges, between.believed):
             first = replace(first, poses=between.believed)
@@ -142,6 +144,14 @@ class PoseGraphCloser:
             return replace(solved, edges=solved.edges + more)
         return self._solved(solved.edges + more, solved.poses, replace(between, walls=solved.walls))
 
+    def _likely(self, edges: list[LoopEdge], poses: np.ndarray, motions: np.ndarray) -> list[LoopEdge]:
+        """Refuse what the odometry calls all but impossible by its own covariances (N - 1, 6, 6)."""
+        if self._advanced.odometry_probability == 1.0:
+            return edges
+        squared, most = surprise(edges, poses, motions), gate(3, self._advanced.odometry_probability)
+        return [edge if off <= most else _refused(edge, f"moves the later view by {np.sqrt(off):.1f} sigmas of the odometry")
+                for edge, off in zip(edges, squared, strict=True)]
+
     def _judged(self, edges: list[LoopEdge], poses: np.ndarray, way_m: np.ndarray, *, solid: bool = False) -> list[LoopEdge]:
         """Refuse what the odometry cannot have earned, what stands alone, and what contradicts the others
         (solid: in space)."""
@@ -191,7 +201,7 @@ class PoseGraphCloser:
     def _optimised(self, loops: list[LoopEdge], poses: np.ndarray, between: Between) -> Solution:
         """The poses (N, 4, 4) that odometry, loops and walls agree on, solved from `poses` on; squared residuals of the
         loops, then of the walls."""
-        walls, held = between.walls, _loop_edges(loops, self._advanced)
+        walls, held = between.walls, self._held(loops, between.believed)
         rows = key_rows(len(poses), self._advanced.most_poses, held.from_at, held.to_at,
                         np.empty(0, int) if walls is None else walls.edges.from_at)
         keys = KeyPoses(between.believed, between.covariances, rows)
@@ -209,6 +219,15 @@ class PoseGraphCloser:
         solution = optimise(nodes, graph, kernel=self._settings.kernel_sigma, scale=scale, effort=effort)
         return replace(solution, poses=keys.filled(solution.poses[: len(rows)], solution.share),
                        chi2=solution.chi2[len(odometry):])
+
+    def _held(self, loops: list[LoopEdge], poses: np.ndarray) -> Edges:
+        """The loops as edges of the graph. Where depths are read off pictures, loops of the same two stretches of the way
+        share the errors of their depths: together they know no more than one of them."""
+        held = _loop_edges(loops, self._advanced)
+        if self._advanced.depth_share == 0.0:
+            return held
+        alike = supported(loops, travelled_m(poses), self._settings.window_m)
+        return replace(held, covariances=held.covariances * alike[:, None, None])
 
 
 def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph) -> np.ndarray:

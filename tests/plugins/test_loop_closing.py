@@ -3,16 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from painted_survey import context, ring, survey
 
 from rhs.api.geometry import exp_se3, inverse, log_se3, se2
 from rhs.api.records import LoopEdge
 from rhs.estimation.filters.pose_graph import Edges, chain, joined, optimise
-from rhs.estimation.views.edge_consistency import DriftBounds, agreement, largest_agreeing, supported
+from rhs.estimation.views.edge_consistency import DriftBounds, agreement, largest_agreeing, supported, surprise
 from rhs.estimation.views.loops import travelled_m
 from rhs_loop_closers.advanced import PoseGraphAdvanced
 from rhs_loop_closers.error_distribution_config import ErrorDistribution
-from rhs_loop_closers.pose_graph import level_edges
+from rhs_loop_closers.pose_graph import Between, level_edges
 from rhs_loop_closers.pose_graph_config import PoseGraph
 
 TRUTH = ring(24)
@@ -116,6 +117,36 @@ def test_a_loop_that_errs_in_height_and_tilt_lifts_no_robot_off_its_floor():
     held = optimise(poses, joined(joined(unsure, level_edges(poses, PoseGraphAdvanced())), loop)).poses
     assert np.abs(free[:, 2, 3]).mean() > 0.04 and np.abs(held[:, 2, 3]).mean() < 0.01
     np.testing.assert_allclose(held[:, :2, 3], poses[:, :2, 3], atol=0.01)
+
+
+def test_loops_that_share_the_depths_of_one_eye_know_no_more_together_than_one():
+    """Five loops of neighbouring views pull the end of a line aside as far as one does; of measured depths twice as far."""
+    straight = np.stack([se2(0.25 * k, 0.0, 0.0) for k in range(41)])
+    between = Between(straight, np.tile(1e-4 * np.eye(6), (40, 1, 1)), level=False, walls=None)
+    loops = [LoopEdge(0, 40 - k, se2(10.0 - 0.25 * k, 0.5, 0.0), 0.2 * np.eye(6), 30) for k in range(5)]
+    aside_m = {}
+    for share in (0.0, 0.06):
+        closer = PoseGraph(advanced=PoseGraphAdvanced(depth_share=share)).build(context())
+        aside_m[share] = [closer._optimised(some, straight, between).poses[-1, 1, 3] for some in (loops[:1], loops)]
+    assert aside_m[0.06][1] == pytest.approx(aside_m[0.06][0], rel=0.01)
+    assert aside_m[0.0][0] == pytest.approx(aside_m[0.06][0]) and aside_m[0.0][1] > 2.0 * aside_m[0.0][0]
+
+
+def test_a_loop_is_as_surprising_as_what_it_and_the_odometry_state():
+    """Four degrees are 4 sigmas after four steps of half a degree on the spot, and 1 after 64. 10 m after a turn known to
+    0.01 rad, 2 sigmas of it are 0.02 rad and 0.2 m aside; 0.2 m aside and straight ahead is past belief."""
+    sure, turned = 1e-10 * np.eye(6), se2(0.0, 0.0, np.radians(4.0))
+    spot = np.tile(np.eye(4), (65, 1, 1))
+    half = np.tile(sure + np.diag([0, 0, 0, 0, 0, np.radians(0.5) ** 2]), (64, 1, 1))
+    edges = [LoopEdge(0, later, turned, sure, 30) for later in (4, 64)]
+    np.testing.assert_allclose(surprise(edges, spot, half), [16.0, 1.0], rtol=1e-4)
+    line = np.stack([se2(0.0, 0.0, 0.0)] + [se2(1.0 * k, 0.0, 0.0) for k in range(11)])
+    first = np.concatenate([(sure + np.diag([0, 0, 0, 0, 0, 1e-4]))[None], np.tile(sure, (10, 1, 1))])
+    swung, pushed = (LoopEdge(0, 11, se2(10.0, 0.2, yaw), 1e-5 * np.eye(6), 30) for yaw in (0.02, 0.0))
+    assert surprise([swung], line, first)[0] == pytest.approx(4.0, rel=0.05)
+    assert surprise([pushed], line, first)[0] > 10.0
+    asked = PoseGraph(advanced=PoseGraphAdvanced(odometry_probability=0.99)).build(context())
+    assert "4.0 sigmas" in asked._likely(edges, spot, half)[0].reason and asked._likely(edges, spot, half)[1].accepted
 
 
 def test_pose_graph_refuses_a_planted_lie_with_a_reason():

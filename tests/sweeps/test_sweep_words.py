@@ -50,4 +50,4 @@ def test_hydras_own_word_for_a_folder_is_taken_as_output():
 def test_a_word_of_an_earlier_version_is_taken_with_a_warning():
     with pytest.warns(FutureWarning, match="loop_closer=one_eye is now loop_closer=monocular"):
         jobs = sweep.plan(["sensor=mono", "loop_closer=one_eye", "seed=0,1"]).jobs
-    assert jobs[0].config.loop_closer.settings.trust == "both"
+    assert jobs[0].config.loop_closer.settings.advanced.depth_share > 0.0

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rhs.api.geometry import inverse, log_so3, planar, wrap
+from rhs.api.geometry import adjoint, inverse, log_so3, planar, wrap
 from rhs.api.records import LoopEdge
+from rhs.estimation.filters.pose_graph import adjoints
 
 from .settings import DriftBounds
 
@@ -34,6 +35,21 @@ def consistent(a: LoopEdge, b: LoopEdge, poses: np.ndarray, travelled_m: np.ndar
     off_m = float(np.linalg.norm(cycle[:3, 3])) if solid else np.hypot(x_m, y_m)
     turned = float(np.linalg.norm(log_so3(cycle[:3, :3]))) if solid else abs(wrap(yaw_rad))
     return bool(off_m <= reach_m and turned <= turn_bound)
+
+
+def surprise(edges: Sequence[LoopEdge], poses: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """(M,) how far each edge moves its later view on the floor from where believed poses (N, 4, 4) put it: squared, in
+    sigmas of the edge and of the motions between, covariances (N - 1, 6, 6); chi-square with 3 degrees of freedom if all
+    are honest (individual compatibility; Neira and Tardos, IEEE Trans. Robotics and Automation 17(6), 2001)."""
+    carried = adjoints(poses[1:])
+    drifted = np.concatenate([np.zeros((1, 6, 6)), np.cumsum(carried @ motions @ np.swapaxes(carried, 1, 2), axis=0)])
+    out, floor = np.empty(len(edges)), np.ix_([0, 1, 5], [0, 1, 5])
+    for n, edge in enumerate(edges):
+        here = adjoint(inverse(poses[edge.later]))
+        spread = here @ (drifted[edge.later] - drifted[edge.earlier]) @ here.T + edge.covariance
+        gap = planar(inverse(poses[edge.later]) @ poses[edge.earlier] @ edge.earlier_from_later)
+        out[n] = gap @ np.linalg.solve(spread[floor], gap)
+    return out
 
 
 def agreement(

@@ -23,22 +23,24 @@ HUBER = 2.0  # sigmas beyond which a pair pulls no harder
 @dataclass(frozen=True)
 class PointNoise:
     """How well a key-point with depth is known: sigma_z = constant + quadratic * (z - nearest)^2 along the optical axis
-    (Nguyen, Izadi and Lovell 2012, section 4.1, for the Kinect), and pixel_px pixels across it at focal_px."""
+    (Nguyen, Izadi and Lovell 2012, section 4.1, for the Kinect), and pixel_px pixels across it at focal_px. share: of the
+    depth, by which it is wrong as well where it was read off pictures."""
 
     focal_px: float
     pixel_px: float = 1.0
     constant_m: float = 0.0012
     quadratic_per_m: float = 0.0019
     nearest_m: float = 0.4
+    share: float = 0.0
 
     def depth(self, z_m: np.ndarray) -> np.ndarray:
         """(N,) standard deviation of depth in metres at depths z_m."""
-        return self.constant_m + self.quadratic_per_m * np.maximum(z_m - self.nearest_m, 0.0) ** 2
+        return self.constant_m + self.quadratic_per_m * np.maximum(z_m - self.nearest_m, 0.0) ** 2 + self.share * z_m
 
     @property
     def numbers(self) -> np.ndarray:
         """(4,) as rhs.estimation.views.rigid_kernels takes them."""
-        return np.array([self.pixel_px / self.focal_px, self.constant_m, self.quadratic_per_m, self.nearest_m])
+        return np.array([self.pixel_px / self.focal_px, self.constant_m, self.quadratic_per_m, self.nearest_m, self.share])
 
     def isotropic(self, points: np.ndarray) -> np.ndarray:
         """(N,) one number per (N, 3) point, in metres: depth and pixel noise together."""
@@ -158,7 +160,8 @@ def refine_measured(
         found = refine_reprojection(start, p, q, noise=shown, gate_sigma=gate_sigma)
         known = replace(noise, pixel_px=max(noise.pixel_px, shown.pixel_px),
                         constant_m=max(noise.constant_m, shown.constant_m),
-                        quadratic_per_m=max(noise.quadratic_per_m, shown.quadratic_per_m))
+                        quadratic_per_m=max(noise.quadratic_per_m, shown.quadratic_per_m),
+                        share=max(noise.share, shown.share))
     cautious = refine_reprojection(found, p, q, noise=known, gate_sigma=gate_sigma, iterations=1)
     return replace(found, covariance=cautious.covariance)
 
@@ -173,7 +176,8 @@ def _noise_shown(found: Rigid, p: np.ndarray, q: np.ndarray, noise: PointNoise) 
     expected = np.hypot(noise.depth(p[:, 2]) / p[:, 2] ** 2, noise.depth(q[:, 2]) / q[:, 2] ** 2)
     along = (1.0 / moved[:, 2] - 1.0 / q[:, 2]) / expected
     pixel, depth = (_shrunk(values, prior) for values, prior in ((across_px, noise.pixel_px), (along, 1.0)))
-    return replace(noise, pixel_px=pixel, constant_m=depth * noise.constant_m, quadratic_per_m=depth * noise.quadratic_per_m)
+    return replace(noise, pixel_px=pixel, constant_m=depth * noise.constant_m, quadratic_per_m=depth * noise.quadratic_per_m,
+                   share=depth * noise.share)
 
 
 def _shrunk(residuals: np.ndarray, prior: float) -> float:

@@ -17,8 +17,8 @@ def normal_equations(
     perturbation of the pose (4, 4) a_from_b; squared residuals in sigmas (N,), and which pairs agree (N,) bool.
 
     Residuals are of (x/z, y/z, 1/z), whitened by the noise of both ends carried there. noise: pixels over focal length,
-    constant (m) and quadratic (1/m) part of the depth noise, nearest depth (m). limits: greatest squared residual of an
-    inlier, and where Huber's weight begins, in sigmas."""
+    constant (m) and quadratic (1/m) part of the depth noise, nearest depth (m), part that is a share of the depth. limits:
+    greatest squared residual of an inlier, and where Huber's weight begins, in sigmas."""
     matrix, vector = np.zeros((6, 6)), np.zeros(6)
     squared, agree = np.empty(len(p)), np.empty(len(p), np.bool_)
     by_p, jacobian, moved = np.empty((3, 3)), np.empty((3, 6)), np.empty(3)
@@ -84,7 +84,7 @@ def _weight(by_p: np.ndarray, p: np.ndarray, q: np.ndarray, noise: np.ndarray, w
 @inner
 def _variances(point: np.ndarray, noise: np.ndarray) -> tuple[float, float]:
     """Along the ray, per unit of depth, and across it, square metres."""
-    deviation = noise[1] + noise[2] * max(point[2] - noise[3], 0.0) ** 2
+    deviation = noise[1] + noise[2] * max(point[2] - noise[3], 0.0) ** 2 + noise[4] * point[2]
     return deviation**2, (noise[0] * point[2]) ** 2
 
 

@@ -85,7 +85,7 @@ def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, setting
 
 def _rigid(p: np.ndarray, q: np.ndarray, both: np.ndarray, query: Snapshot, settings: SightingSettings,
            rng: np.random.Generator) -> _CameraMotion | None:
-    noise = PointNoise(query.camera.fx)
+    noise = PointNoise(query.camera.fx, share=settings.depth_share)
     p, q = p[both].astype(float), q[both].astype(float)
     found = ransac_rigid(p, q, noise=noise, rng=rng, settings=settings.ransac)
     if found is None:
