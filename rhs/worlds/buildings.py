@@ -219,8 +219,8 @@ def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...]
         near = np.where(ways_m <= reach_m, grid.probability, np.nan).astype(np.float32)
         tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start, places=places)
         found_m = length_m(tour.route_m)
-    log.warning("%s: a route through all of it would be %.0f m long%s; proposed is one of %.0f m, within %.0f m of the start "
-                "(for another give start, places and route_m: worlds/README.md)", name, whole_m,
+    log.warning("%s: a route through all of it would be %.0f m long%s; proposed is one of %.0f m, within %.0f m of the "
+                "start (for another give start, places and route_m: worlds/README.md)", name, whole_m,
                 "" if part is grid else " or more", found_m, reach_m)
     return tour
 

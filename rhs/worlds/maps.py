@@ -56,7 +56,8 @@ def load_map(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | 
 
     A map with a yaw is turned into axis-parallel cells, each as bad as the worst pixel that it touches: occupied before
     unknown before free; cells that reach beyond the image are unknown. origin: for a file that gives none, as (x, y, yaw).
-    turned: if not, cells are the image's and the yaw is left to whoever asked. Raises ConfigError, in one line, for anything missing or out of range.
+    turned: if not, cells are the image's and the yaw is left to whoever asked. Raises ConfigError, in one line, for anything
+    missing or out of range.
     """
     header = read_header(yaml_path, origin=origin)
     probability = np.flipud(_occupancy(_read_image(header.image), header))
