@@ -207,7 +207,7 @@ def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...]
                name: str) -> Tour:
     """A tour of what lies near its start, in a large building; says so. LONGEST_ROUTE_M bounds its length where no places
     (name, x, y) are given that it must pass."""
-    part = nearest_floor(grid, np.array(start[:2]), MOST_M2) if isinstance(places, int) else grid
+    part = _nearest_floor(grid, np.array(start[:2]), MOST_M2) if isinstance(places, int) else grid
     tour = propose(part, radius_m, start=start, places=places)
     whole_m = length_m(tour.route_m)
     if whole_m <= LONGEST_ROUTE_M and part is grid or not isinstance(places, int):
@@ -225,7 +225,7 @@ def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...]
     return tour
 
 
-def nearest_floor(grid: OccupancyGrid, start_m: np.ndarray, most_m2: float) -> OccupancyGrid:
+def _nearest_floor(grid: OccupancyGrid, start_m: np.ndarray, most_m2: float) -> OccupancyGrid:
     """The grid, free only in the most_m2 whose ways from start_m (2,) are shortest; itself where it has no more."""
     if grid.free().sum() * grid.resolution_m**2 <= most_m2 or not grid.free()[tuple(grid.cells(start_m)[0])]:
         return grid
