@@ -185,10 +185,13 @@ def points_of(message, topic: str) -> tuple[np.ndarray, np.ndarray | None]:
         raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
     timed = [name for name in TIME_FIELDS if name in fields and fields[name].datatype in NUMBERS][:1]
     names = [*"xyz", *timed]
-    kind = np.dtype({"names": names, "formats": [NUMBERS[fields[n].datatype] for n in names],
+    order = ">" if message.is_bigendian else "<"
+    kind = np.dtype({"names": names, "formats": [order + NUMBERS[fields[n].datatype] for n in names],
                      "offsets": [fields[n].offset for n in names], "itemsize": message.point_step})
-    count = len(message.data) // max(message.point_step, 1)
-    table = np.frombuffer(bytes(message.data), kind, count)
+    data, row = np.asarray(message.data, np.uint8), int(message.width) * int(message.point_step)
+    if 0 < row < message.row_step and len(data) >= message.row_step * message.height:  # rows that end in padding
+        data = data[: message.row_step * message.height].reshape(message.height, message.row_step)[:, :row]
+    table = np.frombuffer(data.tobytes(), kind, data.size // max(message.point_step, 1))
     return np.stack([table[n] for n in "xyz"], axis=1).astype(float), table[timed[0]].astype(float) if timed else None
 
 

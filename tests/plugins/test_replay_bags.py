@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
@@ -11,7 +13,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 from rhs.recording.ros import camera_info
 from rhs_sources.replay_bag import choose_topics
-from rhs_sources.replay_bag_messages import camera_of
+from rhs_sources.replay_bag_messages import camera_of, points_of
 from rhs_sources.replay_config import Replay
 
 ALL_KINDS = pytest.mark.parametrize("kind", KINDS)
@@ -114,6 +116,17 @@ def test_a_bag_of_scans_alone_is_a_laser_recording(tmp_path):
     _, seen = views(bag.path)
     assert len(seen) == 3 and seen[0][0].image is None
     np.testing.assert_allclose(seen[1][0].travel, [0.0, 0.0, 0.1], atol=1e-9)
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("padding", [0, 8])
+def test_a_cloud_is_read_in_its_byte_order_and_without_what_its_rows_end_in(order, padding):
+    points = np.arange(18.0).reshape(2, 3, 3)
+    fields = [SimpleNamespace(name=n, offset=4 * k, datatype=7) for k, n in enumerate("xyz")]
+    raw = np.pad(points.astype(order + "f4").view(np.uint8).reshape(2, -1), ((0, 0), (0, padding)))
+    cloud = SimpleNamespace(fields=fields, point_step=12, width=3, height=2, row_step=36 + padding, data=raw.ravel(),
+                            is_bigendian=order == ">")
+    np.testing.assert_array_equal(points_of(cloud, "/cloud")[0], points.reshape(6, 3))
 
 
 @pytest.mark.parametrize("nothing", [10.0, 10.5, 9.97, np.inf])
