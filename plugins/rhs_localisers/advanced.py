@@ -67,6 +67,46 @@ class ConfirmationRules:
                      same_deg=(0.1, 180.0))
 
 
+@dataclass(frozen=True)
+class PanoramaSettings:
+    """When walls seen all round say that a robot which doubts itself is where it would be (panorama.py)."""
+
+    bearings: int = 180
+    """into which the circle is divided"""
+    near_m: float = 0.5
+    """what was seen from further away is not used, metres"""
+    more: float = 0.25
+    """the map is asked whenever this share of the bearings more was looked at"""
+    step_m: float = 0.2
+    """between the places of the map that are tried, metres"""
+    turn_deg: float = 10.0
+    """and between the headings, degrees"""
+    most: int = 60_000
+    """places and headings tried at most: in a larger map the places lie further apart"""
+    range_max_m: float = 8.0
+    """longer beams are not used, metres"""
+    slack_m: float = 0.15
+    """a beam ends at a wall that is so near to its end, metres ..."""
+    slack_per_m: float = 0.02
+    """... and so much further for each metre: headings err"""
+    hit: float = 0.75
+    """chance of a beam that ends at the first wall of the map, ..."""
+    short: float = 0.2
+    """... before it: somebody or something new stands there, ..."""
+    through: float = 0.05
+    """... behind it: what stood there has gone, or the map is wrong ..."""
+    unknown: float = 0.3
+    """... and of one that leads where the map knows nothing"""
+    trust: float = 0.15
+    """neighbouring beams share their errors, so each counts for so much"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, bearings=(8, 3600), near_m=(0.0, 100.0), more=(0.01, 1.0),
+                     step_m=(0.01, 10.0), turn_deg=(0.1, 180.0), most=(1, 10_000_000), range_max_m=(0.1, 1000.0),
+                     slack_m=(1e-3, 10.0), slack_per_m=(0.0, 1.0), hit=(1e-6, 1.0), short=(1e-6, 1.0),
+                     through=(1e-6, 1.0), unknown=(1e-6, 1.0), trust=(1e-6, 1.0))
+
+
 @dataclass
 class ByPlaces:
     """What the localisers that recognise places share."""
@@ -91,6 +131,7 @@ class ByPlaces:
 class SiftDbAdvanced(ByPlaces):
     """Thresholds of `localiser=sift_db`."""
 
+    panorama: PanoramaSettings = field(default_factory=PanoramaSettings)
     gate_probability: float = 0.999
     """chance that a right place passes the chi-square gate of a guess"""
     keep: int = 8

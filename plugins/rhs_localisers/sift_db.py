@@ -25,14 +25,17 @@ from rhs.estimation.filters.pose_hypotheses import (
     Hypothesis,
     PlaceFix,
     Trust,
+    added,
     begin,
     carried,
     confirms,
+    likelier,
     predict,
     silent,
     update,
 )
 from rhs.estimation.scans.scan_match import ScanMatcher
+from rhs.estimation.survey import at_eye_level
 from rhs.estimation.views.explainability import expected
 from rhs.estimation.views.features import features, foretell
 from rhs.estimation.views.motion_consistency import Continuity
@@ -42,6 +45,7 @@ from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
 from .confirmation import Confirmation, Contradiction, fits, hidden, possible
 from .continuity_watch import ContinuityWatch
+from .panorama import LookRound
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
 
@@ -63,6 +67,7 @@ class PlaceLocaliser:
         self._steps, self._last_asked = 0, 0
         self._of_fix = np.zeros((6, 6))  # what a place lifted on pictures errs by besides what its key-points say ...
         self._of_map = np.zeros((6, 6))  # ... and covariance of a map drawn by one camera, which no fix in it takes away
+        self._round: LookRound | None = None  # walls seen all round, by a robot that doubts
         self._contradicted = False
         self._before: Hypotheses | None = None  # believed when it was sure last, and moved since
         self._last = np.eye(4)
@@ -81,10 +86,11 @@ class PlaceLocaliser:
             self._of_fix = flat(a.pictured_sigma_m**2, a.pictured_sigma_rad**2)
             self._of_map = self._of_fix + left_on_loop(views[-1].covariance, a.pictured_share)
         self._fix = self._of_fix + flat(a.places.place_sigma_m**2, np.radians(a.places.place_sigma_deg) ** 2)
-        self._grid = grid
+        self._grid = None if grid is None else at_eye_level(grid)
         self._walls = ScanMatcher(grid, a.pictured if pictured else a.match) if grid is not None else None
         self._watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
         self._matcher = self._walls if self._settings.match_every > 0 else None
+        self._round = None if self._walls is None else LookRound(self._grid, self._walls, a.panorama)
         self._areas = max(2.0, 0.5 * len(memory))  # a place is seen from about two stored views
 
     def start(self, belief: Belief | None) -> None:
@@ -92,6 +98,8 @@ class PlaceLocaliser:
         self._steps, self._last_asked, self._contradicted = 0, 0, False
         self._before = None
         self._watching.begin()
+        if self._round is not None:
+            self._round.begin()
         self._contradiction = Contradiction(self._advanced.confirmation)
         self._confirmation = Confirmation(belief is not None and belief.probability > 0.9, self._advanced.confirmation)
         if belief is None:
@@ -116,6 +124,7 @@ class PlaceLocaliser:
         if self._matcher is not None and scan is not None and self._steps % s.match_every == 0 and not self._watching.spared:
             self._state = replace(
                 self._state, guesses=tuple(laid_on_map(g, scan, self._matcher) for g in self._state.guesses))
+        self._look_round(observation.scan, motion)
         self._steps += 1
         if not self._spares() or not self._watching.overlaps(observation.camera, motion.previous_from_body):
             foretell(self._context.features, observation.index + 1)
@@ -146,6 +155,28 @@ class PlaceLocaliser:
                 return
         if seen is Continuity.BROKEN:
             self._state, self._contradicted = carried(self._state, self._advanced.continuity.carried, self._trust), True
+            if self._round is not None:
+                self._round.again()
+
+    def _look_round(self, scan: Scan | None, motion: Motion) -> None:
+        """Walls seen all round may say that nobody was carried off, where nothing is recognised."""
+        best = self._state.best
+        if self._round is None:
+            return
+        if best is not None and self._status(best.weight) is BeliefStatus.TRACKING:
+            self._round.begin()
+            return
+        due = self._round.add(scan, motion.previous_from_body)
+        state = added(self._state, self._before, 0.5, self._trust)
+        if not due or not any(self._fits(scan, guess) for guess in state.guesses):
+            return
+        laid, odds = self._round.odds(state.guesses)
+        state = replace(state, guesses=tuple(laid))
+        sure = likelier(carried(state, self._advanced.continuity.carried, self._trust), odds, self._trust)
+        if sure.best is not None and sure.best.weight >= self._settings.tracking_above and self._fits(scan, sure.best):
+            self._resume(sure)
+        else:
+            self._state = likelier(state, odds, self._trust)
 
     def _resume(self, before: Hypotheses) -> Hypotheses:
         """Nobody was carried off: what was known before the doubt holds."""
@@ -195,14 +226,12 @@ class PlaceLocaliser:
         if self._contradicted and strong:
             self._confirmation.place_named(agrees=False)
             self._confirmation.doubt()
-        elif not self._contradicted and (known or (strong and self._fits(scan))):
+        elif not self._contradicted and (known or (strong and self._fits(scan, self._state.best))):
             self._confirmation.place_named(agrees=True)
         return True
 
-    def _fits(self, scan: Scan | None) -> bool:
-        best = self._state.best
-        return best is not None and fits(
-            scan, self._walls, planar(best.map_from_body), self._advanced.confirmation)
+    def _fits(self, scan: Scan | None, guess: Hypothesis | None) -> bool:
+        return guess is not None and fits(scan, self._walls, planar(guess.map_from_body), self._advanced.confirmation)
 
     def _due(self) -> bool:
         return self._doubts() or (self._steps % self._settings.every == 0 and not self._watching.spared)

@@ -121,7 +121,7 @@ def _replaced(content: dict[str, Any], word: Word) -> bool:
     """Put the value of a word in the place of another single value, or of none in a setting that is a dict; whether it
     could be."""
     *owners, last = word.key.split(".")
-    node = content
+    node: Any = content
     for owner in owners:
         node = node.get(owner) if isinstance(node, dict) else None
     if not isinstance(node, dict) or isinstance(node.get(last), dict | list):

@@ -185,6 +185,12 @@ def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
     return replace(grid, probability=probability)
 
 
+def at_eye_level(grid: OccupancyGrid) -> OccupancyGrid:
+    """The grid without what is lower than the camera, as a level scan meets it: free there."""
+    low = grid.probability == np.float32(FURNITURE)
+    return replace(grid, probability=np.where(low, np.float32(1.0 - FURNITURE), grid.probability))
+
+
 def known_free(grid: OccupancyGrid, views: Sequence[View], radius_m: float) -> np.ndarray:
     """(H, W) bool: cells the map calls free, and those the robot's own body has stood on without touching anything."""
     free = grid.free()

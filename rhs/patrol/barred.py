@@ -12,7 +12,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Event, MissionStatus, Path, Scan, Twist
 from rhs.api.validate import check_blocked
 
-from .aside import PATIENCE_VIEWS, Aside
+from .aside import PATIENCE_VIEWS, Aside, Trails
 from .changed_map import STAYS_S
 from .control import Pace, Progress, ahead_on_path, first_on_way, short_of, steer, target_on, turn, turns
 from .guard import Guard
@@ -48,6 +48,7 @@ class Barred:
     who: Mapping[str, str]
     obstacle: Scan | None
     radius_m: float
+    trails: Trails
 
     def _begin_place(self) -> None:
         self.path: Path | None = None
@@ -187,7 +188,7 @@ class Barred:
         """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
         waits = self.guard.moves and not self.contacts and self.waited >= PATIENCE_VIEWS
         goes = (waits or self.aside.goal_m is not None) and self.aside.go(
-            pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells))
+            pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells), self.trails.points_m)
         self.waited = 0 if goes else self.waited
         return goes
 

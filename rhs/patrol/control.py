@@ -16,6 +16,7 @@ from rhs.api.geometry import planar, wrap
 from rhs.api.records import Path, Twist
 
 MOST_TURNING_RAD = 4.0 * np.pi  # turning on the spot is progress twice round, not for ever
+ARC_STEP_M = 0.025  # between two places of the robot on an arc
 TURN_RATE_MAX_RADPS = 1.0  # of any command; a sharper bend is driven slower
 
 
@@ -158,3 +159,13 @@ class Progress:
         self.still = 0 if shifted or (turned > 0.03 and self._turned_rad < MOST_TURNING_RAD) else self.still + 1
         self._last = pose
         return shifted
+
+
+def arc(command: Twist, length_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """((M, 2) places of the robot's middle in its body frame now, (M,) metres of way) on the command's arc."""
+    way = np.arange(ARC_STEP_M, length_m + ARC_STEP_M, ARC_STEP_M)
+    sign = 1.0 if command.forward_mps >= 0 else -1.0
+    curvature = command.turn_radps / command.forward_mps if command.forward_mps else 0.0
+    turn = sign * way * curvature
+    chord = sign * way * np.sinc(turn / (2.0 * np.pi))
+    return np.stack([chord * np.cos(0.5 * turn), chord * np.sin(0.5 * turn)], axis=1), way

@@ -15,6 +15,7 @@ from rhs.api.task import Parts
 from rhs.api.validate import check_belief, check_capture, check_grid
 from rhs.estimation.survey import known_free
 
+from .aside import PASSED_M, Trails
 from .barred import Barred
 from .changed_map import ChangedMap
 from .control import Pace, closest_gap, steer, target_on, turn
@@ -50,7 +51,7 @@ class Sentinel(Barred):
                          arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
         self.guard = Guard(radius_m, self.pace, settings.advanced.guard, footprint)
         self.obstacle: Scan | None = None  # of the last view
-        self.lost_in_all = 0
+        self.lost_in_all, self.trails = 0, Trails()
         self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
         self.plans: list[tuple[int, Path]] = []
         self.kidnapper: Kidnapper | None = None
@@ -99,6 +100,7 @@ class Sentinel(Barred):
         if sure:
             shown = scan if around.one_eye else self.obstacle  # pictures show a thing from its foot on the floor upwards
             self.watch.look(belief.map_from_body, scan, shown, now_s=around.now_s, moves=around.moves)
+            self.trails.note(in_map(around.came_now(), pose))
         self.guard.touched_m = in_body(self.watch.touched_m, pose) if sure else NOTHING
         self.guard.known_m = self.watch.known_near(pose) if sure and around.one_eye else NOTHING
 
@@ -168,7 +170,8 @@ class Sentinel(Barred):
         if self.contacts > self.settings.contacts:
             self._finish(MissionStatus.GAVE_UP, f"contact: touched something unseen {self.contacts} times", events)
             return None
-        if self.aside.resting(pose[:2], self.settings.arrive_m):
+        passed = bool((np.hypot(*self.guard.around.came_now().T) < PASSED_M).any())
+        if self.aside.resting(pose[:2], self.settings.arrive_m, passed=passed):
             self.path = None
             return self._wait(self.aside.for_m, pose, events)
         if self.path is not None and (blockage := self._blockage(pose)) is not None:

@@ -10,16 +10,16 @@ from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
 from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
+from .control import ARC_STEP_M, arc
+
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
 KEPT_M = 2.0  # the robot stays this near its middle
 THING = 0.75  # votes from which a cell holds a thing: one beam that ended there and none that passed
 NEAR_M = 2.5  # things further from the robot are no matter of the next command
-STEP_M = 0.025  # between two places of the robot on an arc
 TURN_STEP_RAD = np.radians(2.0)  # between two of its headings on the spot
 SURE = 2.0  # votes of a thing that a tight way has to keep from: what the edges of things smear by a cell has fewer
 SPECK_M, SPECK_VOTES = 2.5 * CELL_M, 2.0  # a cell that one view alone held for a thing, with no other so near, is none
-CAME_NEAR_M = 0.3  # the rest of who came is so near
-NOTHING = np.zeros((0, 2))
+CAME_NEAR_M, NOTHING = 0.3, np.zeros((0, 2))  # the rest of who came is so near
 PATCH_M = 0.1  # grain of the ground that has to be seen
 HIDES_M = 0.5  # furniture that stands in the way is as deep as that; what of it was not seen is this near to what was
 HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
@@ -119,8 +119,7 @@ class Surroundings:
         self.came_s[rows[nothing], columns[nothing]] = np.inf
         fresh = hit & ~things[rows, columns] & (looked_s[rows, columns] > self.now_s - CAME_SEEN_S)
         new = cells[fresh]
-        middles = (new[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m
-        new = new[np.hypot(*self.in_body(middles).T) < CAME_WITHIN_M]
+        new = new[np.hypot(*self._middles(new).T) < CAME_WITHIN_M]
         if len(new) < CAME_CELLS:
             return
         things = things & ~np.isfinite(self.came_s)
@@ -136,9 +135,19 @@ class Surroundings:
 
     def came_near(self, point_m: np.ndarray) -> bool:
         """Whether something that was seen to come, not long out of sight, stands near the point (2,) of the body frame."""
-        cells = np.argwhere(np.isfinite(self.came_s) & (self.came_s >= self.now_s - self.fade_s))
-        gaps = self.in_body((cells[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m) - point_m
-        return bool((np.hypot(*gaps.T) < CAME_NEAR_M).any())
+        return bool((np.hypot(*(self._came(self.fade_s) - point_m).T) < CAME_NEAR_M).any())
+
+    def came_now(self) -> np.ndarray:
+        """(K, 2) where this view shows something that was seen to come, in the body frame."""
+        return self._came(0.0)
+
+    def _came(self, within_s: float) -> np.ndarray:
+        """(K, 2) where something that was seen to come was seen that lately, in the body frame."""
+        return self._middles(np.argwhere(np.isfinite(self.came_s) & (self.came_s >= self.now_s - within_s)))
+
+    def _middles(self, cells: np.ndarray) -> np.ndarray:
+        """(K, 2) middles of cells (K, 2), row and column, in the body frame."""
+        return self.in_body((cells[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m)
 
     @property
     def moves(self) -> bool:
@@ -157,7 +166,7 @@ class Surroundings:
     def forget_near(self, points_m: np.ndarray, within_m: float) -> bool:
         """Forget what stands near the points (K, 2) of the body frame. Whether anything did."""
         cells = np.argwhere((self.at_eye.votes > 0.0) | (self.below.votes > 0.0))
-        gone = cells[_near(self.in_body((cells[:, ::-1] + 0.5) * CELL_M + self.at_eye.origin_m), points_m, within_m)]
+        gone = cells[_near(self._middles(cells), points_m, within_m)]
         for layer in (self.at_eye, self.below):
             layer.votes[gone[:, 0], gone[:, 1]] = 0.0
         return len(gone) > 0
@@ -271,7 +280,7 @@ class Surroundings:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
         nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; least: votes;
         turned_rad: of a robot that turns on the spot first."""
-        seen, (at, way) = self.things(least=least), _arc(command, up_to_m)
+        seen, (at, way) = self.things(least=least), arc(command, up_to_m)
         things = np.concatenate([seen, walls_m])
         margins_m = np.concatenate([margin_m + self._unsure_m(seen), np.full(len(walls_m), margin_m)])
         if not len(things):
@@ -288,7 +297,7 @@ class Surroundings:
             close = near.any(axis=0)
             wrong = self._too_near(self.footprint, things[close], np.column_stack([at, yaw_rad]), margins_m[close])
         bad = wrong.any(axis=1)
-        return float(way[np.argmax(bad)] - STEP_M) if bad.any() else up_to_m
+        return float(way[np.argmax(bad)] - ARC_STEP_M) if bad.any() else up_to_m
 
     def _unsure_m(self, things_m: np.ndarray) -> np.ndarray:
         """(K,) metres by which things (K, 2) of the body frame may stand nearer than they were seen: what one eye read off
@@ -322,7 +331,7 @@ class Surroundings:
     def unseen(self, command: Twist, *, margin_m: float, up_to_m: float, since_s: float) -> np.ndarray:
         """(K, 2) patches that the robot would pass over on the command's arc and that no view since since_s has covered, in
         this frame. Not those within margin_m of where it stands."""
-        at, _ = _arc(command, up_to_m)
+        at, _ = arc(command, up_to_m)
         gaps = np.linalg.norm(self._patches[:, None] - at[None, ::2], axis=2).min(axis=1)
         ahead = self._patches[(gaps < self.radius_m) & (np.hypot(*self._patches.T) > self.radius_m + margin_m)]
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
@@ -383,13 +392,3 @@ def in_company(points_m: np.ndarray) -> np.ndarray:
 
     near: np.ndarray = cKDTree(points_m).query_ball_point(points_m, SPECK_M, return_length=True) > 1
     return near
-
-
-def _arc(command: Twist, length_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """((M, 2) places of the robot's middle in its body frame now, (M,) metres of way) on the command's arc."""
-    way = np.arange(STEP_M, length_m + STEP_M, STEP_M)
-    sign = 1.0 if command.forward_mps >= 0 else -1.0
-    curvature = command.turn_radps / command.forward_mps if command.forward_mps else 0.0
-    turn = sign * way * curvature
-    chord = sign * way * np.sinc(turn / (2.0 * np.pi))
-    return np.stack([chord * np.cos(0.5 * turn), chord * np.sin(0.5 * turn)], axis=1), way

@@ -78,7 +78,8 @@ def _map_from_image(path: Path) -> np.ndarray:
 
 def _turned(building: Building, map_from_image: np.ndarray) -> Building:
     def turned(points_m: np.ndarray) -> np.ndarray:
-        return points_m @ map_from_image[:2, :2].T + map_from_image[:2, 2]
+        out: np.ndarray = points_m @ map_from_image[:2, :2].T + map_from_image[:2, 2]
+        return out
 
     if np.array_equal(map_from_image, np.eye(3)):
         return building

@@ -76,6 +76,8 @@ def main() -> int:
                 tracked.append(f"{world},{word},{name}," + tracked_line(part, lap))
             sys.stdout.write("\n".join([lines[-1], *tracked[-len(laps):]]) + "\n")
             sys.stdout.flush()
+    for folder in ("tables", "pictures"):
+        (options.out / folder).mkdir(parents=True, exist_ok=True)
     kept(options.out / "tables" / "kidnaps.csv", KIDNAPS, lines, options.worlds)
     if other:
         kept(options.out / "tables" / "kidnaps_other_way.csv", OTHER_WAY, other, options.worlds)
@@ -148,8 +150,8 @@ def follow(part, lap: Taken, begin: int, end: int, *, start: bool = True) -> Bel
         rows.append((lap.observations[k].stamp_s, np.hypot(*gap[:2]), abs(float(wrap(gap[2]))), belief.probability,
                      belief.status is BeliefStatus.TRACKING))
     stamps, wrong_m, wrong_rad, chance, sure = np.array(rows, float).T
-    carried = np.arange(end - begin) == 0
-    return Beliefs(stamps, lap.truth[begin:end, :2, 3], wrong_m, wrong_rad, chance, sure > 0, carried)
+    first = np.arange(end - begin) == 0
+    return Beliefs(stamps, lap.truth[begin:end, :2, 3], wrong_m, wrong_rad, chance, sure > 0, first, first & start)
 
 
 def kidnap_line(after: list[Beliefs], spent_ms: float) -> str:

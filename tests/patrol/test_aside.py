@@ -9,7 +9,18 @@ from flatland import BEARINGS, Flatland, Oracle, Through, parts, ring
 from rhs.api.geometry import camera_from_fov, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
-from rhs.patrol.aside import AWAY_M, ELSEWHERE_M, MOST, NEAR_M, Aside, roomy_spot
+from rhs.patrol.aside import (
+    AWAY_M,
+    ELSEWHERE_M,
+    MOST,
+    NEAR_M,
+    OFF_M,
+    PASSED_VIEWS,
+    REST_OFF_VIEWS,
+    Aside,
+    Trails,
+    roomy_spot,
+)
 from rhs.patrol.control import Pace
 from rhs.patrol.guard import Guard, GuardSettings
 from rhs.patrol.loop import steps
@@ -53,6 +64,33 @@ def test_the_spot_aside_is_roomy_near_by_and_away_from_who_comes():
     assert len(spots) == MOST and not aside.go(at, who, grid, blocked), "a bound"
     gaps = [np.linalg.norm(a - b) for k, a in enumerate(spots) for b in spots[:k]]
     assert min(gaps) >= ELSEWHERE_M, "elsewhere each time"
+
+
+def test_the_spot_aside_is_off_the_way_on_which_somebody_was_seen_to_walk():
+    """The room of above, somebody walks through its lower half: the robot goes to the upper one, where a wall is nearer."""
+    blocked = np.ones((90, 100), bool)
+    blocked[15:25, 0:60] = blocked[0:40, 50:80] = False
+    grid = OccupancyGrid(np.where(blocked, 0.95, 0.05).astype(np.float32), 0.1, (0.0, 0.0))
+    at, who, trails = np.array([3.5, 2.0]), np.array([2.0, 2.0]), Trails()
+    trails.note(np.stack([np.linspace(0.0, 7.9, 80), np.full(80, 2.0)], axis=1))
+    trails.note(np.stack([np.linspace(5.0, 7.9, 30), np.full(30, 1.0)], axis=1))
+    spot = roomy_spot(who, at[None], grid, blocked, trails.points_m)
+    assert np.linalg.norm(trails.points_m - spot, axis=1).min() >= OFF_M - 0.1 and spot[1] > 3.0
+    assert roomy_spot(who, at[None], grid, blocked)[1] < 3.0, "that is where most room is"
+
+
+def test_a_robot_that_stands_aside_goes_on_when_somebody_has_come_by():
+    aside, at, who = Aside(), np.array([3.5, 2.0]), np.array([2.0, 2.0])
+    blocked = np.zeros((90, 100), bool)
+    grid = OccupancyGrid(np.full((90, 100), 0.05, np.float32), 0.1, (0.0, 0.0))
+
+    def rest(passed_at: int) -> int:
+        assert aside.go(at, who, grid, blocked, np.array([[3.5, 2.0]]))
+        where = aside.goal_m
+        return sum(aside.resting(where, 0.3, passed=k == passed_at) for k in range(100))
+
+    assert rest(passed_at=-1) == REST_OFF_VIEWS - 1
+    assert rest(passed_at=10) == 10 + PASSED_VIEWS - 1
 
 
 def test_a_robot_that_somebody_waits_for_goes_aside_and_then_gets_on():

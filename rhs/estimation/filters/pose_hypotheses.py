@@ -117,6 +117,22 @@ def silent(state: Hypotheses, ratio: float, trust: Trust) -> Hypotheses:
     return _normalised(list(state.guesses), state.elsewhere * ratio, trust)
 
 
+def likelier(state: Hypotheses, odds: np.ndarray, trust: Trust) -> Hypotheses:
+    """Something was seen that is likelier from each guess than from anywhere else by so much: logarithms, one a guess."""
+    gain = np.exp(np.clip(odds, -50.0, 50.0))
+    return _normalised([replace(g, weight=g.weight * k) for g, k in zip(state.guesses, gain, strict=True)], state.elsewhere,
+                       trust)
+
+
+def added(state: Hypotheses, other: Hypotheses | None, share: float, trust: Trust) -> Hypotheses:
+    """The state with the best guess of another one, where none stands, by this share of the chance of being elsewhere."""
+    if other is None or other.best is None:
+        return state
+    guess = replace(other.best, weight=share * state.elsewhere)
+    kept = _merged([*state.guesses, guess], trust)
+    return _normalised(kept, (1.0 - share) * state.elsewhere, trust) if len(kept) > len(state.guesses) else state
+
+
 def carried(state: Hypotheses, chance: float, trust: Trust) -> Hypotheses:
     """Something says that the robot was carried off: `elsewhere` is at least so likely, whatever was known before."""
     if state.elsewhere >= chance:
