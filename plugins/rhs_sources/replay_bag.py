@@ -17,7 +17,7 @@ from rhs.api.records import Capture
 from rhs.recording.mcap_scan import open_scan
 
 from . import replay_bag_messages as ros
-from .carmen.log import NO_CAMERA
+from .carmen.log import NO_CAMERA, end_of_range
 from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
@@ -28,6 +28,7 @@ from .replay_stamps import cloud_extras
 from .replay_tum import Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
 
 
@@ -208,29 +209,31 @@ def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -
 
 def _first(reader, topic: str):
     """The first message of a topic; ConfigError when it holds none."""
-    found = next(_messages(reader, {topic}), None)
+    found = next(ros.stamped(reader, {topic}), None)
     if found is None:
         raise ConfigError(f"topic {topic} holds no message; expected at least one; type source.*_topic=NAME for another")
     return found[2]
 
 
-def _messages(reader, topics: set[str]) -> Iterator:
-    """(topic, stamp, message) in the order of the bag; a header that was left at zero means when the message arrived."""
-    chosen = [c for c in reader.connections if c.topic in topics]
-    for connection, arrived_ns, raw in reader.messages(connections=chosen):
-        message = reader.deserialize(raw, connection.msgtype)
-        yield connection.topic, ros.stamp_of(message) or arrived_ns * 1e-9, message
-
-
 @dataclass(frozen=True, eq=False)
 class Placed:
     """Where the sensors sit: 4x4 body_from_scanner, body_from_camera (optical) and camera_from_cloud (of a lidar:
-    body_from_cloud); None where nothing is said of it. depth: took the depth images, where it is not the colour camera."""
+    body_from_cloud); None where nothing is said of it. depth: took the depth images, where it is not the colour camera.
+    most_m: reading from which on the laser says that it met nothing."""
 
     scan: np.ndarray | None
     camera: np.ndarray | None
     cloud: np.ndarray | None
     depth: DepthCamera | None = None
+    most_m: float = np.inf
+
+
+def _most_m(reader, topic: str) -> float:
+    """The largest reading of a laser, if that stands for nothing and is nearly its range_max: metres, else inf."""
+    scans = [message for _, _, message in islice(ros.stamped(reader, {topic}), LOOKED_AT)]
+    ranges = [np.asarray(one.ranges, float) for one in scans]
+    end_m = end_of_range([one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)])
+    return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
 
 
 def _placed(reader, topics: Topics, settings) -> Placed:
@@ -258,7 +261,8 @@ def _placed(reader, topics: Topics, settings) -> Placed:
     cloud = None
     if topics.cloud and topics.color:
         cloud = color_from((_frame(reader, topics.color), _frame(reader, topics.cloud)), links, topics.cloud)
-    return Placed(scan, camera, cloud, _depth_camera(reader, topics, settings, links))
+    most_m = _most_m(reader, topics.scan) if topics.scan else np.inf
+    return Placed(scan, camera, cloud, _depth_camera(reader, topics, settings, links), most_m)
 
 
 def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera | None:
@@ -297,7 +301,7 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
     last: dict[str, float] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
     scan, wheel, unreadable = None, None, 0
-    for topic, stamp, message in _messages(reader, topics.used()):
+    for topic, stamp, message in ros.stamped(reader, topics.used()):
         if not stamp > last.get(topic, -np.inf):
             counts["duplicate" if stamp == last.get(topic) else "backward"] += 1
             continue
@@ -309,7 +313,7 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
         elif topic == topics.scan:
-            scan = mounted(ros.scan_of(message, topic), placed.scan, topic)
+            scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
             if not topics.color and not topics.around:
                 yield Capture(0, stamp, scan=scan, sensed=True), wheel
         elif topic == topics.around:

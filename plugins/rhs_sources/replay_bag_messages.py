@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Collection, Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -21,6 +23,7 @@ BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_
          "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 YUV = {"yuv422": "YUV2RGB_UYVY", "uyvy": "YUV2RGB_UYVY", "yuv422_yuy2": "YUV2RGB_YUY2", "yuyv": "YUV2RGB_YUY2"}  # of webcams
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+LOOKED_AT, NEAR_S = 100, 60.0  # messages of a topic for its first stamp; it is of a clock that began at zero
 MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled ends add
 FURTHEST_M = 500.0  # that lasers which look round see
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
@@ -31,6 +34,26 @@ def stamp_of(message) -> float:
     """Seconds of a message's header."""
     stamp = message.header.stamp
     return stamp.sec + stamp.nanosec * 1e-9
+
+
+def stamped(reader, topics: Collection[str]) -> Iterator:
+    """(topic, stamp, message) in the order of the bag; a header that was left at zero, or none, means when it arrived."""
+    chosen = [c for c in reader.connections if c.topic in topics]
+    simulated = {c.topic for c in chosen if _begins_at_zero(reader, c)}
+    for connection, arrived_ns, raw in reader.messages(connections=chosen) if chosen else ():  # of none it would read all
+        message = reader.deserialize(raw, connection.msgtype)
+        stamp = stamp_of(message) if hasattr(message, "header") else 0.0
+        yield connection.topic, stamp if stamp or connection.topic in simulated else arrived_ns * 1e-9, message
+
+
+def _begins_at_zero(reader, connection) -> bool:
+    """Whether zero is where a simulator's clock begins, and no stamp left out: it is the first, and the next is near."""
+    for number, (_, _, raw) in enumerate(islice(reader.messages(connections=[connection]), LOOKED_AT)):
+        message = reader.deserialize(raw, connection.msgtype)
+        stamp = stamp_of(message) if hasattr(message, "header") else 0.0
+        if stamp:
+            return number > 0 and stamp < NEAR_S
+    return False
 
 
 def color_of(message, topic: str) -> np.ndarray:
@@ -95,8 +118,9 @@ def camera_of(message, *, rectified: bool = False) -> Camera | None:
     return Camera(message.width, message.height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1], distortion)
 
 
-def scan_of(message, topic: str) -> Scan:
-    """A LaserScan; beyond range_max is free, below range_min or NaN unknown."""
+def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
+    """A LaserScan; from range_max on, or the reading that stands for nothing (most_m), is free, below range_min or NaN
+    unknown."""
     ranges = np.asarray(message.ranges, float)
     bearings = message.angle_min + message.angle_increment * np.arange(len(ranges))
     if not np.all(np.isfinite(bearings)) or not message.range_max > 0:
@@ -109,7 +133,8 @@ def scan_of(message, topic: str) -> Scan:
     seen = known[np.isfinite(known)]
     if len(seen) and np.median(seen) > FURTHEST_M:
         raise ConfigError(f"{topic}: ranges are {np.median(seen):.4g} m typically; expected metres")
-    return Scan(bearings, np.where(known > message.range_max, np.inf, known), float(message.range_max))
+    most_m = min(most_m, float(message.range_max))  # a wall just there is less likely than none: drivers clip
+    return Scan(bearings, np.where(known >= most_m, np.inf, known), most_m)
 
 
 def pose_of(message, topic: str) -> np.ndarray:
@@ -160,10 +185,13 @@ def points_of(message, topic: str) -> tuple[np.ndarray, np.ndarray | None]:
         raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")
     timed = [name for name in TIME_FIELDS if name in fields and fields[name].datatype in NUMBERS][:1]
     names = [*"xyz", *timed]
-    kind = np.dtype({"names": names, "formats": [NUMBERS[fields[n].datatype] for n in names],
+    order = ">" if message.is_bigendian else "<"
+    kind = np.dtype({"names": names, "formats": [order + NUMBERS[fields[n].datatype] for n in names],
                      "offsets": [fields[n].offset for n in names], "itemsize": message.point_step})
-    count = len(message.data) // max(message.point_step, 1)
-    table = np.frombuffer(bytes(message.data), kind, count)
+    data, row = np.asarray(message.data, np.uint8), int(message.width) * int(message.point_step)
+    if 0 < row < message.row_step and len(data) >= message.row_step * message.height:  # rows that end in padding
+        data = data[: message.row_step * message.height].reshape(message.height, message.row_step)[:, :row]
+    table = np.frombuffer(data.tobytes(), kind, data.size // max(message.point_step, 1))
     return np.stack([table[n] for n in "xyz"], axis=1).astype(float), table[timed[0]].astype(float) if timed else None
 
 

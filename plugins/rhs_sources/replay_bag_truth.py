@@ -47,20 +47,12 @@ def read_truth(reader, found: dict[str, str], settings, *, frame: str, body_from
             kind = f"{topic} holds {found[topic].rsplit('/', 1)[-1]}" if topic in found else f"no topic {topic}"
             raise ConfigError(f"{settings.path}: {kind}; found {', '.join(known) or 'no topic'} with true poses "
                               f"({', '.join(POSES)})")
-        poses = [(stamp, ros.pose_of(message, topic)) for stamp, message in _read(reader, topic)]
+        poses = [(stamp, ros.pose_of(message, topic)) for _, stamp, message in ros.stamped(reader, [topic])]
         return BagTruth((_track(poses, settings),), np.eye(4))
     if settings.truth_frame:
         return BagTruth(_from_tf(reader, settings, frame.strip("/")),
                         np.eye(4) if body_from_frame is None else inverse(body_from_frame))
     return NO_TRUTH
-
-
-def _read(reader, topic: str):
-    """(stamp, message) of a topic; a header that was left at zero means when the message arrived."""
-    chosen = [c for c in reader.connections if c.topic == topic]
-    for connection, arrived_ns, raw in reader.messages(connections=chosen) if chosen else ():  # of none it would read all
-        message = reader.deserialize(raw, connection.msgtype)
-        yield (ros.stamp_of(message) if hasattr(message, "header") else 0.0) or arrived_ns * 1e-9, message
 
 
 def _track(poses: list[tuple[float, np.ndarray]], settings) -> Truth:
@@ -82,7 +74,7 @@ def _from_tf(reader, settings, frame: str) -> tuple[Truth, ...]:
     links: dict[tuple[str, str], list] = {}  # (child, parent): a frame may have several, of odometry and of motion capture
     fixed: set[tuple[str, str]] = set()
     for topic in ("/tf", "/tf_static"):
-        for arrived_s, message in _read(reader, topic):
+        for _, arrived_s, message in ros.stamped(reader, [topic]):
             for t in message.transforms:
                 link = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
                 links.setdefault(link, []).append((ros.stamp_of(t) or arrived_s, ros.pose_of(t, topic)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, rotation_of_quaternion, se3, transform
 from rhs.api.settings import near_file
+from rhs.api.trajectory import in_tum_order
 
 UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
 CLOUD_TIME = "cloud_time_s"
@@ -95,8 +97,8 @@ def associate(a_s: np.ndarray, b_s: np.ndarray, max_difference_s: float) -> list
     return sorted(pairs)
 
 
-def rows(path) -> list[tuple[int, list[str]]]:
-    """(line number, words) of a text list; `#` begins a comment, commas count as spaces."""
+def rows(path, ordered: Callable[[str], str] = str) -> list[tuple[int, list[str]]]:
+    """(line number, words) of a text list; `#` begins a comment, commas count as spaces. ordered: the text as it is read."""
     out = []
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -105,7 +107,7 @@ def rows(path) -> list[tuple[int, list[str]]]:
                           "files)") from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: found {path.stat().st_size} bytes that are no text; expected lines of words") from None
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(ordered(text).splitlines(), start=1):
         words = line.split("#", 1)[0].replace(",", " ").split()
         if words:
             out.append((number, words))
@@ -174,10 +176,10 @@ def typed_file(name: str) -> Path:
 
 
 def read_tum_truth(path, settings) -> Truth:
-    """A TUM trajectory (stamp tx ty tz qx qy qz qw) as Truth; poses that hold NaN or infinity are
+    """A TUM trajectory (stamp tx ty tz qx qy qz qw, or as a header names them) as Truth; poses that hold NaN or infinity are
     counted and left out. Raises ConfigError with file and line."""
     stamps, poses, unknown = [], [], 0
-    for number, words in rows(path):
+    for number, words in rows(path, in_tum_order):
         where = f"{path.name}:{number}"
         if len(words) != 8:
             raise ConfigError(f"{where}: found {len(words)} columns; expected stamp tx ty tz qx qy qz qw")

@@ -13,7 +13,7 @@ import functools
 import math
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -109,6 +109,15 @@ def defaults(cls: type) -> dict[str, Any]:
             raise ConfigError(f"{cls.__module__}.{cls.__qualname__}.{item.name} has no default value; give it one")
         out[item.name] = plain(value)
     return out
+
+
+def is_dict(cls: type, path: Sequence[str]) -> bool:
+    """Whether a path of names leads to a setting of type dict, or into one, whose keys are anybody's."""
+    hint = _hints(cls).get(path[0]) if path else None
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return is_dict(hint, path[1:])
+    kinds = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    return any((typing.get_origin(kind) or kind) is dict for kind in kinds)
 
 
 def is_record(value: Any) -> bool:

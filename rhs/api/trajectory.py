@@ -1,10 +1,12 @@
 """Trajectories: TUM files, association by time, alignment.
 
-A TUM line is `stamp_s x y z qx qy qz qw`: metres, unit quaternion with w last, `#` begins a comment.
+A TUM line is `stamp_s x y z qx qy qz qw`: metres, unit quaternion with w last, `#` begins a comment. A table whose header
+names its columns may have them in any order.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,9 @@ from rhs.base.errors import RecordingError
 from .files import replacing
 from .geometry import align, inverse, se3
 
+_STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
+_NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov")
+_DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
 ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")
 
 
@@ -66,7 +71,7 @@ def read_tum(path: Path) -> Trajectory:
     Raises RecordingError naming file and line for anything that is not eight finite numbers with a usable quaternion.
     """
     rows = []
-    for number, line in enumerate(_text(Path(path)).splitlines(), start=1):
+    for number, line in enumerate(in_tum_order(_text(Path(path))).splitlines(), start=1):
         words = line.split("#", 1)[0].replace(",", " ").split()
         if words:
             rows.append(_tum_row(words, f"{path}:{number}"))
@@ -74,6 +79,44 @@ def read_tum(path: Path) -> Trajectory:
     _, first = np.unique(table[:, 0], return_index=True)
     table = table[first]
     return Trajectory(table[:, 0], _poses(table[:, 1:4], table[:, 4:8]))
+
+
+def in_tum_order(text: str) -> str:
+    """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
+    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, commented or not); line by line. Another text as it is."""
+    lines = text.splitlines()
+    for k, line in enumerate(lines):
+        order = _columns(line)
+        if order:
+            nano = re.search(r"stamp[^,;]*\[ns\]|_ns\b|nsec|nanosec", line) is not None
+            return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
+        if line.split("#", 1)[0].strip():
+            break
+    return text
+
+
+def _columns(header: str) -> list[int]:
+    """Where stamp x y z qx qy qz qw stand, by the names in a header; empty where it does not name each of them once."""
+    separator = ";" if ";" in header else "," if "," in header else None
+    found: dict[str, list[int]] = {}
+    for k, name in enumerate(header.lstrip("#%\ufeff ").split(separator)):
+        name = re.sub(r"[\[(].*", "", name.strip(" \"'").lower()).strip()
+        turn = "q" if re.search(r"q|ori|rot", name[:-1]) else ""
+        if not _NO_POSE.search(name):
+            found.setdefault("t" if _STAMP.fullmatch(name) else turn + name[-1:], []).append(k)
+    wanted = [found.get(key, []) for key in ("t", "x", "y", "z", "qx", "qy", "qz", "qw")]
+    return [ks[0] for ks in wanted] if all(len(ks) == 1 for ks in wanted) else []
+
+
+def _ordered(row: str, order: list[int], *, nano: bool) -> str:
+    words = row.split("#", 1)[0].replace(",", " ").replace(";", " ").split()
+    if len(words) <= max(order):
+        return row
+    words = [words[k] for k in order]
+    behind = 9 if nano else _DIGITS.get(len(words[0]), 0)
+    if behind and words[0].isdigit():
+        words[0] = f"{words[0].zfill(behind + 1)[:-behind]}.{words[0].zfill(behind + 1)[-behind:]}"
+    return " ".join(words)
 
 
 def _text(path: Path) -> str:

@@ -106,7 +106,7 @@ def with_values(tree: Tree, values: Sequence[Word]) -> dict[str, Any]:
     for word in words:
         _check_key(config, word)
         try:
-            OmegaConf.update(config, word.key, word.value, merge=True)
+            OmegaConf.update(config, word.key, word.value, merge=True, force_add=True)
         except omegaconf.errors.OmegaConfBaseException as error:
             raise ConfigError(f"{word.text}: {_in_one_line(error)}") from error
     return to_plain(config)
@@ -118,12 +118,13 @@ def _is_plain(value: Any) -> bool:
 
 
 def _replaced(content: dict[str, Any], word: Word) -> bool:
-    """Put the value of a word in the place of another single value; whether there was one."""
+    """Put the value of a word in the place of another single value, or of none in a setting that is a dict; whether it
+    could be."""
     *owners, last = word.key.split(".")
-    node = content
+    node: Any = content
     for owner in owners:
-        node = node[owner]
-    if isinstance(node[last], dict | list):
+        node = node.get(owner) if isinstance(node, dict) else None
+    if not isinstance(node, dict) or isinstance(node.get(last), dict | list):
         return False
     node[last] = word.value
     return True
@@ -146,6 +147,8 @@ def _check_key(config: DictConfig, word: Word) -> None:
         owner = ".".join(parts[:depth])
         if isinstance(node, DictConfig) and part in node.keys():
             node = _child(node, part)
+        elif _is_free(config, parts[:depth]):
+            break
         elif isinstance(node, DictConfig):
             known = [str(k) for k in node.keys()]
             raise settings.unknown_key(owner, part, known) if depth else registry.no_setting(part, str(config.task), known)
@@ -153,6 +156,12 @@ def _check_key(config: DictConfig, word: Word) -> None:
             raise ConfigError(f"unknown key {word.key}: {owner} is a single value; write {owner}=VALUE")
     if len(parts) == 2 and parts[0] in KINDS and parts[1] == "name":
         raise ConfigError(f"{word.text}: a part is chosen by {parts[0]}={word.value}")
+
+
+def _is_free(config: DictConfig, owner: Sequence[str]) -> bool:
+    """Whether it is a setting of a part whose keys are anybody's: a dict."""
+    return (len(owner) > 1 and owner[0] in KINDS
+            and settings.is_dict(registry.load(owner[0], str(config[owner[0]].name)), owner[1:]))
 
 
 def _options(group: str) -> list[str]:

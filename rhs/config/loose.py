@@ -19,6 +19,7 @@ from typing import Any
 
 from rhs.api.contracts import PLUGIN_KINDS
 from rhs.api.metric import Metric
+from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError, PluginError
 
 from . import registry
@@ -113,10 +114,22 @@ def _match(kind: str, name: str) -> None:
     found = {name: cls for module in _silent for name, cls in vars(module).items() if _is_plugin(cls, module)}
     cls = found.get(class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
     if cls is None:
-        files = ", ".join(str(module.__file__) for module in _silent)
-        raise PluginError(f"{kind}={name}: {files} holds {', '.join(found) or 'no @dataclass with a build(context)'}; "
-                          f"write rhs.register({kind!r}, {name!r}, CLASS) in it")
+        raise PluginError(f"{kind}={name}: {_instead(kind, name, list(found))}")
     registry.register(kind, name, cls)
+
+
+def _instead(kind: str, name: str, found: list[str]) -> str:
+    """What to do about a name that no class of the files has."""
+    files = ", ".join(str(module.__file__) for module in _silent)
+    if kind == "metric":
+        return f"a metric is not chosen; write a tuple of rhs.api.metric.Metric at the top of {files}"
+    wanted = class_name(name)
+    if any(isinstance(getattr(module, wanted, None), type) for module in _silent):
+        return f"{wanted} in {files} is no plugin; write @dataclass over it, and give it build(self, context)"
+    if near := nearest(name, [word_name(one) for one in found], kind).replace(f"{kind}.", f"{kind}="):
+        return f"{files} has no {wanted}{near}"
+    return (f"{files} holds {', '.join(found[:6]) or 'no @dataclass with a build(context)'}"
+            f"{', ...' if len(found) > 6 else ''}; write rhs.register({kind!r}, {name!r}, CLASS) in it")
 
 
 def _unanswered(words: Sequence[str]) -> list[tuple[str, str]]:
@@ -160,6 +173,11 @@ def _load(path: Path) -> ModuleType:
 def class_name(name: str) -> str:
     """my_planner -> MyPlanner."""
     return "".join(part.capitalize() for part in name.split("_"))
+
+
+def word_name(name: str) -> str:
+    """MyPlanner -> my_planner."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def _is_plugin(cls: Any, module: ModuleType) -> bool:

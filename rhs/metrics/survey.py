@@ -55,7 +55,7 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
     if estimate is None or truth is None:
         return _no_trajectory(truth)
     both = pair(estimate, truth, tolerance_s)
-    errors = absolute_errors_m(both, alignment)
+    errors = absolute_errors_m(both, alignment) if len(both.truth) > 1 else np.zeros(0)  # one pose fits any truth
     scaled = _scaled(both, alignment)
     per_step = relative_errors(scaled, consecutive(len(both.truth)))
     per_metre = relative_errors(scaled, apart(both.truth.travelled_m, 1.0))

@@ -2,7 +2,7 @@
 
 KITTI (Geiger et al. 2012): twelve numbers a line, the upper rows of world_from_camera; stamps are those of a times.txt
 beside it, else the numbers of the lines in place of seconds. EuRoC (Burri et al. 2016): commas; nanoseconds, x y z,
-qw qx qy qz, and whatever follows. Anything else is read as TUM.
+qw qx qy qz, and whatever follows. A header that names the columns is believed. Anything else is read as TUM.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.geometry import rotation_of_quaternion, se3
-from rhs.api.trajectory import Trajectory, read_tum
+from rhs.api.trajectory import Trajectory, in_tum_order, read_tum
 from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
 
@@ -24,10 +24,13 @@ def read_trajectory(path: Path) -> Trajectory:
     """A trajectory in any of the three forms, told apart by its first line. Raises RecordingError with file and line."""
     check_regular(path)
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return read_tum(path)  # which says what is wrong
-    rows = [(number, line) for number, line in enumerate(lines, start=1) if line.strip() and not line.startswith("#")]
+    if in_tum_order(text) is not text:  # a header says which column is which
+        return read_tum(path)
+    lines = enumerate(text.splitlines(), start=1)
+    rows = [(number, line) for number, line in lines if line.strip() and not line.startswith("#")]
     first = rows[0][1] if rows else ""
     if len(first.split()) == KITTI_NUMBERS:
         return _kitti(path, rows)

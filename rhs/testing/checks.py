@@ -64,7 +64,7 @@ def _asserting(check: Check) -> Check:
             raise
         except Exception as error:
             hint = ("; depth, scan and wheel are None unless `needs` names them, wheel and command also in a view without "
-                    "content" if "NoneType" in str(error) else "")
+                    "content" if "NoneType" in str(error) and _its_own(error) else "")
             raise AssertionError(in_words(error) + hint) from error
 
     return asserting
@@ -74,10 +74,16 @@ def in_words(error: Exception) -> str:
     """What a part raised, and its own line in which it did; or, as it stands, why rhs refused what it returned."""
     if isinstance(error, ContractError):
         return " ".join(str(error).split())
-    frames = [(frame.f_globals.get("__name__", ""), frame.f_code.co_filename, line)
-              for frame, line in traceback.walk_tb(error.__traceback__)]
-    own = [f"{Path(file).name}:{line}" for module, file, line in frames if not module.startswith("rhs.")]
+    own = _its_own(error)
     return " ".join(f"{type(error).__name__}: {error}{f' ({own[-1]})' if own else ''}".split())
+
+
+def _its_own(error: Exception) -> list[str]:
+    """The lines of the part's own package that led to an error, the last of them last; what it called beyond is not its."""
+    frames = [(str(frame.f_globals.get("__name__", "")).partition(".")[0], frame.f_code.co_filename, line)
+              for frame, line in traceback.walk_tb(error.__traceback__)]
+    owner = next((package for package, _, _ in frames if package != "rhs"), "")
+    return [f"{Path(file).name}:{line}" for package, file, line in frames if package == owner]
 
 
 def says_what_it_is(settings: Any, folder: Path) -> None:

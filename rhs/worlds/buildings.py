@@ -16,7 +16,7 @@ from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser
 from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
-from .maps import advice_on, is_shaded, load_map, writing_in
+from .maps import advice_on, is_shaded, load_map, read_header, writing_in
 from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .robot import shape_of
@@ -35,6 +35,7 @@ WRITING = 5  # so many small marks in a drawn plan are likely to be a word
 APART_M = 0.5  # places that are proposed
 LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
 LEAST_ROUTE_M = 0.5  # less is no patrol: the robot has room where it stands and nowhere else
+MOST_M2 = 1000.0  # of floor that a route that is proposed is looked for on: several times what LONGEST_ROUTE_M passes
 LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
 
 
@@ -54,14 +55,36 @@ def read_building(path: Path, file: Section) -> Building:
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
-    grid = load_map(path, origin=(0.0, 0.0, 0.0))
+    map_from_image = _map_from_image(path)
+    if start_m is not None:
+        start_m = (np.linalg.inv(map_from_image) @ (*start_m, 1.0))[:2]
+    grid = load_map(path, origin=(0.0, 0.0, 0.0), turned=False)
     if is_shaded(path):
         log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its "
                     "walls black on white", path.name)
     if drawn and (marks := writing_in(grid)) >= WRITING:
         log.warning("%s: %d marks of less than 1 m stand apart from every wall, and are built: if they are writing, write "
                     "marks_m: 1 in %s", path.stem, marks, path.name)
-    return building_of(known_part(grid), radius_m, start_m, path)
+    return _turned(building_of(known_part(grid), radius_m, start_m, path), map_from_image)
+
+
+def _map_from_image(path: Path) -> np.ndarray:
+    """(3, 3) that turns a map, read as if it had no yaw, about its corner: walls are turned, not cells, and doors stay as
+    wide as they are."""
+    x, y, yaw = read_header(path, origin=(0.0, 0.0, 0.0)).origin
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s, x - c * x + s * y], [s, c, y - s * x - c * y], [0.0, 0.0, 1.0]])
+
+
+def _turned(building: Building, map_from_image: np.ndarray) -> Building:
+    def turned(points_m: np.ndarray) -> np.ndarray:
+        out: np.ndarray = points_m @ map_from_image[:2, :2].T + map_from_image[:2, 2]
+        return out
+
+    if np.array_equal(map_from_image, np.eye(3)):
+        return building
+    return replace(building, stand_m=turned(building.stand_m),
+                   walls=tuple(replace(wall, points_m=turned(wall.points_m)) for wall in building.walls))
 
 
 def _yaml_of(picture: Path) -> Path:
@@ -185,20 +208,33 @@ def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...]
                name: str) -> Tour:
     """A tour of what lies near its start, in a large building; says so. LONGEST_ROUTE_M bounds its length where no places
     (name, x, y) are given that it must pass."""
-    tour = propose(grid, radius_m, start=start, places=places)
+    part = _nearest_floor(grid, np.array(start[:2]), MOST_M2) if isinstance(places, int) else grid
+    tour = propose(part, radius_m, start=start, places=places)
     whole_m = length_m(tour.route_m)
-    if whole_m <= LONGEST_ROUTE_M or not isinstance(places, int):
+    if whole_m <= LONGEST_ROUTE_M and part is grid or not isinstance(places, int):
         return tour
-    ways_m = ways_from(grid, np.array(tour.start[:2]))
+    ways_m = ways_from(part, np.array(tour.start[:2]))
     reach_m, found_m = float(ways_m[np.isfinite(ways_m)].max()), whole_m
     while found_m > LONGEST_ROUTE_M:
         reach_m *= max(0.5, min(0.9, LONGEST_ROUTE_M / found_m))
         near = np.where(ways_m <= reach_m, grid.probability, np.nan).astype(np.float32)
         tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start, places=places)
         found_m = length_m(tour.route_m)
-    log.warning("%s: a route through all of it would be %.0f m long; proposed is one of %.0f m, within %.0f m of the start "
-                "(for another give start, places and route_m: worlds/README.md)", name, whole_m, found_m, reach_m)
+    log.warning("%s: a route through all of it would be %.0f m long%s; proposed is one of %.0f m, within %.0f m of the "
+                "start (for another give start, places and route_m: worlds/README.md)", name, whole_m,
+                "" if part is grid else " or more", found_m, reach_m)
     return tour
+
+
+def _nearest_floor(grid: OccupancyGrid, start_m: np.ndarray, most_m2: float) -> OccupancyGrid:
+    """The grid, free only in the most_m2 whose ways from start_m (2,) are shortest; itself where it has no more."""
+    if grid.free().sum() * grid.resolution_m**2 <= most_m2 or not grid.free()[tuple(grid.cells(start_m)[0])]:
+        return grid
+    ways_m = ways_from(grid, start_m)
+    count = int(most_m2 / grid.resolution_m**2)
+    reach_m = np.partition(ways_m.ravel(), count)[count]
+    near = np.where(ways_m <= reach_m, grid.probability, np.nan).astype(np.float32)
+    return OccupancyGrid(near, grid.resolution_m, grid.origin_m)
 
 
 def length_m(route_m: np.ndarray) -> float:

@@ -21,6 +21,7 @@ HEIGHT_M = 2.6
 LEAK_M = 0.1  # a gap in a wall, a cell of the true plan; no door
 LEAST_SHUT_M2 = 2.0  # of a room that is spoken of; inside the outline of a bed a small robot's middle has less
 INDOORS = 0.1  # least share of the roomiest room that one indoors must have to be preferred: no cupboard
+INDOORS_M2 = 10.0  # room for the robot's middle indoors for which the roomiest room is paper, if it holds the corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class Building:
 def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = None) -> np.ndarray:
     """(H, W) bool: the free cells of one room: the one with the start (2,), or else the one that gives a robot of that
     radius most space. A room that reaches the border counts only where there is no other of some size: round a drawn plan
-    lies white paper. Nothing where the robot fits nowhere."""
+    lies white paper, of any size where it holds three corners of the picture. Nothing where the robot fits nowhere."""
     from scipy.ndimage import label
 
     free = grid.free()
@@ -56,7 +57,11 @@ def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = N
     owner[stands[fits]] = rooms[fits]
     edge = np.unique(np.concatenate([rooms[0], rooms[-1], rooms[:, 0], rooms[:, -1]]))
     indoors = ~np.isin(owner[1:], edge)
-    ranked = np.where(indoors, sizes, 0) if np.any(sizes[indoors] >= INDOORS * sizes.max()) else sizes
+    corners = rooms[[0, 0, -1, -1], [0, -1, 0, -1]]
+    paper = np.count_nonzero(corners == owner[1 + int(np.argmax(sizes))]) >= 3
+    least = INDOORS * sizes.max()
+    least = min(least, INDOORS_M2 / grid.resolution_m**2) if paper else least
+    ranked = np.where(indoors, sizes, 0) if np.any(sizes[indoors] >= least) else sizes
     return np.asarray(rooms == owner[1 + int(np.argmax(ranked))])
 
 

@@ -50,19 +50,21 @@ class MapHeader:
     marks_m: float = 0.0
 
 
-def load_map(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | None = None) -> OccupancyGrid:
+def load_map(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | None = None,
+             turned: bool = True) -> OccupancyGrid:
     """Read a map_server YAML and its image. Cells: 0 free, 1 occupied, NaN unknown, between them in scale and raw mode.
 
     A map with a yaw is turned into axis-parallel cells, each as bad as the worst pixel that it touches: occupied before
     unknown before free; cells that reach beyond the image are unknown. origin: for a file that gives none, as (x, y, yaw).
-    Raises ConfigError, in one line, for anything missing or out of range.
+    turned: if not, cells are the image's and the yaw is left to whoever asked. Raises ConfigError, in one line, for anything
+    missing or out of range.
     """
     header = read_header(yaml_path, origin=origin)
     probability = np.flipud(_occupancy(_read_image(header.image), header))
     if header.marks_m > 0.0:
         probability[small_marks(probability, header.marks_m / header.resolution_m) > 0] = 0.0
     x, y, yaw = header.origin
-    if abs(np.sin(yaw)) < 1e-12 and np.cos(yaw) > 0:
+    if not turned or (abs(np.sin(yaw)) < 1e-12 and np.cos(yaw) > 0):
         return OccupancyGrid(np.ascontiguousarray(probability, np.float32), header.resolution_m, (x, y))
     return _turned(probability, header)
 

@@ -29,6 +29,7 @@ PAST_M = 1.0  # the tour goes on so far past its start, that the last views are 
 BEND_M = 0.3  # a bend flatter than this is pulled straight
 ROOMY_M = 0.5  # clearance beyond what is needed that a detour is worth
 MOST_CELLS = 250_000  # of the grid that is searched; finer grids are searched with larger cells
+MOST_SPOTS = 8_000  # from which is looked, and twice as many squares that are looked at: in halls both are larger
 RAYS = 72
 TURNS = 2.0 * np.pi * (np.arange(RAYS) + 0.37) / RAYS
 UNITS = np.array([(math.sin(turn), math.cos(turn)) for turn in TURNS.tolist()]).T  # by the C library: see random/shapes.py
@@ -105,6 +106,7 @@ class Ground:
 
         self.grid, self.clearance_m, self.need_m = grid, clearance_m, need_m + SPARE_M
         self.open_ = grid.free()
+        self.free_m2 = float(self.open_.sum()) * grid.resolution_m**2
         wide = clearance_m >= self.need_m
         if not wide.any():
             raise ConfigError(f"a robot that needs {need_m:.2f} m to each side fits nowhere in this free space; "
@@ -159,7 +161,7 @@ class Ground:
 
     def viewpoints(self) -> list[int]:
         """Nodes from which all that can be seen is seen, each taking in as much as possible of what no other sees."""
-        self.spots = self._roomiest(max(0.4, 2.0 * self.grid.resolution_m))
+        self.spots = self._roomiest(max(0.4, 2.0 * self.grid.resolution_m, math.sqrt(self.free_m2 / MOST_SPOTS)))
         self.sees = self._seen_from(self.spots)
         self.needed = self.sees.any(axis=0)
         missing = self.needed.copy()
@@ -185,8 +187,7 @@ class Ground:
 
     def _sight_m(self) -> float:
         """Large buildings are looked at in larger pieces: some hundred viewpoints at most."""
-        area_m2 = float(self.grid.free().sum()) * self.grid.resolution_m**2
-        return max(SIGHT_M, float(np.sqrt(area_m2)) / 8.0)
+        return max(SIGHT_M, math.sqrt(self.free_m2) / 8.0)
 
     def _seen_from(self, nodes: np.ndarray) -> np.ndarray:
         """(K, squares) bool: some ray from the node meets the square before anything that is not free."""
@@ -194,7 +195,7 @@ class Ground:
         return np.array([self._seen(cell, everywhere, sight) for cell in self.cells[nodes]])
 
     def _seen(self, cell: np.ndarray, rays: np.ndarray, sight_m: float) -> np.ndarray:
-        """(squares,) bool: squares of about 0.3 m that these of the RAYS meet before anything that is not free."""
+        """(squares,) bool: squares of 0.3 m or more that these of the RAYS meet before anything that is not free."""
         step = self.grid.resolution_m
         along = np.arange(0.0, sight_m, step) / step
         offsets = (UNITS[:, rays, None] * along).round().astype(int)  # (2, rays, steps)
@@ -206,8 +207,8 @@ class Ground:
         return seen
 
     def _square(self, cells: np.ndarray) -> np.ndarray:
-        """Number of the square of about 0.3 m in which cells (2, ...) lie."""
-        size = max(1, round(0.3 / self.grid.resolution_m))
+        """Number of the square of about 0.3 m, more in a hall, in which cells (2, ...) lie."""
+        size = max(1, round(0.3 / self.grid.resolution_m), math.ceil(math.sqrt(self.open_.size / (2 * MOST_SPOTS))))
         number: np.ndarray = (cells[0] // size) * (self.grid.shape[1] // size + 1) + cells[1] // size
         return number
 

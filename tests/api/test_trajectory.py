@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.errors import RecordingError
 from rhs.api.geometry import exp_se3, rotation_z, se2, se3
-from rhs.api.trajectory import Trajectory, aligned, associate, read_tum, write_tum
+from rhs.api.trajectory import Trajectory, aligned, associate, in_tum_order, read_tum, write_tum
 
 
 def wander(count: int, seed: int = 0) -> Trajectory:
@@ -76,3 +76,24 @@ def test_yaw_alignment_does_not_repair_a_tilt():
     truth = wander(40)
     tilted = Trajectory(truth.stamps_s, exp_se3(np.array([0, 0, 0, 0.3, 0, 0])) @ truth.poses)
     assert np.abs(aligned(tilted, truth, "yaw").positions_m - truth.positions_m).max() > 0.01
+
+
+@pytest.mark.parametrize("header, row", [
+    ("timestamp,x,y,z,qx,qy,qz,qw", "1600000000.5,1,2,3,0,0,0.6,0.8"),
+    ("time;x;y;z;qx;qy;qz;qw", "1600000000.5;1;2;3;0;0;0.6;0.8"),
+    ("#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z [],v_RS_R_x [m s^-1],"
+     "v_RS_R_y [m s^-1],v_RS_R_z [m s^-1]", "1600000000500000000,1,2,3,0.8,0,0,0.6,9,9,9"),
+    ('"seq","stamp","pose.position.x","pose.position.y","pose.position.z","pose.orientation.w","pose.orientation.x",'
+     '"pose.orientation.y","pose.orientation.z"', "7,1600000000.5,1,2,3,0.8,0,0,0.6"),
+    ("# qx qy qz qw tx ty tz t", "0 0 0.6 0.8 1 2 3 1600000000.5"),
+])
+def test_a_header_says_which_column_is_which(tmp_path, header, row):
+    (tmp_path / "way.csv").write_text(f"{header}\n{row}\n", "utf-8")
+    way = read_tum(tmp_path / "way.csv")
+    assert way.stamps_s.tolist() == [1600000000.5] and way.positions_m.tolist() == [[1, 2, 3]]
+    np.testing.assert_allclose(way.poses[0, :2, :2], [[0.28, -0.96], [0.96, 0.28]], atol=1e-12)
+
+
+def test_a_comment_that_is_no_header_and_a_table_without_one_stay_as_they_are():
+    for text in ("# ground truth trajectory\n# timestamp tx ty tz\n1 2 3 4 0 0 0 1\n", "1 2 3 4 0 0 0 1\n"):
+        assert in_tum_order(text) is text

@@ -13,6 +13,7 @@ import pytest
 from installing import CHOICE, FAKES, environment, installed, interruptible
 
 from rhs.cli.main import main
+from rhs.cli.say import of_run
 from rhs.config.compose import compose_config, config_hash, from_plain, read_values
 from rhs.runfolder.row import canonical_hash, read_row
 
@@ -232,3 +233,7 @@ def wait_for_lines(folder: Path, pattern: str, lines: int, seconds: float = 60) 
     while not any(len(path.read_text().splitlines()) >= lines for path in folder.glob(pattern)):
         assert time.monotonic() < end, f"{folder}/{pattern} did not grow"
         time.sleep(0.05)
+
+
+def test_motions_that_the_wheels_had_to_replace_are_told(tmp_path):
+    assert "gated_share" in of_run({"gated_share": 0.96}, tmp_path) and not of_run({"gated_share": 0.0}, tmp_path)

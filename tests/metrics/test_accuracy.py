@@ -16,6 +16,11 @@ def line(count: int, step_m: float = 0.1, yaw_rad: float = 0.0) -> Trajectory:
     return Trajectory(np.arange(count) * 0.1, poses)
 
 
+def test_one_pose_fits_any_truth_and_has_no_error():
+    values = trajectory_values(line(1, 0.1), line(1, 0.1, yaw_rad=1.0))
+    assert np.isnan(values["ate_rmse_m"]) and np.isnan(values["ate_max_m"])
+
+
 def test_an_odometry_that_says_ten_per_cent_too_much():
     """100 steps of 0.1 m told as 0.11 m: 1 m too far at the end, 0.01 m wrong in each step, 0.1 m in each metre."""
     values = trajectory_values(line(101, 0.11), line(101, 0.1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
@@ -11,7 +13,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 from rhs.recording.ros import camera_info
 from rhs_sources.replay_bag import choose_topics
-from rhs_sources.replay_bag_messages import camera_of
+from rhs_sources.replay_bag_messages import camera_of, points_of
 from rhs_sources.replay_config import Replay
 
 ALL_KINDS = pytest.mark.parametrize("kind", KINDS)
@@ -116,6 +118,28 @@ def test_a_bag_of_scans_alone_is_a_laser_recording(tmp_path):
     np.testing.assert_allclose(seen[1][0].travel, [0.0, 0.0, 0.1], atol=1e-9)
 
 
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("padding", [0, 8])
+def test_a_cloud_is_read_in_its_byte_order_and_without_what_its_rows_end_in(order, padding):
+    points = np.arange(18.0).reshape(2, 3, 3)
+    fields = [SimpleNamespace(name=n, offset=4 * k, datatype=7) for k, n in enumerate("xyz")]
+    raw = np.pad(points.astype(order + "f4").view(np.uint8).reshape(2, -1), ((0, 0), (0, padding)))
+    cloud = SimpleNamespace(fields=fields, point_step=12, width=3, height=2, row_step=36 + padding, data=raw.ravel(),
+                            is_bigendian=order == ">")
+    np.testing.assert_array_equal(points_of(cloud, "/cloud")[0], points.reshape(6, 3))
+
+
+@pytest.mark.parametrize("nothing", [10.0, 10.5, 9.97, np.inf])
+def test_a_laser_that_met_nothing_says_so_by_its_range_max_or_just_below(tmp_path, nothing):
+    """One beam of three; range_max is 10 m, the walls are up to 9 m away."""
+    walls = np.random.default_rng(0).uniform(0.5, 9.0, (200, 2))
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k, (a, b) in enumerate(walls):
+            bag.scan("/scan", 1.0 + 0.1 * k, [a, nothing, b])
+    for (capture, _), (a, b) in zip(views(bag.path)[1], walls, strict=True):
+        np.testing.assert_allclose(capture.scan.ranges_m, [a, np.inf, b])
+
+
 def test_a_cloud_stands_in_for_depth_nearest_point_first(tmp_path):
     points = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 3.0], [np.nan, 0, 1], [0, 0, -1]])
 
@@ -171,6 +195,20 @@ def test_headers_without_a_stamp_mean_the_time_of_arrival(tmp_path):
             bag.image(DEPTH, 0.0, MILLIMETRES, "16UC1")
     _, seen = views(bag.path)
     assert [round(c.stamp_s, 3) for c, _ in seen] == [5.0, 5.1, 5.2]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_simulators_clock_begins_at_zero(tmp_path, kind):
+    with BagFile(tmp_path, kind) as bag:
+        for k in range(3):
+            bag.clock_s = 1.6e9 + 0.1 * k
+            bag.camera_info(INFO, 0.1 * k)
+            bag.image(COLOR, 0.1 * k, picture(k), "rgb8")
+            bag.image(DEPTH, 0.1 * k, MILLIMETRES, "16UC1")
+            bag.odometry("/pose", 0.1 * k, float(k), 0.0, 0.0)
+    _, seen = views(bag.path, truth_topic="/pose")
+    assert [round(c.stamp_s, 3) for c, _ in seen] == [0.0, 0.1, 0.2]
+    assert [float(truth[0, 3]) for _, truth in seen] == [0.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize("distortion", [(), (0.26, -0.95, -0.005, 0.002, 1.1), (0.5, -2, 6e-4, -2e-4, 1.5, 0.4, -2.5, 1.5)])

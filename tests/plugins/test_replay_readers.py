@@ -65,6 +65,14 @@ def test_poses_of_kitti_form_belong_to_the_images_by_line(tmp_path):
     np.testing.assert_allclose(seen[0][1][:3, :3], BODY_FROM_OPTICAL.T, atol=1e-12)
 
 
+def test_as_many_poses_as_images_without_times_are_one_each(tmp_path):
+    """Their stamps are of a clock that the images do not tell; at a rate that is typed they are minded."""
+    images(tmp_path / "rgb", ["0.webp", "1.webp", "2.webp"])
+    (tmp_path / "groundtruth.txt").write_text("".join(f"{0.4 * k:.1f} {k} 0 0 0 0 0 1\n" for k in range(3)), "utf-8")
+    assert [truth[0, 3] for _, truth in views(tmp_path, camera=K)[1]] == [0, 1, 2]
+    assert [truth is None for _, truth in views(tmp_path, camera=K, rate_hz=30.0)[1]] == [False, True, True]
+
+
 def test_numbered_images_that_do_not_fit_are_refused_in_one_line(tmp_path):
     images(tmp_path / "rgb", ["1.png", "2.png"])
     depths(tmp_path / "depth", ["7.png"])

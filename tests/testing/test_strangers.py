@@ -27,6 +27,7 @@ from rhs.api.validate import check_path
 from rhs.base.processes import raises
 from rhs.card import card
 from rhs.config import loose, registry
+from rhs.config.compose import compose_config
 from rhs.metrics.evaluate import evaluate
 from rhs.sweeps.face import _words
 from rhs.testing import check_plugin
@@ -274,3 +275,69 @@ def test_a_plugin_of_a_file_is_found_by_whatever_names_it(tmp_path):
     registry.forget()
     with pytest.raises(ConfigError, match="add --plugin FILE.py"):
         registry.load("planner", "of_a_file")
+
+
+@dataclass
+class Tables(Straight):
+    """Straight on, with prices by name."""
+
+    prices: dict[str, float] = field(default_factory=lambda: {"turn": 1.0})
+    """of each thing"""
+    names: dict[str, int] | None = None
+    """of others"""
+
+
+@pytest.mark.parametrize(("words", "prices", "names"), [
+    (["planner.prices.stop=2"], {"turn": 1.0, "stop": 2.0}, None),
+    (["planner.prices={stop:2,turn:3}"], {"turn": 3.0, "stop": 2.0}, None),
+    (["planner.names={a:1}"], {"turn": 1.0}, {"a": 1}),
+])
+def test_a_setting_that_is_a_dict_takes_any_key(words, prices, names):
+    rhs.register("planner", "tables", Tables)
+    made = compose_config(["planner=tables", *words]).planner.settings
+    assert made.prices == prices and made.names == names
+
+
+@pytest.mark.parametrize(("word", "says"), [
+    ("planner.prices.stop=many", "planner.prices.stop=many: expected float"),
+    ("planner.prices={a:{b:1}}", "planner.prices.a={'b': 1}: expected float"),
+    ("planner.costs.stop=1", "unknown key planner.costs.stop; there is turn"),
+    ("planner.reach_m.x=1", "planner.reach_m is a single value"),
+])
+def test_what_is_no_key_of_a_dict_is_refused(word, says):
+    rhs.register("planner", "tables", Tables)
+    with pytest.raises(ConfigError, match=says.replace("{", "\\{")):
+        compose_config(["planner=tables", word])
+
+
+@pytest.mark.parametrize(("word", "says"), [
+    ("straght", "has no Straght; did you mean planner=straight?"),
+    ("no_data", "NoData in .* is no plugin; write @dataclass"),
+    ("else", "holds Straight, Tables; write rhs.register")])
+def test_a_name_that_no_class_of_a_file_has_is_asked_about(tmp_path, word, says):
+    made = "@dataclass\nclass {0}(T.{0}):\n    pass\n\n\n"
+    (tmp_path / "mine.py").write_text(f"from dataclasses import dataclass\n\nimport {__name__} as T\n\n\n" + "".join(
+        map(made.format, ("Straight", "Tables"))) + "class NoData:\n    def build(self, context):\n        pass\n")
+    with pytest.raises(ConfigError, match=says):
+        loose.load_files([str(tmp_path / "mine.py")], [f"planner={word}"])
+
+
+class Misspelt(Straight):
+    """Asks for a reason that there is not."""
+
+    def plan(self, problem):
+        return Path(PlanReason.SUCCESS, [])
+
+
+class Silent(Straight):
+    """Returns nothing."""
+
+    def plan(self, problem):
+        return None
+
+
+def test_what_a_part_raised_is_told_with_its_own_line_and_what_it_returned_without_advice():
+    with pytest.raises(AssertionError, match=r"AttributeError: SUCCESS \(test_strangers.py:\d+\)"):
+        check_plugin("planner", Misspelt())
+    with pytest.raises(AssertionError, match="is of type NoneType; expected a Path$"):
+        check_plugin("planner", Silent())

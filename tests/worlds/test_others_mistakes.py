@@ -110,6 +110,41 @@ def test_a_map_on_a_large_grey_sheet_is_where_its_origin_says(tmp_path):
     assert world.bounds_m == pytest.approx((0.0, 0.0, 8.0, 4.0), abs=1e-6)
 
 
+def test_a_plan_on_a_large_sheet_of_paper_is_no_yard(tmp_path):
+    sheet = np.full((1500, 2000), 255, np.uint8)
+    sheet[600:724, 900:1104] = drawn()
+    world = load_world(plan(tmp_path, sheet))
+    assert np.ptp(np.concatenate([wall.points_m for wall in world.walls]), axis=0) == pytest.approx([8, 4], abs=0.06)
+
+
+def test_a_hall_that_reaches_the_edge_of_the_picture_is_no_paper_round_its_lift(tmp_path):
+    hall = np.full((400, 400), 255, np.uint8)
+    hall[180:230, 180:230] = 0
+    hall[182:228, 182:228] = 255  # a shaft of 2.3 m that nothing leads to
+    assert load_world(plan(tmp_path, hall)).walls[0].points_m.max() == pytest.approx(20.0)
+
+
+def test_a_map_that_is_turned_keeps_its_doors_and_where_it_starts(tmp_path):
+    straight = load_world(plan(tmp_path, drawn(), "origin: [1, 2, 0]\n"))
+    turned = load_world(plan(tmp_path, drawn(), "origin: [1, 2, 0.5]\n"))
+    turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+    for one, other in zip(straight.walls, turned.walls, strict=True):
+        assert other.points_m == pytest.approx((one.points_m - [1, 2]) @ turn.T + [1, 2])
+    start = (np.array([7.5, 4.0]) - [1, 2]) @ turn.T + [1, 2]  # in the smaller room
+    (tmp_path / "house.yaml").write_text(f"building: plan.png\nstart: [{start[0]}, {start[1]}, 0]\n", "utf-8")
+    placed = load_world(tmp_path / "house.yaml")
+    assert len(placed.walls) == len(turned.walls) and np.ptp(placed.route_m @ turn, axis=0)[0] > 5.0
+
+
+def test_a_hall_of_a_thousand_square_metres_and_more_is_toured_near_the_start(tmp_path, caplog):
+    hall = np.zeros((124, 204), np.uint8)
+    hall[2:-2, 2:-2] = 255
+    path = plan(tmp_path, hall)
+    path.with_suffix(".yaml").write_text("image: plan.png\nresolution: 0.5\n", "utf-8")
+    world = load_world(path)
+    assert "m long or more" in caplog.text and np.hypot(*np.diff(world.route_m, axis=0).T).sum() <= 60.0
+
+
 def test_faces_that_count_back_from_the_last_vertex_are_where_they_stand(tmp_path):
     pytest.importorskip("trimesh")
     plain, back = load_world(obj(tmp_path)), load_world(obj(tmp_path, relative=True))

@@ -8,7 +8,7 @@ from rhs.api.floorplan import distance_m, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.worlds.clearance import clearance_of, coarser
 from rhs.worlds.round_trip import round_trip
-from rhs.worlds.tour import propose
+from rhs.worlds.tour import MOST_SPOTS, Ground, propose
 from rhs.worlds.world import load_world
 
 
@@ -98,3 +98,10 @@ def test_a_round_trip_of_points_on_a_circle_goes_round():
     order = round_trip(np.linalg.norm(points[:, None] - points[None], axis=-1))
     went = np.degrees(turn[order])
     assert order[0] == 0 and (np.all(np.diff(went) > 0) or np.all(np.diff(went[1:]) < 0))
+
+
+def test_a_large_hall_is_looked_at_from_spots_further_apart():
+    hall = OccupancyGrid(np.pad(np.zeros((200, 200), np.float32), 1, constant_values=1.0), 0.5, (0.0, 0.0))  # a hectare
+    ground = Ground(hall, clearance_of(hall), 0.3, None)
+    ground.viewpoints()
+    assert len(ground.spots) <= 1.5 * MOST_SPOTS and ground.sees.size <= 4 * MOST_SPOTS**2  # 0.26 GB

@@ -124,20 +124,19 @@ def _read(path: Path, settings) -> Log:
                 if line.endswith(b"\n") or not readings:
                     raise
                 cut.append(f"the log is cut: its last line, {number}, is not whole")
-    most_m = end_of_range(readings)
+    most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
     return Log(readings, odometry, beside[TRUE], cut)
 
 
-def end_of_range(readings: list[Reading]) -> float:
-    """Where a scanner that met nothing says so by its largest reading: metres, inf where the log shows none.
+def end_of_range(readings_m: list[np.ndarray]) -> float:
+    """Where a scanner that met nothing says so by its largest reading: metres, inf where its scans (N,) show none.
 
     Walls lie anywhere: hardly one reading in a thousand is within AT_END_M of the largest. Many more there, and hardly any
     in as much again below, are a scanner's word for nothing.
     """
-    ranges = np.concatenate([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings]
-                            or [np.empty(0)])
+    ranges = np.concatenate(readings_m or [np.empty(0)])
     if not len(ranges):
         return np.inf
     first = float(ranges.max()) - AT_END_M

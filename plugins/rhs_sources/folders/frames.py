@@ -27,7 +27,7 @@ from .views import Listed, led, moved, numbered, stamps_by_name, truth_of
 
 COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results")
 DEPTHS = ("depth", "depths", "depth_images")
-IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm")
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm", ".webp", ".tif", ".tiff")
 DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".jpg", ".jpeg")  # the last two are refused by name
 RATE_HZ = 30.0
 DEPTH_SCALE = 1000.0
@@ -122,7 +122,9 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
         check_pair(image, depth, files[i][0].name)
         return {"image": image, "depth": depth}
 
-    true, counts = truth_of(poses_beside(path), settings, [number for number, _ in colors])
+    numbers = [number for number, _ in colors]
+    untimed = not settings.rate_hz and not stamps_by_name(numbers, 0.0, RATE_HZ)[1]
+    true, counts = truth_of(poses_beside(path), settings, numbers, untimed=untimed)
     camera_from_body = inverse(camera.body_from_camera)
 
     def pose(i: int) -> np.ndarray | None:

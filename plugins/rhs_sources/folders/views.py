@@ -86,10 +86,10 @@ def matrix34(numbers: list[float]) -> np.ndarray:
     return np.vstack([np.array(numbers, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
 
 
-def truth_of(file: Path | None, settings, numbers: Sequence[str] = ()) -> tuple[At, Counter]:
+def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untimed: bool = False) -> tuple[At, Counter]:
     """True poses by (line from 0, stamp) from a file, typed or found: of a TUM file (8 columns) by the stamp, of those of
     poses.py by the line, or of a folder by the numbers of the views in their names. Poses as the file has them; None where
-    it has none."""
+    it has none. untimed: the views have no stamps of their own: as many poses as views are one each."""
     if settings.truth:
         file = typed_file(settings.truth)
     if file is None:
@@ -101,6 +101,8 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = ()) -> tuple[
     if poses is not None:
         return (lambda line, stamp_s: poses.get(line)), Counter()
     truth = read_tum_truth(file, settings)
+    if untimed and len(truth.stamps_s) == len(numbers):
+        return (lambda line, stamp_s: truth.poses[line]), Counter()
     return (lambda line, stamp_s: truth.at(stamp_s)), Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
 
 
