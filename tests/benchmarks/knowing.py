@@ -37,6 +37,7 @@ from rhs.worlds.world import load_world
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 STILL = Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
+CARRIED = replace(STILL, status=Tracking.LOST)  # whose odometry follows nothing into what it sees there
 TRACKED_BEFORE = 8
 KIDNAPS = ("world,localiser,kidnaps,recovered,recovery_m,recovery_p90_m,recovery_s,recovery_p90_s,wrong_sure,honest_lost,"
            "ece,update_cpu_ms")
@@ -145,7 +146,7 @@ def follow(part, lap: Taken, begin: int, end: int, *, start: bool = True) -> Bel
         part.start(Belief(lap.truth[begin], 1e-3 * np.eye(6)))
     rows = []
     for k in range(begin, end):
-        belief = part.update(lap.observations[k], lap.motions["procrustes"][k] if k > begin else STILL)
+        belief = part.update(lap.observations[k], lap.motions["procrustes"][k] if k > begin else STILL if start else CARRIED)
         gap = planar(inverse(lap.truth[k]) @ belief.map_from_body)
         rows.append((lap.observations[k].stamp_s, np.hypot(*gap[:2]), abs(float(wrap(gap[2]))), belief.probability,
                      belief.status is BeliefStatus.TRACKING))
