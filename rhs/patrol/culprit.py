@@ -31,16 +31,25 @@ def raised_in(error: BaseException, config: RunConfig, parts: Mapping[str, objec
     """The part in which an error was raised, as a person chose it, and the file and line of its own package; or nothing."""
     chosen = {"task": config.task, **config.parts}
     who = {id(part): kind for kind, part in parts.items()} | {id(one.settings): kind for kind, one in chosen.items()}
+    homes = {kind: _package(type(one.settings).__module__) for kind, one in config.parts.items()}
+    alone = {home: kind for kind, home in homes.items() if list(homes.values()).count(home) == 1}  # its plain functions
     kind, package, where = "", "", ("", 0)
     for frame, line in traceback.walk_tb(error.__traceback__):
-        owner = frame.f_locals.get("self")
-        module = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if id(owner) in who and module != "rhs":  # a task's frames stand outside those of the part it asks
-            kind, package = who[id(owner)], module
+        first = frame.f_code.co_varnames[0] if frame.f_code.co_argcount else ""  # mostly `self`
+        module = _package(str(frame.f_globals.get("__name__", "")))
+        found = who.get(id(frame.f_locals[first])) if first in frame.f_locals else None
+        if found is None and kind in ("", "task"):
+            found = alone.get(module)
+        if found and module != "rhs":  # a task's frames stand outside those of the part it asks
+            kind, package = found, module
         if kind and module == package:
             where = (frame.f_code.co_filename, line)
     path = Path(where[0])
     return (called(kind, chosen[kind]), f"{path.parent.name}/{path.name}:{where[1]}") if kind else ("", "")
+
+
+def _package(module: str) -> str:
+    return module.partition(".")[0]
 
 
 def write_traceback(folder: Path, error: BaseException) -> None:

@@ -81,6 +81,36 @@ def test_what_ends_the_loop_is_raised_after_its_row_is_written(tmp_path):
     assert "fails on purpose" in (tmp_path / "run" / "traceback.txt").read_text()
 
 
+PLANS_BY_A_FUNCTION = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+@dataclass
+class ByFunction:
+    needs: ClassVar[frozenset] = frozenset()
+    provides: ClassVar[frozenset] = frozenset()
+    def build(it, context):
+        return Made()
+
+class Made:
+    def plan(this, problem):
+        return work(problem)
+
+def work(problem):
+    raise ValueError("fails in a plain function")
+"""
+
+
+def test_a_part_is_named_whatever_it_calls_its_self_and_where_it_calls_a_function(tmp_path):
+    (tmp_path / "by_function.py").write_text(PLANS_BY_A_FUNCTION)
+    words = ["--plugin", str(tmp_path / "by_function.py"), "task=planning", "world=square_small", "planner=by_function"]
+    words += [f"output={tmp_path / 'run'}"]
+    done = subprocess.run([sys.executable, "-m", "rhs", *words], capture_output=True, text=True)
+    line = 1 + PLANS_BY_A_FUNCTION.splitlines().index('    raise ValueError("fails in a plain function")')
+    assert f"by_function.py:{line}: ValueError: fails in a plain function" in done.stderr, done.stderr
+    assert "planner=by_function" in done.stderr
+
+
 def test_a_part_may_be_an_object_and_the_row_names_its_file(tmp_path):
     words = dict(word.split("=") for word in CHOICE)
     row = rhs.run({**words, "planner": Direct(bend_m=0.1), "output": str(tmp_path / "run")}, quiet=True)
