@@ -29,6 +29,7 @@ from .scan_guess import laid_on_map
 
 FREE, WALL, UNKNOWN = 0, 1, 2  # cells of a map
 SPARSE = 3  # of so many beams one is looked at
+MOST_VIEWS = 100  # of a panorama: three times round
 STEP = 0.7  # cells between two looks along a beam
 
 
@@ -47,7 +48,7 @@ class Panorama:
         """The robot moved (4x4) and took a scan; what was seen from further away than near_m is dropped."""
         back = inverse(previous_from_body)
         moved = [(back @ pose, bearings, ends) for pose, bearings, ends in self._views]
-        self._views = [view for view in moved if np.hypot(*view[0][:2, 3]) <= self._s.near_m]
+        self._views = [view for view in moved if np.hypot(*view[0][:2, 3]) <= self._s.near_m][-MOST_VIEWS:]
         if scan is not None:
             known = np.isfinite(scan.ranges_m)
             reach, bearing = scan.ranges_m[known], scan.bearings_rad[known]
