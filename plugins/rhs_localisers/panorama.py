@@ -136,8 +136,10 @@ class Whereabouts:
     def odds(self, scan: Scan, believed: np.ndarray) -> np.ndarray:
         """(N,) how much likelier a scan is from poses (N, 3) than from anywhere in the map, all places and headings being
         alike: logarithms."""
+        if not len(self._lattice):
+            return np.zeros(len(believed))  # a map without free room
         anywhere = self.heights(scan, self._lattice)
-        odds: np.ndarray = self.heights(scan, believed) - np.logaddexp.reduce(anywhere) + np.log(max(len(anywhere), 1))
+        odds: np.ndarray = self.heights(scan, believed) - np.logaddexp.reduce(anywhere) + np.log(len(anywhere))
         return odds
 
     def heights(self, scan: Scan, states: np.ndarray) -> np.ndarray:

@@ -170,9 +170,10 @@ class PlaceLocaliser:
             self._unhidden = 0 if self._hides(scan, best) else self._unhidden
             self._round.begin()
             return
-        due = self._round.add(scan, motion.previous_from_body) and self._unhidden < self._advanced.panorama.about
+        if not self._round.add(scan, motion.previous_from_body) or self._unhidden >= self._advanced.panorama.about:
+            return
         state = added(self._state, self._before, 0.5, self._trust)
-        if not due or not any(self._fits(scan, guess) for guess in state.guesses):
+        if not any(self._fits(scan, guess) for guess in state.guesses):
             return
         laid, odds = self._round.odds(state.guesses)
         state = replace(state, guesses=tuple(laid))

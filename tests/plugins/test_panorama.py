@@ -63,6 +63,12 @@ def test_the_odds_of_all_places_are_one_in_the_mean_and_a_right_one_stands_out()
     assert (odds[2:] > 5.0).mean() < np.exp(-5.0), "by Markov's inequality"
 
 
+def test_a_map_without_free_room_says_nothing():
+    walls = OccupancyGrid(np.full((20, 20), 0.98, np.float32), 0.1, (0.0, 0.0))
+    odds = Whereabouts(walls, USUAL).odds(all_round(room(post=True), np.ones(3)), np.ones((2, 3)))
+    np.testing.assert_array_equal(odds, 0.0)
+
+
 def test_a_room_that_looks_alike_from_four_sides_says_so():
     grid, places = room(post=False), Whereabouts(room(post=False), USUAL)
     corners = [(2.0, 1.0), (-1.0, 2.0), (-2.0, -1.0), (1.0, -2.0)]
