@@ -55,7 +55,7 @@ class ReplaySource(Source):
         self.provides = recording.provides  # what this recording holds
         self.rejected = recording.rejected  # what the rules for stamps threw away: reason -> count; grows in a bag
         self._path = settings.path
-        self._lost = recording.lost
+        self._lost, self.timed = recording.lost, recording.timed
         self._views = recording.views
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
@@ -169,7 +169,7 @@ def open_recording(settings) -> Recording:
 _FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video")
 USED_BY = {
     "scan_mount": ("bag", "carmen", "clouds"), "camera_mount": (*_FOLDERS, "bag"), "body_frame": ("bag",),
-    "rate_hz": ("kitti", "kitti_raw", "tartan", "frames", "video", "clouds"),
+    "rate_hz": ("kitti", "kitti_raw", "tartan", "seven_scenes", "frames", "video", "clouds"),
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video", "clouds",
                                             "carmen"),

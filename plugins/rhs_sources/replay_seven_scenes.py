@@ -38,7 +38,7 @@ def open_seven_scenes(path: Path, settings) -> Recording:
         depth = path / f"{name}.depth.png"
         if not depth.is_file():
             raise ConfigError(f"{path}: {color.name} is there but {depth.name} is not; replay needs both")
-        stamp = number / RATE_HZ
+        stamp = number / (settings.rate_hz or RATE_HZ)
         pairs.append((stamp, color, depth))
         pose = _pose(path / f"{name}.pose.txt")
         if pose is None:
@@ -54,7 +54,8 @@ def open_seven_scenes(path: Path, settings) -> Recording:
         poses = list(np.array(poses) @ inverse(beside.color_from_depth))
     truth = Truth(np.array(stamps), np.array(poses).reshape(-1, 4, 4), 0.0) if poses else None
     lost = Counter(truth_unknown=unknown) if truth is not None else Counter()
-    return open_pairs(pairs, settings, truth=truth, default_scale=1000.0, rejected=+lost, depth_camera=beside)
+    return open_pairs(pairs, settings, truth=truth, default_scale=1000.0, rejected=+lost, depth_camera=beside,
+                      timed=bool(settings.rate_hz))
 
 
 def _pose(path: Path) -> np.ndarray | None:

@@ -43,6 +43,7 @@ class Recording:
     provides: frozenset[str] = frozenset({"image", "gray", "depth"})
     lost: list[str] = field(default_factory=list)  # filled while reading: what a damaged file no longer holds
     repaired: Counter = field(default_factory=Counter)  # stamps that were put right, and why; their views are kept
+    timed: bool = True  # False: nobody says when its views were taken
 
 
 def is_tum(path: Path) -> bool:
@@ -76,7 +77,7 @@ def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path]], file: Path |
 
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,
-               depth_camera: DepthCamera | None = None) -> Recording:
+               depth_camera: DepthCamera | None = None, timed: bool = True) -> Recording:
     """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early.
 
     Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
@@ -113,7 +114,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
             index += 1
 
-    return Recording(camera, views(), len(listed), rejected, lost=lost)
+    return Recording(camera, views(), len(listed), rejected, lost=lost, timed=timed)
 
 
 def _check_scale(path: Path, scale: float, settings) -> bool:

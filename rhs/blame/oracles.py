@@ -26,6 +26,7 @@ class Watched(Source):
     def __init__(self, source: Source) -> None:
         self.source, self.camera, self.facts = source, source.camera, source.facts
         self.provides, self.renderer, self.lost = source.provides, source.renderer, source.lost
+        self.timed = source.timed
         self.taken: list[tuple[Capture, np.ndarray | None, tuple[float, bool]]] = []
         while (capture := source.lead()) is not None:
             self.taken.append((capture, source.truth(), source.clearance_m()))

@@ -173,7 +173,8 @@ def _estimating(chain: Chain, state: frozenset[str]) -> Parts:
         parts.odometry = TrueOdometry(parts.odometry, chain.source, scans=scans)
     else:
         needs = context.settings("odometry").needs
-        parts.odometry = gated(parts.odometry, needs, chain.settings.gate, parts.who["odometry"])
+        parts.odometry = gated(parts.odometry, needs, chain.settings.gate, parts.who["odometry"],
+                               timed=parts.source.timed)
     return parts
 
 

@@ -5,7 +5,8 @@ otherwise: they spin, and then count too much, never too little. So a motion tha
 travel that spinning allows than both covariances explain (chi-square test of the difference, Bar-Shalom, Li and
 Kirubarajan 2001, section 5.4) is replaced by the wheel travel, status `lost`. A `degenerate` motion that agrees is joined
 with the wheels by their information, so that each direction comes from whoever knows it. Without wheels only a leap is
-refused: a speed that differs from what was believed last and from what vision itself said last.
+refused: a speed that differs from what was believed last and from what vision itself said last, where somebody says when
+the views were taken.
 Where wheels contradict for many views on end they are the ones in doubt (a bag with another frame), and vision is kept.
 Somebody who walks by close to the camera has most of the picture, not all of the scan: where the view before, moved as the
 wheels say, is seen again and moved as vision says is not, the wheels are not only taken but known to be right.
@@ -13,6 +14,7 @@ wheels say, is seen again and moved as vision says is not, the wheels are not on
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -29,20 +31,22 @@ from .tasks import Gate
 FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
 # Scans decide between the two: the least share of the last one's beams seen again, and how much more than as vision says
 LEAST_SHARE, MORE_SHARE = 0.4, 0.2
+USUAL_VIEWS = 10  # stamps of arrival come in clumps: no speed is judged over less than the mean interval of so many views
 FLOOR_SIGMA = 0.05  # of z, roll and pitch as wheels have it, from view to view: metres, radians
 
 
 class GatedOdometry:
     """An odometry whose motions pass the gate; all else is the odometry's own."""
 
-    def __init__(self, odometry: Odometry, settings: Gate, who: str = "") -> None:
-        self._odometry, self._settings = odometry, settings
+    def __init__(self, odometry: Odometry, settings: Gate, who: str = "", *, timed: bool = True) -> None:
+        self._odometry, self._settings, self._timed = odometry, settings, timed
         self._who = who or f"odometry {type(odometry).__name__}"
         self.keeps_moving, self.short_steps = odometry.keeps_moving, odometry.short_steps
         self.scale_from = odometry.scale_from
         self._limit = chi_square(3, settings.probability)
         self._stamp_s = float("nan")
-        self._speeds: list[np.ndarray] = []  # twists (6,) believed last and said last by vision
+        self._intervals_s: deque[float] = deque(maxlen=USUAL_VIEWS)
+        self._moved: list[tuple[np.ndarray, float]] = []  # twists (6,), believed last and said last by vision, in seconds
         self._lost = 0  # views since vision last knew: what it says next may put right its own guesses over all of them
         self._contradicted = 0
         self._replaced = 0
@@ -54,11 +58,13 @@ class GatedOdometry:
         said = check_motion(self._odometry.update(observation), who=self._who)
         elapsed_s = observation.stamp_s - self._stamp_s
         self._stamp_s = observation.stamp_s
+        self._intervals_s.append(elapsed_s)
         self._scan, self._now = self._now, observation.scan
         if not np.isfinite(elapsed_s):  # the first view: nothing moved
+            self._intervals_s.clear()
             return said
         if said.status is Tracking.LOST:
-            self._lost, self._speeds = self._lost + 1, []
+            self._lost, self._moved = self._lost + 1, []
             return said
         wheel = observation.wheel
         if wheel is not None and np.isfinite(wheel).all():
@@ -99,16 +105,17 @@ class GatedOdometry:
 
     def _without_wheels(self, said: Motion, elapsed_s: float) -> Motion:
         """Refuse a leap: no body changes its speed so much between two views."""
-        s, speeds = self._settings, self._speeds
-        if elapsed_s <= 0.0:
+        s, usual_s = self._settings, float(np.mean(self._intervals_s))
+        if not self._timed or elapsed_s <= 0.0:
             return said
-        speed = log_se3(said.previous_from_body) / elapsed_s
+        now = (log_se3(said.previous_from_body), elapsed_s)
+        speed, *speeds = (twist / max(seconds, usual_s) for twist, seconds in (now, *self._moved))
         changes = [speed - before for before in speeds]
         leaps = [np.linalg.norm(c[:3]) > s.leap_mps or np.linalg.norm(c[3:]) > s.leap_radps for c in changes]
         if not leaps or not all(leaps):
-            self._speeds = [speed, speed]
+            self._moved = [now, now]
             return said
-        self._speeds = [speeds[0], speed]
+        self._moved = [self._moved[0], now]
         guess = exp_se3(speeds[0] * elapsed_s)
         sigmas = np.repeat([0.05 + s.leap_mps * elapsed_s / 3.0, 0.05 + s.leap_radps * elapsed_s / 3.0], 3)
         what = f"vision {_words(said.previous_from_body)} in {elapsed_s:.3f} s leaps from {_words(guess)}"
@@ -166,6 +173,6 @@ def _words(pose: np.ndarray) -> str:
     return f"{np.linalg.norm(pose[:3, 3]):.2f} m {np.degrees(np.linalg.norm(twist[3:])):.1f} deg"
 
 
-def gated(odometry: Odometry, needs: frozenset[str], settings: Gate, who: str = "") -> Odometry:
-    """The odometry behind the gate, if it is one that the gate is for. who: what to call it in errors."""
-    return GatedOdometry(odometry, settings, who) if settings.act != "off" and "depth" in needs else odometry
+def gated(odometry: Odometry, needs: frozenset[str], settings: Gate, who: str = "", *, timed: bool = True) -> Odometry:
+    """The odometry behind the gate, if it is one that the gate is for. who: what to call it in errors. timed: Source has it."""
+    return GatedOdometry(odometry, settings, who, timed=timed) if settings.act != "off" and "depth" in needs else odometry

@@ -65,7 +65,7 @@ class PatrolJob(StepJob):
             self.parts.odometry = context.shared.odometry
         elif "odometry" in context.config.parts:
             self.parts.odometry = gated(self.parts.odometry, context.settings("odometry").needs, settings.gate,
-                                        self.parts.who["odometry"])
+                                        self.parts.who["odometry"], timed=self.parts.source.timed)
 
     def steps(self) -> Iterator[Step]:
         """Both phases; the row's columns follow from the files they leave."""

@@ -132,6 +132,22 @@ def test_without_wheels_a_leap_is_refused_once() -> None:
     assert [m.status is Tracking.OK for m in fast] == [True, False, True, True]
 
 
+def test_no_speed_is_judged_by_stamps_that_nobody_measured() -> None:
+    """A third of a metre and then a whole one, of numbered images that are given 30 stamps a second: a camera carried by a
+    person who took a picture a second."""
+    told, views = [said(0.3), said(1.0), said(0.3)], [Observation(k, k / 30.0, CAMERA) for k in range(4)]
+    timed, untimed = (gated(Told(*told), frozenset({"depth"}), Gate(), timed=known) for known in (True, False))
+    assert [timed.update(view).replaced for view in views] == [False, False, True, False]
+    assert [untimed.update(view).replaced for view in views] == [False] * 4
+
+
+def test_views_whose_stamps_come_in_clumps_are_no_leaps() -> None:
+    """1 m/s at 10 Hz; two views at a time arrive within a millisecond, which would be 100 m/s. A real leap is one still."""
+    stamps = [0.0, 0.001, 0.2, 0.201, 0.4, 0.401, 0.6]
+    part = GatedOdometry(Told(*[said(0.1)] * 5, said(1.5)), Gate())
+    assert [part.update(Observation(k, s, CAMERA)).replaced for k, s in enumerate(stamps)] == [False] * 6 + [True]
+
+
 def test_what_follows_lost_views_may_put_their_guesses_right() -> None:
     lost = said(0.25, status=Tracking.LOST)
     motions = through([lost, lost, lost, said(0.6)], [AHEAD] * 4)

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from helpers.replayed import refused, views
 
+import rhs
 from rhs.api.geometry import BODY_FROM_OPTICAL, inverse
 from rhs.api.stereo import camera_of
+from rhs.api.trajectory import read_tum
 
 K = [50.0, 50.0, 31.5, 23.5]
 P = "50 0 31.5 {} 0 50 23.5 0 0 0 1 0"
@@ -24,10 +26,10 @@ def images(folder, names, value=10, shape=(48, 64, 3)):
     return folder
 
 
-def depths(folder, names, value=1500):
+def depths(folder, names, value=1500, shape=(48, 64), step=1):
     folder.mkdir(parents=True, exist_ok=True)
     for k, name in enumerate(names):
-        cv2.imwrite(str(folder / name), np.full((48, 64), value + k, np.uint16))
+        cv2.imwrite(str(folder / name), np.full(shape, value + step * k, np.uint16))
 
 
 def test_numbered_images_come_in_the_order_of_their_numbers_and_pair_by_them(tmp_path):
@@ -55,6 +57,32 @@ def test_names_that_are_times_are_the_stamps(tmp_path, names, stamps):
     images(tmp_path / "color", names)
     _, seen = views(tmp_path, camera=K)
     assert [c.stamp_s for c, _ in seen] == pytest.approx(stamps, abs=1e-6)
+
+
+def test_a_camera_carried_fast_past_numbered_images_is_not_taken_for_one_that_leaps(tmp_path):
+    """A textured wall 1.5 m ahead that slides by 0.06, then 0.3, then 0.06 m a view: at 30 views a second, which nobody said,
+    that would be 2, 9 and 2 m/s. Typed as the rate, it is a leap."""
+    texture = np.random.default_rng(0).integers(0, 255, (60, 80, 3)).astype(np.uint8)
+    wall = cv2.resize(texture, (640, 480), interpolation=cv2.INTER_CUBIC)
+    for folder in ("rgb", "depth"):
+        (tmp_path / "way" / folder).mkdir(parents=True)
+    for k, at in enumerate((0, 8, 16, 56, 64)):  # pixels, of 0.0075 m each
+        cv2.imwrite(str(tmp_path / "way" / "rgb" / f"{k}.png"), wall[100:340, at:at + 320])
+    depths(tmp_path / "way" / "depth", [f"{k}.png" for k in range(5)], shape=(240, 320), step=0)
+    words = ["task=survey", "source=replay", f"source.path={tmp_path / 'way'}", "source.camera=[200,200,159.5,119.5]",
+             "odometry=procrustes", "loop_closer=none", "pictures=off"]
+    free = rhs.run([*words, f"output={tmp_path / 'free'}"], quiet=True)
+    held = rhs.run([*words, "source.rate_hz=30", f"output={tmp_path / 'held'}"], quiet=True)
+    assert (free["gated_share"], held["gated_share"]) == (0.0, 0.2)
+    way = read_tum(tmp_path / "free" / "estimate.tum").positions_m
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1) == pytest.approx([0.06, 0.06, 0.3, 0.06], abs=0.004)
+
+
+def test_a_source_knows_whether_somebody_says_when_its_views_were_taken(tmp_path):
+    images(tmp_path / "numbered", ["1.png", "2.png"])
+    images(tmp_path / "stamped", ["100.25.png", "100.75.png"])
+    assert not views(tmp_path / "numbered", camera=K)[0].timed
+    assert views(tmp_path / "numbered", camera=K, rate_hz=5.0)[0].timed and views(tmp_path / "stamped", camera=K)[0].timed
 
 
 def test_poses_of_kitti_form_belong_to_the_images_by_line(tmp_path):

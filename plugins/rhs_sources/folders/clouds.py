@@ -46,7 +46,8 @@ def open_clouds(path: Path, settings) -> Recording:
         return true(kept[i], float(stamps[kept[i]]))
 
     provides = frozenset(read(0, None)["extras"])
-    return led(Listed(str(path), stamps[kept], read, NO_CAMERA, provides, pose, rejected + counts), settings)
+    return led(Listed(str(path), stamps[kept], read, NO_CAMERA, provides, pose, rejected + counts,
+                      timed=timed or bool(settings.rate_hz)), settings)
 
 
 def _files(path: Path) -> list[tuple[str, Path]]:

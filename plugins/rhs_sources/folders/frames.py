@@ -123,15 +123,16 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
         return {"image": image, "depth": depth}
 
     numbers = [number for number, _ in colors]
-    untimed = not settings.rate_hz and not stamps_by_name(numbers, 0.0, RATE_HZ)[1]
-    true, counts = truth_of(poses_beside(path), settings, numbers, untimed=untimed)
+    timed = bool(settings.rate_hz) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
+    true, counts = truth_of(poses_beside(path), settings, numbers, untimed=not timed)
     camera_from_body = inverse(camera.body_from_camera)
 
     def pose(i: int) -> np.ndarray | None:
         return moved(true(chosen[i][0], float(stamps[i])), camera_from_body)
 
     provides = frozenset({"image", "gray", "depth"} if deep else {"image", "gray"})
-    return led(Listed(str(path), stamps, read, camera, provides, pose, rejected + counts), settings)
+    return led(Listed(str(path), stamps, read, camera, provides, pose, rejected + counts, timed=timed),
+               settings)
 
 
 def _first_depth(color: np.ndarray, file: Path, scale: float, *, typed: bool) -> tuple[int, int] | None:

@@ -36,7 +36,8 @@ OPTICAL = se3(BODY_FROM_OPTICAL, np.zeros(3))
 class Drive:
     """A drive in either form (kitti_raw.py has the other): the folders of images, as P0 to P3 name them, and of clouds; the
     projections by these names, and Tr, of a file; stamps of views by their numbers, of the camera chosen (empty: the
-    clouds'), and how many were repaired; truth() gives the poses of camera 0, and counts."""
+    clouds'), and how many were repaired; truth() gives the poses of camera 0, and counts. timed: a file
+    has the times."""
 
     path: Path
     cameras: dict[str, Path]
@@ -45,6 +46,7 @@ class Drive:
     calib_file: str
     stamps: Callable[[str, list[int]], tuple[np.ndarray, Counter]]
     truth: Callable[[], tuple[At, Counter]]
+    timed: bool = True
 
 
 def is_kitti(path: Path) -> bool:
@@ -56,7 +58,7 @@ def open_kitti(path: Path, settings) -> Recording:
     """The views of a sequence: image, cloud, and with source.stereo the right image. Raises ConfigError."""
     return drive(Drive(path, {name: path / f"image_{name[-1]}" for name in P}, path / "velodyne",
                        _calibration(path / "calib.txt"), "calib.txt", lambda name, numbers: _stamps(path, numbers, settings),
-                       lambda: truth_of(_truth(path), settings)), settings)
+                       lambda: truth_of(_truth(path), settings), (path / "times.txt").is_file()), settings)
 
 
 def drive(found: Drive, settings) -> Recording:
@@ -97,7 +99,8 @@ def drive(found: Drive, settings) -> Recording:
 
     provides = {word for word, there in (("image", images), ("gray", images), ("cloud", clouds),
                                          (RIGHT_IMAGE, beside), (RIGHT_CAMERA, beside)) if there}
-    return led(Listed(str(found.path), stamps, read, camera, frozenset(provides), pose, counts, repaired), settings)
+    return led(Listed(str(found.path), stamps, read, camera, frozenset(provides), pose, counts, repaired,
+                      found.timed or bool(settings.rate_hz)), settings)
 
 
 def _velodyne(found: Drive) -> np.ndarray:

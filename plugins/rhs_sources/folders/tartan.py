@@ -82,7 +82,8 @@ def open_tartan(path: Path, settings) -> Recording:
 
     provides = {"image", "gray"} | ({"depth"} if depths else set()) | ({RIGHT_IMAGE, RIGHT_CAMERA} if right else set())
     rejected = counts + Counter(unpaired=len(images) - len(numbers))
-    return led(Listed(str(path), stamps, read, camera, frozenset(provides), pose, rejected), settings)
+    return led(Listed(str(path), stamps, read, camera, frozenset(provides), pose, rejected,
+                      timed=bool(settings.rate_hz)), settings)
 
 
 def _files(path: Path, kind: str, side: str) -> dict[int, Path]:

@@ -28,7 +28,8 @@ At = Callable[[int, float], np.ndarray | None]
 @dataclass(frozen=True, eq=False)
 class Listed:
     """A recording as a list. stamps_s (N,) ascending. read(i, before): the fields of the Capture of view i, where `before`
-    is the view used before it or None; raises UnreadableImage. pose(i): true world_from_body or None."""
+    is the view used before it or None; raises UnreadableImage. pose(i): true world_from_body or None. timed: somebody says
+    when the views were taken."""
 
     where: str
     stamps_s: np.ndarray
@@ -38,6 +39,7 @@ class Listed:
     pose: Pose = lambda i: None
     rejected: Counter = field(default_factory=Counter)
     repaired: Counter = field(default_factory=Counter)
+    timed: bool = True
 
 
 def led(listed: Listed, settings) -> Recording:
@@ -62,7 +64,7 @@ def led(listed: Listed, settings) -> Recording:
             index, before = index + 1, i
 
     return Recording(listed.camera, views(), len(wanted), listed.rejected, provides=listed.provides, lost=lost,
-                     repaired=listed.repaired)
+                     repaired=listed.repaired, timed=listed.timed)
 
 
 def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:

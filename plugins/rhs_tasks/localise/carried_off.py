@@ -19,6 +19,7 @@ class CarriedOff(Source):
         self._source, self._every_m, self._skip_m = source, every_m, skip_m
         self.camera, self.facts, self.views_expected = source.camera, source.facts, source.views_expected
         self.provides, self.renderer, self.stamps_repaired = source.provides, source.renderer, source.stamps_repaired
+        self.timed = source.timed
         self._way_m = 0.0
         self._last: np.ndarray | None = None
         self.fresh = False  # the last view is the first one elsewhere
