@@ -44,8 +44,8 @@ class Replay:
     numbered files the 12 numbers of KITTI a view; empty: groundtruth.txt, *.freiburg or poses.txt in the folder, TRUEPOS in
     a CARMEN log; corrected: the poses that somebody corrected in a CARMEN log."""
     rate_hz: float = 0.0
-    """Views a second of numbered images, clouds and videos and of 7-Scenes, whatever their names and the container say; 0: what these say,
-    else 30, of clouds 10, and no speed is judged by that."""
+    """Views a second of numbered images, clouds and videos and of 7-Scenes, whatever their names and the container say;
+    0: what these say, else 30, of clouds 10, and no speed is judged by that."""
     stereo: bool = False
     """Hand on the second camera of KITTI, EuRoC and TartanAir as `right_image` and `right_camera`, as they were recorded;
     sensor=stereo sets it."""

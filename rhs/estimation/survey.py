@@ -54,6 +54,7 @@ class ViewCollector:
         self.views = KeptViews(folder)
         self.last: Observation | None = None
         self.own_stamps_s: list[float] = []  # of a recording whose stamps were repaired: those it came with
+        self.wheels: list[np.ndarray | None] = []  # (3,) travel since the view before, of each view
 
     def watch(self, steps: Iterable[Step]) -> Iterator[Step]:
         settled = None  # the features of the view before, once they are known
@@ -67,6 +68,7 @@ class ViewCollector:
                                    step.observation.obstacle))
             settled = self._found(step.observation) if stored else None
             self.last = step.observation
+            self.wheels.append(step.observation.wheel)
             if "log_stamp_s" in step.observation.extras:
                 self.own_stamps_s.append(float(step.observation.extras["log_stamp_s"][0]))
             yield step

@@ -50,10 +50,11 @@ def contradiction_values(run: RunFiles) -> dict[str, float | int | str]:
     """What the map says against itself, before and after closing, how sure its way is; from when it was closed."""
     known = run.json("closure") or {}
     said = {**known.get("details", {}), **known}
-    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m")}
+    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m", *MOUNT)}
 
 
 CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
+MOUNT = ("mount_roll_off_deg", "mount_yaw_off_deg")
 MAP = columns_of(
     contradiction_values,
     ("map_inconsistency", "share",
@@ -64,6 +65,12 @@ MAP = columns_of(
     ("way_sigma_m", "m",
      "standard deviation of positions seen from the start, rms along the way, by the pose graph of loop_closer=scan_graph: "
      "large where scans saw no motion (corridors, empty streets) and no loop corrected it", "closure.json"),
+    ("mount_roll_off_deg", "deg",
+     "180: by its scans and the wheels the laser of a recording is mounted upside down, and that was not told; else 0",
+     "rhs.estimation.scans.mount_fit"),
+    ("mount_yaw_off_deg", "deg",
+     "by which the laser is turned about the vertical besides (left positive) seen from what was told; 0 below what wheels "
+     "that drift would look like", "rhs.estimation.scans.mount_fit"),
 ) + columns_of(
     map_values,
     ("map_agreement", "share", "cells called occupied or free that have a true cell of that kind within one cell",

@@ -33,6 +33,8 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
         return _localised(row)
     if _number(row, "places_total") > 0 and row.get("task") not in ("survey", "explore"):
         return _visited(row)
+    if wrong := mount_fault(row):
+        return 0.0, wrong
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"
     if _number(row, "way_sigma_m") > UNSURE_M:
@@ -43,6 +45,16 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
             share = _number(row, name)
             return (1.0, "") if share >= HALF else (0.0, what.format(share))
     return NAN, ""
+
+
+def mount_fault(row: Mapping[str, object]) -> str:
+    """How the laser sits otherwise than was told, and what to type; empty where it does not."""
+    roll, yaw = _number(row, "mount_roll_off_deg"), _number(row, "mount_yaw_off_deg")
+    if not (roll or yaw) or math.isnan(roll + yaw):
+        return ""
+    how = " and ".join(words for words, off in (("upside down", roll), (f"turned by {yaw:.0f} degrees", yaw)) if off)
+    return (f"by its scans and the wheels the laser is mounted {how}, which nobody told; type "
+            f"source.scan_mount=[0,0,0,{roll:.0f},0,{yaw:.0f}], or turn the mount that was told by so much")
 
 
 def with_success(row: Mapping[str, object]) -> dict[str, object]:

@@ -174,5 +174,6 @@ def _words(pose: np.ndarray) -> str:
 
 
 def gated(odometry: Odometry, needs: frozenset[str], settings: Gate, who: str = "", *, timed: bool = True) -> Odometry:
-    """The odometry behind the gate, if it is one that the gate is for. who: what to call it in errors. timed: Source has it."""
+    """The odometry behind the gate, if it is one that the gate is for. who: what to call it in errors. timed: of
+    the source."""
     return GatedOdometry(odometry, settings, who, timed=timed) if settings.act != "off" and "depth" in needs else odometry

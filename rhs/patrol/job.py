@@ -12,13 +12,14 @@ import numpy as np
 
 from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World
 from rhs.api.randomness import generator
-from rhs.api.records import Belief, Event, MissionStatus, Step, View
+from rhs.api.records import Belief, Event, MissionStatus, Scan, Step, View
 from rhs.api.task import Parts, StepJob
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.api.validate import reach_of
 from rhs.base.errors import ConfigError, RhsError
 from rhs.base.memory import hand_back
 from rhs.estimation import survey as surveying
+from rhs.estimation.scans.mount_fit import fit_mount
 from rhs.estimation.scans.settings import SEES_AROUND_RAD
 from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
@@ -156,6 +157,8 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
     if walls:
         write_json(log.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
     figures = {"closing_ms": closing_ms, **contradictions(revised, views)}
+    if "driving" not in parts.provides:  # a simulator knows where its laser sits
+        figures |= mount_figures(views, collected.wheels)
     write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
 
@@ -174,17 +177,31 @@ def check_camera(views: Sequence[View], settings: CameraFitSettings, folder: Pat
 def contradictions(before: Sequence[View], closed: Sequence[View]) -> dict[str, float]:
     """What the map of a laser says against itself, before and after closing; nothing for a camera, which sees too little at
     once."""
-    measured = (view.scan for view in closed if view.scan is not None and view.motion.scan is None)
-    first = next(measured, None)  # one sensor measured all of them
-    if first is None or np.ptp(first.bearings_rad) < SEES_AROUND_RAD:
+    scans = scans_around(closed)
+    if scans is None:
         return {}
-    scans = [view.scan if view.motion.scan is None else None for view in closed]
     from rhs.estimation.scans.inconsistency import map_inconsistency  # compiled code
     from rhs.estimation.scans.planar_poses import flat
 
     values = {name: map_inconsistency(scans, flat(np.array([view.map_from_body for view in views])))
               for name, views in (("map_inconsistency", closed), ("map_inconsistency_before_closing", before))}
     return {name: value for name, value in values.items() if np.isfinite(value)}
+
+
+def mount_figures(views: Sequence[View], wheels: Sequence[np.ndarray | None]) -> dict[str, float]:
+    """How the laser sits beside how it was told to, by its scans and the wheels; nothing where one of them is missing."""
+    scans = scans_around(views) if any(wheel is not None for wheel in wheels) else None
+    fit = None if scans is None else fit_mount(scans, wheels)
+    return {} if fit is None else {"mount_roll_off_deg": 180.0 * fit.upside_down, "mount_yaw_off_deg": fit.yaw_deg}
+
+
+def scans_around(views: Sequence[View]) -> list[Scan | None] | None:
+    """What the sensor measured in each view; None where that is no scan, or one that sees too little at once."""
+    measured = (view.scan for view in views if view.scan is not None and view.motion.scan is None)
+    first = next(measured, None)  # one sensor measured all of them
+    if first is None or np.ptp(first.bearings_rad) < SEES_AROUND_RAD:
+        return None
+    return [view.scan if view.motion.scan is None else None for view in views]
 
 
 def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, seed: int, sights: Sights | None = None,

@@ -1,0 +1,118 @@
+"""Does the laser sit on the robot as was told? Its scans and the wheels must tell of one motion.
+
+A laser that is mounted upside down sees the robot turn the other way round, one that is turned about its axis sees it drive
+another way. So each stretch of the wheels' travel is put through every mount there may be, upside down or not, turned by
+steps of COARSE_DEG, and the mount is believed under which most ends of the scan before are seen again in the scan after.
+What was told stands until stretch after stretch contradicts it (z-test of the paired shares, over the stretches that tell
+between the two). The setting is that of
+calibrating odometry and sensor at once (Censi, Franchi, Marchionni and Oriolo, IEEE Transactions on Robotics 2013); here the
+mount is looked for on a grid, because a mistake of 90 or 180 degrees is no matter of refining. Where the laser stands on the
+robot is not asked: on so short a way it hardly shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rhs.api.geometry import se2
+from rhs.api.records import Scan
+from rhs.estimation.views.motion_consistency import scan_share
+
+from .planar_poses import between, composed
+
+TURN_RAD, WAY_M = 0.3, 0.5  # a stretch of the wheels' travel is a turn or a way of so much
+MOST_M = 1.5  # a robot that turns by less on such a way is taken to go straight
+MOST_STRETCHES = 60  # of either kind, turns and ways
+COARSE_DEG, FINE_DEG = 15, 3
+APART_RAD, APART_M = 0.15, 0.1  # a stretch tells between two mounts whose travels are as far apart
+LEAST_TELLING = 10  # stretches
+LEAST_GAIN, LEAST_Z = 0.15, 5.0  # share of the beams by which a mount must explain them better, and how surely
+LEAST_YAW_DEG = 20  # wheels that drift by less look like a mount that is turned
+
+
+@dataclass(frozen=True)
+class MountFit:
+    """How the laser sits, seen from how it was told to: upside_down (rolled by 180 degrees), then turned by yaw_deg about
+    the body's z, 0 where that is less than LEAST_YAW_DEG."""
+
+    upside_down: bool
+    yaw_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A mount on trial: the travel (M, 3) of the laser that it makes of each stretch, and the share (M,) of the beams that
+    go on then, NaN where too few tell."""
+
+    upside_down: bool
+    yaw_deg: float
+    travel: np.ndarray
+    shares: np.ndarray
+
+
+def fit_mount(scans: Sequence[Scan | None], wheels: Sequence[np.ndarray | None]) -> MountFit | None:
+    """How the laser of these scans sits beside wheels that told of travel (3,) since the scan before; None where they show
+    too little."""
+    stretches = _stretches(wheels)
+    told = best = _trial(scans, stretches, False, 0.0)
+    if np.isfinite(told.shares).sum() < LEAST_TELLING:
+        return None
+    for upside_down in (False, True):
+        found = _turned(scans, stretches, upside_down)
+        best = found if _clearly(found, best) else best
+    yaw_deg = (best.yaw_deg + 180.0) % 360.0 - 180.0
+    return MountFit(best.upside_down, yaw_deg if abs(yaw_deg) >= LEAST_YAW_DEG else 0.0)
+
+
+def _turned(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], upside_down: bool) -> _Trial:
+    """The mount turned so that most beams go on."""
+    best = _trial(scans, stretches, upside_down, 0.0)
+    for step, around in ((COARSE_DEG, 180), (FINE_DEG, COARSE_DEG)):
+        middle = best.yaw_deg
+        for off in range(-around + step, around + 1, step):
+            found = _trial(scans, stretches, upside_down, middle + off)
+            best = found if np.nansum(found.shares) > np.nansum(best.shares) else best
+    return best
+
+
+def _clearly(found: _Trial, before: _Trial) -> bool:
+    """Whether more beams go on under one mount than under another beyond chance, where the two tell of different travel."""
+    off = between(before.travel, found.travel)
+    gain = (found.shares - before.shares)[(np.abs(off[:, 2]) > APART_RAD) | (np.hypot(off[:, 0], off[:, 1]) > APART_M)]
+    gain = gain[np.isfinite(gain)]
+    if len(gain) < LEAST_TELLING:
+        return False
+    error = float(gain.std(ddof=1)) / np.sqrt(len(gain))
+    return bool(gain.mean() > max(LEAST_GAIN, LEAST_Z * error))
+
+
+def _stretches(wheels: Sequence[np.ndarray | None]) -> list[tuple[int, int, np.ndarray]]:
+    """(first scan, last scan, travel (3,)) of as many ways as turns, each kind one after another."""
+    kinds: tuple[list[tuple[int, int, np.ndarray]], ...] = ([], [])
+    for kind, turns in zip(kinds, (False, True), strict=True):
+        first, travel = 0, np.zeros(3)
+        for k, wheel in enumerate(wheels):
+            known = k > 0 and wheel is not None and np.isfinite(wheel).all()
+            travel = composed(travel, wheel) if known else travel
+            way_m = np.hypot(*travel[:2])
+            ends = known and (abs(travel[2]) >= TURN_RAD if turns else way_m >= WAY_M)
+            if ends:
+                kind.append((first, k, travel))
+            if ends or not known or way_m >= MOST_M:
+                first, travel = k, np.zeros(3)
+    return [kind[i] for kind in kinds
+            for i in np.unique(np.linspace(0, len(kind) - 1, min(len(kind), MOST_STRETCHES)).astype(int))]
+
+
+def _trial(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], upside_down: bool,
+           yaw_deg: float) -> _Trial:
+    side, yaw = -1.0 if upside_down else 1.0, np.radians(yaw_deg)
+    c, s = np.cos(yaw), np.sin(yaw)
+    moved = [(c * x + s * y, side * (c * y - s * x), side * turn) for *_, (x, y, turn) in stretches]
+    travel = np.array(moved).reshape(-1, 3)
+    shares = [scan_share(scans[first], scans[last], se2(*pose), fine=True)
+              for (first, last, _), pose in zip(stretches, travel, strict=True)]
+    return _Trial(upside_down, yaw_deg, travel, np.array(shares))
