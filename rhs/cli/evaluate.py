@@ -5,7 +5,7 @@
     python -m rhs.evaluate EST --relations FILE  errors of published relations between scans; EST: a TUM file or a run folder
 
 Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the
-poses have a partner, or of the relations both poses.
+poses have a partner, or of the relations both poses, or when the truth is by another clock.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from rhs.base.errors import ConfigError
 from rhs.metrics.evaluate import evaluate_folder, evaluate_pair, evaluate_relations
 from rhs.metrics.success import HALF
 from rhs.metrics.survey import TOLERANCE_S
+from rhs.metrics.truth_clock import clock_fault
 from rhs.runfolder.row import machine_dependent, read_row
 
 
@@ -63,6 +64,8 @@ def _print(chosen: argparse.Namespace) -> int:
     if len(chosen.paths) == 2:
         values = evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)
         sys.stdout.write(_lines(values))
+        if clock := clock_fault(values):
+            return complain(clock, 3)
         return _doubted(float(str(values["matched_share"])), chosen.tolerance)
     if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
         raise ConfigError("expected one run folder, or two trajectories (TUM, KITTI, EuRoC): ESTIMATE TRUTH")

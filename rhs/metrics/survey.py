@@ -11,6 +11,7 @@ from rhs.api.metric import RunFiles, columns_of
 from rhs.api.trajectory import Trajectory, aligned
 
 from .accuracy import Pairing, absolute_errors_m, apart, consecutive, pair, relative_errors, rmse
+from .truth_clock import truth_offset
 
 NAN = float("nan")
 Values = dict[str, float | int | str]
@@ -60,6 +61,7 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
     per_step = relative_errors(scaled, consecutive(len(both.truth)))
     per_metre = relative_errors(scaled, apart(both.truth.travelled_m, 1.0))
     per_second = relative_errors(scaled, apart(both.truth.stamps_s, 1.0))
+    offset_s, ate_at_offset_m = truth_offset(estimate, truth, alignment)
     return {
         "matched_share": both.matched_share, "covered_share": both.covered_share,
         "distance_m": float(truth.travelled_m[-1]) if len(truth) else NAN,
@@ -70,6 +72,7 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
         "rpe_trans_per_metre_m": rmse(per_metre[0]), "rpe_rot_per_metre_rad": rmse(per_metre[1]),
         "rpe_trans_per_second_m": rmse(per_second[0]), "rpe_rot_per_second_rad": rmse(per_second[1]),
         "end_error_m": end_error_m(scaled), "half_error_m": half_error_m(scaled),
+        "truth_offset_s": offset_s, "ate_at_offset_m": ate_at_offset_m,
     }
 
 
@@ -125,7 +128,7 @@ def of_any(function: Callable[[np.ndarray], float], values: np.ndarray) -> float
 ACCURACY = (
     "matched_share", "covered_share", "ate_tolerance_s", "ate_rmse_m", "ate_mean_m", "ate_median_m", "ate_max_m",
     "ate_unaligned_m", "rpe_trans_m", "rpe_rot_rad", "rpe_trans_per_metre_m", "rpe_rot_per_metre_rad",
-    "rpe_trans_per_second_m", "rpe_rot_per_second_rad", "end_error_m", "half_error_m",
+    "rpe_trans_per_second_m", "rpe_rot_per_second_rad", "end_error_m", "half_error_m", "truth_offset_s", "ate_at_offset_m",
 )
 
 SURVEY = columns_of(
@@ -172,6 +175,11 @@ SURVEY = columns_of(
     ("half_error_m", "m",
      "the same half-way along the true trajectory: on a closed loop a wrong scale cancels at the end, not there",
      "rhs.metrics.survey"),
+    ("truth_offset_s", "s",
+     "by which the stamps of the truth are later than those of the recording at the same instants, by how the body turns "
+     "and goes; 0 where the clocks agree as far as can be told; no figure is corrected by it", "rhs.metrics.truth_clock"),
+    ("ate_at_offset_m", "m", "absolute trajectory error with that offset taken off; unknown where it is 0",
+     "rhs.metrics.truth_clock"),
     ("ate_before_closing_m", "m", "absolute trajectory error before loop closing, as estimated during the survey",
      "Sturm et al. 2012"),
     ("end_error_before_closing_m", "m", "end error before loop closing, as estimated during the survey", "thesis 3.5"),

@@ -60,7 +60,7 @@ def test_names_that_are_times_are_the_stamps(tmp_path, names, stamps):
 
 
 def test_a_camera_carried_fast_past_numbered_images_is_not_taken_for_one_that_leaps(tmp_path):
-    """A textured wall 1.5 m ahead that slides by 0.06, then 0.3, then 0.06 m a view: at 30 views a second, which nobody said,
+    """A textured wall 1.5 m ahead slides by 0.06, then 0.3, then 0.06 m a view: at 30 views a second, which nobody said,
     that would be 2, 9 and 2 m/s. Typed as the rate, it is a leap."""
     texture = np.random.default_rng(0).integers(0, 255, (60, 80, 3)).astype(np.uint8)
     wall = cv2.resize(texture, (640, 480), interpolation=cv2.INTER_CUBIC)
