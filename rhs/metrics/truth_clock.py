@@ -43,7 +43,7 @@ def truth_offset(estimate: Trajectory, truth: Trajectory, alignment: str) -> tup
     seen, true = rates(estimate, window_s), rates(truth, window_s)
     lags = _lags(estimate)
     likeness = np.array([correlations(seen, true, lag, 3.0 * window_s) for lag in lags]).reshape(-1, 2)
-    both = np.where(np.isfinite(likeness).any(axis=1), np.nansum(likeness, axis=1), -np.inf)
+    both = likelihood(likeness)
     if not np.isfinite(both).any():
         return np.nan, np.nan
     found = int(np.argmax(both))
@@ -60,8 +60,8 @@ def clock_fault(values: Mapping[str, object]) -> str:
     if not (offset_s and there_m < HALF * ate_m):
         return ""
     off, mend = ("late", "subtract that from") if offset_s > 0.0 else ("early", "add that to")
-    return (f"the stamps of the true poses are {abs(offset_s):.2f} s {off} beside the estimate's: the ATE of {ate_m:.3g} m is "
-            f"mostly that, and {there_m:.3g} m without it; {mend} the stamps of the truth (no figure is corrected)")
+    return (f"the stamps of the true poses are {abs(offset_s):.2f} s {off} beside the estimate's: the ATE of {ate_m:.3g} m "
+            f"is mostly that, {there_m:.3g} m without it; {mend} the stamps of the truth (no figure is corrected)")
 
 
 def _number(values: Mapping[str, object], name: str) -> float:
@@ -114,6 +114,13 @@ def correlations(seen: Rates, true: Rates, lag_s: float, most_gap_s: float) -> n
         changes = min(np.ptp(mine), np.ptp(other)) > 1e-6
         out.append(float(np.corrcoef(mine, other)[0, 1]) if changes else np.nan)
     return np.array(out)
+
+
+def likelihood(correlations: np.ndarray) -> np.ndarray:
+    """(L,) log-likelihood (of normal errors, but for a factor) of correlations (L, 2); minus infinity where none is."""
+    known = np.isfinite(correlations)
+    lacking = 1.0 - np.clip(np.where(known, correlations, 0.0), 0.0, 1.0 - 1e-9) ** 2
+    return np.where(known.any(axis=1), -np.log(lacking).sum(axis=1), -np.inf)
 
 
 def covered(stamps_s: np.ndarray, at_s: np.ndarray, most_gap_s: float) -> np.ndarray:

@@ -28,7 +28,7 @@ MOST_M = 1.5  # a robot that turns by less on such a way is taken to go straight
 MOST_STRETCHES = 60  # of either kind, turns and ways
 COARSE_DEG, FINE_DEG = 15, 3
 APART_RAD, APART_M = 0.15, 0.1  # a stretch tells between two mounts whose travels are as far apart
-LEAST_TELLING = 10  # stretches
+LEAST_TELLING, LEAST_OF_A_SIDE = 10, 3  # stretches, and turns to the left and to the right
 LEAST_GAIN, LEAST_Z = 0.15, 5.0  # share of the beams by which a mount must explain them better, and how surely
 LEAST_YAW_DEG = 20  # wheels that drift by less look like a mount that is turned
 
@@ -79,10 +79,16 @@ def _turned(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.nda
 
 
 def _clearly(found: _Trial, before: _Trial) -> bool:
-    """Whether more beams go on under one mount than under another beyond chance, where the two tell of different travel."""
+    """Whether more beams go on under one mount than under another beyond chance, where the two tell of different travel;
+    of one upside down in turns to either side, because a heading that drifts turns to one."""
     off = between(before.travel, found.travel)
-    gain = (found.shares - before.shares)[(np.abs(off[:, 2]) > APART_RAD) | (np.hypot(off[:, 0], off[:, 1]) > APART_M)]
-    gain = gain[np.isfinite(gain)]
+    gain = found.shares - before.shares
+    telling = np.isfinite(gain) & ((np.abs(off[:, 2]) > APART_RAD) | (np.hypot(off[:, 0], off[:, 1]) > APART_M))
+    if found.upside_down != before.upside_down:
+        for side in (gain[telling & (way * off[:, 2] > APART_RAD)] for way in (-1.0, 1.0)):
+            if len(side) < LEAST_OF_A_SIDE or side.mean() < LEAST_GAIN:
+                return False
+    gain = gain[telling]
     if len(gain) < LEAST_TELLING:
         return False
     error = float(gain.std(ddof=1)) / np.sqrt(len(gain))
