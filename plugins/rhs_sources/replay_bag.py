@@ -122,7 +122,7 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
 
     color, depth = pick("color", plain), pick("depth", deep)
-    scan = pick("scan", of("LaserScan"))
+    scan = pick("scan", of("LaserScan", "MultiEchoLaserScan"))
     clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
         raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")
@@ -231,7 +231,7 @@ class Placed:
 def _most_m(reader, topic: str) -> float:
     """The largest reading of a laser, if that stands for nothing and is nearly its range_max: metres, else inf."""
     scans = [message for _, _, message in islice(ros.stamped(reader, {topic}), LOOKED_AT)]
-    ranges = [np.asarray(one.ranges, float) for one in scans]
+    ranges = [ros.ranges_of(one) for one in scans]
     end_m = end_of_range([one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)])
     return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
 

@@ -119,9 +119,9 @@ def camera_of(message, *, rectified: bool = False) -> Camera | None:
 
 
 def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
-    """A LaserScan; from range_max on, or the reading that stands for nothing (most_m), is free, below range_min or NaN
+    """A LaserScan or MultiEchoLaserScan; from range_max on, or the reading that stands for nothing (most_m), is free, below range_min or NaN
     unknown."""
-    ranges = np.asarray(message.ranges, float)
+    ranges = ranges_of(message)
     bearings = message.angle_min + message.angle_increment * np.arange(len(ranges))
     if not np.all(np.isfinite(bearings)) or not message.range_max > 0:
         raise ConfigError(f"{topic}: the scan's angles or range_max are not finite numbers above zero")
@@ -135,6 +135,14 @@ def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
         raise ConfigError(f"{topic}: ranges are {np.median(seen):.4g} m typically; expected metres")
     most_m = min(most_m, float(message.range_max))  # a wall just there is less likely than none: drivers clip
     return Scan(bearings, np.where(known >= most_m, np.inf, known), most_m)
+
+
+def ranges_of(message) -> np.ndarray:
+    """(N,) metres of a LaserScan; of a MultiEchoLaserScan the first echo of each beam (drivers write the nearest first),
+    NaN where it has none, as laser_proc has it."""
+    if message.__msgtype__.endswith("MultiEchoLaserScan"):
+        return np.array([one.echoes[0] if len(one.echoes) else np.nan for one in message.ranges], float)
+    return np.asarray(message.ranges, float)
 
 
 def pose_of(message, topic: str) -> np.ndarray:

@@ -73,7 +73,7 @@ class Replay:
     info_topic: str = ""
     """Topic of a bag with CameraInfo; empty and none as for color_topic."""
     scan_topic: str = ""
-    """Topic of a bag with LaserScan; empty and none as for color_topic."""
+    """Topic of a bag with LaserScan or MultiEchoLaserScan (its first echoes); empty and none as for color_topic."""
     wheel_topic: str = ""
     """Topic of a bag with Odometry of the wheels; empty and none as for color_topic."""
     truth_topic: str = ""

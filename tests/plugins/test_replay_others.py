@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from bags import HEIGHT, WIDTH, BagFile, picture
+from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
 
 from rhs.api.errors import ConfigError
 from rhs_sources.replay import ReplaySource, open_recording
@@ -142,6 +142,24 @@ def test_a_range_of_zero_is_no_wall_where_the_scanner_stands(tmp_path):
 def test_scans_in_degrees_or_millimetres_are_refused(tmp_path, ranges, changes, words):
     with pytest.raises(ConfigError, match=words):
         next(opened(bag(tmp_path, scans(ranges, **changes))).views)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_of_several_echoes_the_first_is_the_scan_and_a_beam_without_one_is_unknown(tmp_path, kind):
+    """As Hokuyo's drivers write them, and the bags of the Deutsches Museum hold them; through glass there are two."""
+    with BagFile(tmp_path, kind) as made:
+        for k in range(3):
+            echoes = [made.make("sensor_msgs/msg/LaserEcho", echoes=np.array(one, np.float32))
+                      for one in ([2.0], [1.5, 4.0], [], [np.inf])]
+            made.put("/horizontal", STAMPS[k], made.make(
+                "sensor_msgs/msg/MultiEchoLaserScan", header=made.header(STAMPS[k], "laser"), angle_min=-0.3, angle_max=0.3,
+                angle_increment=0.2, time_increment=0.0, scan_time=0.1, range_min=0.1, range_max=30.0, ranges=echoes,
+                intensities=[]))
+    recording = opened(made.path)
+    scan = next(recording.views)[0].scan
+    assert recording.provides == {"scan"}
+    assert np.array_equal(scan.ranges_m, [2.0, 1.5, np.nan, np.inf], equal_nan=True)
+    np.testing.assert_allclose(scan.bearings_rad, [-0.3, -0.1, 0.1, 0.3], atol=1e-6)
 
 
 def test_scans_without_beams_are_left_out_and_counted(tmp_path):
