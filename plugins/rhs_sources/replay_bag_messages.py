@@ -138,7 +138,7 @@ def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
 
 
 def ranges_of(message) -> np.ndarray:
-    """(N,) metres of a LaserScan; of a MultiEchoLaserScan the first echo of each beam (drivers write the nearest first),
+    """(N,) metres of a LaserScan; of a MultiEchoLaserScan the first echo of each beam, which drivers make the nearest;
     NaN where it has none, as laser_proc has it."""
     if message.__msgtype__.endswith("MultiEchoLaserScan"):
         return np.array([one.echoes[0] if len(one.echoes) else np.nan for one in message.ranges], float)
