@@ -119,8 +119,8 @@ def camera_of(message, *, rectified: bool = False) -> Camera | None:
 
 
 def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
-    """A LaserScan or MultiEchoLaserScan; from range_max on, or the reading that stands for nothing (most_m), is free, below range_min or NaN
-    unknown."""
+    """A LaserScan or MultiEchoLaserScan; from range_max on, or the reading that stands for nothing (most_m), is free, below
+    range_min or NaN unknown."""
     ranges = ranges_of(message)
     bearings = message.angle_min + message.angle_increment * np.arange(len(ranges))
     if not np.all(np.isfinite(bearings)) or not message.range_max > 0:
