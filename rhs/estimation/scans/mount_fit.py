@@ -13,7 +13,7 @@ robot is not asked: on so short a way it hardly shows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ MOST_M = 1.5  # a robot that turns by less on such a way is taken to go straight
 MOST_STRETCHES = 60  # of either kind, turns and ways
 COARSE_DEG, FINE_DEG = 15, 3
 APART_RAD, APART_M = 0.15, 0.1  # a stretch tells between two mounts whose travels are as far apart
-LEAST_TELLING, LEAST_OF_A_SIDE = 10, 3  # stretches, and turns to the left and to the right
+LEAST_TELLING = 10  # stretches
 LEAST_GAIN, LEAST_Z = 0.15, 5.0  # share of the beams by which a mount must explain them better, and how surely
 LEAST_YAW_DEG = 20  # wheels that drift by less look like a mount that is turned
 
@@ -62,7 +62,8 @@ def fit_mount(scans: Sequence[Scan | None], wheels: Sequence[np.ndarray | None])
         return None
     for upside_down in (False, True):
         found = _turned(scans, stretches, upside_down)
-        best = found if _clearly(found, best) else best
+        if _clearly(found, best) and (not upside_down or _clearly(found, _unturned(scans, stretches, found))):
+            best = found
     yaw_deg = (best.yaw_deg + 180.0) % 360.0 - 180.0
     return MountFit(best.upside_down, yaw_deg if abs(yaw_deg) >= LEAST_YAW_DEG else 0.0)
 
@@ -79,15 +80,10 @@ def _turned(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.nda
 
 
 def _clearly(found: _Trial, before: _Trial) -> bool:
-    """Whether more beams go on under one mount than under another beyond chance, where the two tell of different travel;
-    of one upside down in turns to either side, because a heading that drifts turns to one."""
+    """Whether more beams go on under one mount than under another beyond chance, where the two tell of different travel."""
     off = between(before.travel, found.travel)
     gain = found.shares - before.shares
     telling = np.isfinite(gain) & ((np.abs(off[:, 2]) > APART_RAD) | (np.hypot(off[:, 0], off[:, 1]) > APART_M))
-    if found.upside_down != before.upside_down:
-        for side in (gain[telling & (way * off[:, 2] > APART_RAD)] for way in (-1.0, 1.0)):
-            if len(side) < LEAST_OF_A_SIDE or side.mean() < LEAST_GAIN:
-                return False
     gain = gain[telling]
     if len(gain) < LEAST_TELLING:
         return False
@@ -113,12 +109,21 @@ def _stretches(wheels: Sequence[np.ndarray | None]) -> list[tuple[int, int, np.n
             for i in np.unique(np.linspace(0, len(kind) - 1, min(len(kind), MOST_STRETCHES)).astype(int))]
 
 
+def _unturned(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], trial: _Trial) -> _Trial:
+    """The same of a robot that turned nowhere: wheels whose heading drifts say that it did."""
+    travel = trial.travel * [1.0, 1.0, 0.0]
+    return replace(trial, travel=travel, shares=_shares(scans, stretches, travel))
+
+
 def _trial(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], upside_down: bool,
            yaw_deg: float) -> _Trial:
     side, yaw = -1.0 if upside_down else 1.0, np.radians(yaw_deg)
     c, s = np.cos(yaw), np.sin(yaw)
     moved = [(c * x + s * y, side * (c * y - s * x), side * turn) for *_, (x, y, turn) in stretches]
     travel = np.array(moved).reshape(-1, 3)
-    shares = [scan_share(scans[first], scans[last], se2(*pose), fine=True)
-              for (first, last, _), pose in zip(stretches, travel, strict=True)]
-    return _Trial(upside_down, yaw_deg, travel, np.array(shares))
+    return _Trial(upside_down, yaw_deg, travel, _shares(scans, stretches, travel))
+
+
+def _shares(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], travel: np.ndarray) -> np.ndarray:
+    return np.array([scan_share(scans[first], scans[last], se2(*moved), fine=True)
+                     for (first, last, _), moved in zip(stretches, travel, strict=True)])
