@@ -32,7 +32,8 @@ def test_a_mount_that_nobody_told_of_is_found(rolled, yaw_deg):
     turned = [replace(scan, bearings_rad=scan.bearings_rad - np.radians(yaw_deg)) for scan in scans]
     fit = fit_mount([upside_down(scan) for scan in turned] if rolled else turned, wheels)
     assert fit.upside_down == rolled
-    assert (fit.yaw_deg - yaw_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=3.0)
+    off_deg = (fit.yaw_deg - yaw_deg + 180.0) % 360.0 - 180.0
+    assert off_deg == pytest.approx(0.0, abs=5.0)  # it is looked for in steps of five degrees
 
 
 @pytest.mark.parametrize("worse", ["noise", "drift", "short", "leaps"])

@@ -25,12 +25,18 @@ from .planar_poses import between, composed
 
 TURN_RAD, WAY_M = 0.3, 0.5  # a stretch of the wheels' travel is a turn or a way of so much
 MOST_M = 1.5  # a robot that turns by less on such a way is taken to go straight
-MOST_STRETCHES = 60  # of either kind, turns and ways
-COARSE_DEG, FINE_DEG = 15, 3
+MOST_STRETCHES = 40  # of either kind, turns and ways
+APART_DEG = 1.0  # beams
+HEADINGS_RAD = np.radians([-6.0, -3.0, 0.0, 3.0, 6.0])  # by which the wheels' heading may be off after a stretch
+COARSE_DEG, FINE_DEG = 30, 5
 APART_RAD, APART_M = 0.15, 0.1  # a stretch tells between two mounts whose travels are as far apart
 LEAST_TELLING = 10  # stretches
 LEAST_GAIN, LEAST_Z = 0.15, 5.0  # share of the beams by which a mount must explain them better, and how surely
 LEAST_YAW_DEG = 20  # wheels that drift by less look like a mount that is turned
+
+
+Seen = dict[int, Scan | None]  # by the number of the view
+Stretch = tuple[int, int, np.ndarray]  # first scan, last scan, travel (3,)
 
 
 @dataclass(frozen=True)
@@ -57,18 +63,19 @@ def fit_mount(scans: Sequence[Scan | None], wheels: Sequence[np.ndarray | None])
     """How the laser of these scans sits beside wheels that told of travel (3,) since the scan before; None where they show
     too little."""
     stretches = _stretches(wheels)
-    told = best = _trial(scans, stretches, False, 0.0)
+    seen = {k: _thinned(scans[k]) for stretch in stretches for k in stretch[:2]}
+    told = best = _trial(seen, stretches, False, 0.0)
     if np.isfinite(told.shares).sum() < LEAST_TELLING:
         return None
     for upside_down in (False, True):
-        found = _turned(scans, stretches, upside_down)
-        if _clearly(found, best) and (not upside_down or _clearly(found, _unturned(scans, stretches, found))):
+        found = _turned(seen, stretches, upside_down)
+        if _clearly(found, best) and (not upside_down or _clearly(found, _unturned(seen, stretches, found))):
             best = found
     yaw_deg = (best.yaw_deg + 180.0) % 360.0 - 180.0
     return MountFit(best.upside_down, yaw_deg if abs(yaw_deg) >= LEAST_YAW_DEG else 0.0)
 
 
-def _turned(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], upside_down: bool) -> _Trial:
+def _turned(scans: Seen, stretches: list[Stretch], upside_down: bool) -> _Trial:
     """The mount turned so that most beams go on."""
     best = _trial(scans, stretches, upside_down, 0.0)
     for step, around in ((COARSE_DEG, 180), (FINE_DEG, COARSE_DEG)):
@@ -91,9 +98,9 @@ def _clearly(found: _Trial, before: _Trial) -> bool:
     return bool(gain.mean() > max(LEAST_GAIN, LEAST_Z * error))
 
 
-def _stretches(wheels: Sequence[np.ndarray | None]) -> list[tuple[int, int, np.ndarray]]:
-    """(first scan, last scan, travel (3,)) of as many ways as turns, each kind one after another."""
-    kinds: tuple[list[tuple[int, int, np.ndarray]], ...] = ([], [])
+def _stretches(wheels: Sequence[np.ndarray | None]) -> list[Stretch]:
+    """As many ways as turns, each kind one after another."""
+    kinds: tuple[list[Stretch], ...] = ([], [])
     for kind, turns in zip(kinds, (False, True), strict=True):
         first, travel = 0, np.zeros(3)
         for k, wheel in enumerate(wheels):
@@ -109,13 +116,13 @@ def _stretches(wheels: Sequence[np.ndarray | None]) -> list[tuple[int, int, np.n
             for i in np.unique(np.linspace(0, len(kind) - 1, min(len(kind), MOST_STRETCHES)).astype(int))]
 
 
-def _unturned(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], trial: _Trial) -> _Trial:
+def _unturned(scans: Seen, stretches: list[Stretch], trial: _Trial) -> _Trial:
     """The same of a robot that turned nowhere: wheels whose heading drifts say that it did."""
     travel = trial.travel * [1.0, 1.0, 0.0]
     return replace(trial, travel=travel, shares=_shares(scans, stretches, travel))
 
 
-def _trial(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], upside_down: bool,
+def _trial(scans: Seen, stretches: list[Stretch], upside_down: bool,
            yaw_deg: float) -> _Trial:
     side, yaw = -1.0 if upside_down else 1.0, np.radians(yaw_deg)
     c, s = np.cos(yaw), np.sin(yaw)
@@ -124,6 +131,16 @@ def _trial(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndar
     return _Trial(upside_down, yaw_deg, travel, _shares(scans, stretches, travel))
 
 
-def _shares(scans: Sequence[Scan | None], stretches: list[tuple[int, int, np.ndarray]], travel: np.ndarray) -> np.ndarray:
-    return np.array([scan_share(scans[first], scans[last], se2(*moved), fine=True)
-                     for (first, last, _), moved in zip(stretches, travel, strict=True)])
+def _shares(scans: Seen, stretches: list[Stretch], travel: np.ndarray) -> np.ndarray:
+    """(M,) share of the beams that go on after each travel (M, 3), with the best heading that wheels may have meant."""
+    tried = [[scan_share(scans[first], scans[last], se2(x, y, turn + off), fine=True) for off in HEADINGS_RAD]
+             for (first, last, _), (x, y, turn) in zip(stretches, travel, strict=True)]
+    return np.fmax.reduce(np.array(tried).reshape(-1, len(HEADINGS_RAD)), axis=1)
+
+
+def _thinned(scan: Scan | None) -> Scan | None:
+    """The scan with beams no nearer than APART_DEG: finer ones ask for more than wheels can tell."""
+    if scan is None or len(scan.bearings_rad) < 2:
+        return scan
+    every = max(round(np.radians(APART_DEG) / float(np.median(np.diff(scan.bearings_rad)))), 1)
+    return replace(scan, bearings_rad=scan.bearings_rad[::every], ranges_m=scan.ranges_m[::every])
