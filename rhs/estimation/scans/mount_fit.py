@@ -32,7 +32,7 @@ COARSE_DEG, FINE_DEG = 30, 5
 APART_RAD, APART_M = 0.15, 0.1  # a stretch tells between two mounts whose travels are as far apart
 LEAST_TELLING = 10  # stretches
 LEAST_GAIN, LEAST_Z = 0.15, 5.0  # share of the beams by which a mount must explain them better, and how surely
-LEAST_YAW_DEG = 20  # wheels that drift by less look like a mount that is turned
+LEAST_YAW_DEG = 25  # wheels that drift by less look like a mount that is turned
 
 
 Seen = dict[int, Scan | None]  # by the number of the view
