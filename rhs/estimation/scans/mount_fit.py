@@ -104,13 +104,15 @@ def _stretches(wheels: Sequence[np.ndarray | None]) -> list[Stretch]:
     for kind, turns in zip(kinds, (False, True), strict=True):
         first, travel = 0, np.zeros(3)
         for k, wheel in enumerate(wheels):
-            known = k > 0 and wheel is not None and np.isfinite(wheel).all()
-            travel = composed(travel, wheel) if known else travel
-            way_m = np.hypot(*travel[:2])
-            ends = known and (abs(travel[2]) >= TURN_RAD if turns else way_m >= WAY_M)
+            if k == 0 or wheel is None or not np.isfinite(wheel).all():
+                first, travel = k, np.zeros(3)
+                continue
+            travel = composed(travel, wheel)
+            way_m = float(np.hypot(*travel[:2]))
+            ends = abs(travel[2]) >= TURN_RAD if turns else way_m >= WAY_M
             if ends:
                 kind.append((first, k, travel))
-            if ends or not known or way_m >= MOST_M:
+            if ends or way_m >= MOST_M:
                 first, travel = k, np.zeros(3)
     return [kind[i] for kind in kinds
             for i in np.unique(np.linspace(0, len(kind) - 1, min(len(kind), MOST_STRETCHES)).astype(int))]
@@ -135,7 +137,8 @@ def _shares(scans: Seen, stretches: list[Stretch], travel: np.ndarray) -> np.nda
     """(M,) share of the beams that go on after each travel (M, 3), with the best heading that wheels may have meant."""
     tried = [[scan_share(scans[first], scans[last], se2(x, y, turn + off), fine=True) for off in HEADINGS_RAD]
              for (first, last, _), (x, y, turn) in zip(stretches, travel, strict=True)]
-    return np.fmax.reduce(np.array(tried).reshape(-1, len(HEADINGS_RAD)), axis=1)
+    best: np.ndarray = np.fmax.reduce(np.array(tried).reshape(-1, len(HEADINGS_RAD)), axis=1)
+    return best
 
 
 def _thinned(scan: Scan | None) -> Scan | None:
