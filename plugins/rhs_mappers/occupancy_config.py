@@ -28,8 +28,8 @@ class Occupancy:
     """Beams are used up to here, metres; what lies further only says that the way there is free. Depth noise grows
     with the square of the distance and passes one cell (0.1 m) near 8 m."""
     free_max_m: float = 0.0
-    """Beams say that their way is free up to here, metres; 0: as far as range_max_m. Walls further away are drawn, but the way
-    to them is not cleared: beams that graze a wall, or come back from behind glass, would wear it away."""
+    """Beams say that their way is free up to here, metres; 0: as far as range_max_m. Walls further away are drawn, but not
+    all the way to them is free: beams that graze a wall, or come back from behind glass, would wear it away."""
     belief_bound: float = 0.99
     """Beliefs stay within [1 - bound, bound], so that a cell can change its mind after a hundred equal views."""
 
