@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 from typing import Any, NoReturn
 
 import numpy as np
@@ -62,14 +63,15 @@ def check_clearance(said: Any, *, who: str) -> tuple[float, bool]:
 
     Raises ContractError in one line: what was found, what is expected."""
     pair = isinstance(said, tuple | list) and len(said) == 2
-    if not pair or not isinstance(said[0], int | float | np.integer | np.floating) or not isinstance(said[1], bool | np.bool_):
+    if not pair or not isinstance(said[0], Real) or not isinstance(said[1], bool | np.bool_):
         _refuse(who, "clearance_m()", _short(said), "(metres or NaN, whether the robot touched something)")
     return float(said[0]), bool(said[1])
 
 
 def check_provides(provides: Any, *, who: str) -> None:
     """What a source says that it holds after all: None or a set of words. Raises ContractError."""
-    if provides is not None and not (isinstance(provides, frozenset | set) and all(isinstance(one, str) for one in provides)):
+    words = isinstance(provides, frozenset | set) and all(isinstance(one, str) for one in provides)
+    if provides is not None and not words:
         _refuse(who, "provides", _short(provides), "None or a frozenset of words")
 
 

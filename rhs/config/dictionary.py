@@ -66,8 +66,8 @@ RUN = _rows(
            "renderer", "scale_from", "lost", "row_failures", "metric_failures", "picture_failures"),
     counts=("seed", "stamps_repaired"),
 )
-LAST = ("commit", "versions", "renderer", "scale_from", "lost", "stamps_repaired", "views", "row_failures", "metric_failures", "picture_failures",
-        "wall_ms", "real_time_factor", "peak_memory_mb")
+LAST = ("commit", "versions", "renderer", "scale_from", "lost", "stamps_repaired", "views", "row_failures",
+        "metric_failures", "picture_failures", "wall_ms", "real_time_factor", "peak_memory_mb")
 RUN_FIRST = tuple(column for column in RUN if column.name not in LAST)
 RUN_LAST = tuple(column for column in RUN if column.name in LAST)
 TASKS = _rows(

@@ -106,7 +106,8 @@ class Driver:
         try:
             self.engine.close(now=now)
         except Exception as error:
-            log.warning("rhs: the engine could not be closed: %s: %s", type(error).__name__, " ".join(str(error).split())[:300])
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            log.warning("rhs: the engine could not be closed: %s", said[:300])
 
     def _fill(self, executor: Executor, coming: Iterator[list[str]]) -> bool:
         """Keep twice as many chunks out as can run; whether there are any."""
@@ -178,7 +179,7 @@ class Driver:
     def _take(self, part: Part, answer: str) -> None:
         """The rows of a chunk. Jobs that it says nothing of are sent again."""
         if not isinstance(answer, str):
-            raise EngineError(f"a chunk was answered by {type(answer).__name__}; expected the text that its function returned")
+            raise EngineError(f"a chunk was answered by {type(answer).__name__}; expected its function's text")
         missing = {words_key(words): words for words in part.words}
         took_s = 0.0
         for text in answer.splitlines():

@@ -335,7 +335,8 @@ def test_why_a_batch_system_took_no_job_is_kept_in_its_own_words(caplog):
     assert not caplog.records and answer not in log.handlers
 
 
-@pytest.mark.parametrize(("name", "value"), [("width", 0), ("width", "2"), ("width", None), ("processes", 0), ("chunk_s", -1.0)])
+@pytest.mark.parametrize(("name", "value"), [
+    ("width", 0), ("width", "2"), ("width", None), ("processes", 0), ("chunk_s", -1.0)])
 def test_numbers_of_an_engine_that_cannot_be_are_named(name, value):
     engine = FakeEngine(rows_of)
     setattr(engine, name, value)
