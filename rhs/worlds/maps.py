@@ -190,8 +190,8 @@ def _read_image(path: FilePath, most: int = MOST_CELLS) -> np.ndarray:
     if size[0] * size[1] > MOST_CELLS:
         times = int(np.ceil(np.sqrt(size[0] * size[1] / MOST_CELLS)))
         smaller = f"scale it down {times} times ({size[0] // times} x {size[1] // times})"
-        raise ConfigError(f"{path}: {size[0]} x {size[1]} cells are more than the {MOST_CELLS} allowed; {smaller} and write a "
-                          f"resolution {times} times as large")
+        raise ConfigError(f"{path}: {size[0]} x {size[1]} cells are more than the {MOST_CELLS} allowed; {smaller} and write "
+                          f"a resolution {times} times as large")
     log = cv2.utils.logging
     before = log.setLogLevel(log.LOG_LEVEL_SILENT)  # the error below says it better
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
