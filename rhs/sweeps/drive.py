@@ -46,7 +46,7 @@ def check_engine(engine: Engine) -> Engine:
     """The engine, if its numbers can be. Raises ContractError."""
     for name, least in (("width", 1), ("processes", 1), ("chunk_s", 0.0)):
         value = getattr(engine, name)
-        if isinstance(value, bool) or not isinstance(value, Real) or not least <= value < math.inf:
+        if isinstance(value, bool) or not isinstance(value, Real) or not least <= float(value) < math.inf:
             raise ContractError(f"{name} is {value!r}; expected a number, {least:g} or more")
     return engine
 
