@@ -180,3 +180,30 @@ def test_next_without_an_end_is_told_with_its_line(tmp_path):
                    "mapper": "fake", "recording": "off", "pictures": "off", "output": str(tmp_path / "run")}, quiet=True)
     assert "odometry=ended (" in row["reason"] and "test_strangers_kinds.py:" in row["reason"]
     assert "StopIteration at step 0" in row["reason"]
+
+
+def part(**more) -> type:
+    """A dataclass of settings that is a planner but for what more says."""
+    body = {"needs": frozenset(), "provides": frozenset(), "build": lambda self, context: self} | more
+    return dataclass(type("Mine", (), {"__annotations__": {"step_m": float}, "step_m": 1.0} | body))
+
+
+@pytest.mark.parametrize("wanted", ["numpy", ("numpy>=1.0",), None, (3,)])
+def test_modules_that_a_part_requires_are_named_one_by_one(wanted):
+    """A text alone was read letter by letter: `pip install n`."""
+    with pytest.raises(ConfigError, match="planner=mine: requires is .*; expected a tuple of modules to import"):
+        registry.check_requirements("planner", "mine", part(requires=wanted))
+
+
+def test_modules_that_are_there_are_not_asked_for():
+    registry.check_requirements("planner", "mine", part(requires=("numpy", "scipy.spatial", "cv2:opencv-python-headless")))
+    with pytest.raises(ConfigError, match="type: pip install no-such"):
+        registry.check_requirements("planner", "mine", part(requires=("no_such.part",)))
+
+
+def test_what_a_part_raises_over_its_settings_is_a_refusal():
+    rhs.register("planner", "mine", part(__post_init__=lambda self: self.step_m.nothing))
+    with pytest.raises(ConfigError, match="planner: Mine cannot be made: AttributeError: 'float' object has no attribute"):
+        compose_config(["planner=mine"])
+    with pytest.raises(ConfigError, match="api is '1'; expected the number"):
+        rhs.register("planner", "other", part(api="1"))
