@@ -17,8 +17,8 @@ from rhs.api.records import Capture
 
 from . import replay_bag_messages as ros
 from .carmen.log import NO_CAMERA, end_of_range
+from .folders.bag_files import opened
 from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
-from .replay_bag_files import opened
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair
