@@ -286,7 +286,7 @@ class FitSettings:
     """... whenever so many new scans have come, so that a rival gets its chance"""
     reach_m: float = 0.25
     """an end as near as this to a wall lies on it, metres"""
-    range_max_m: float = 8.0
+    range_max_m: float = 30.0
     """longer beams are not used, metres"""
     least_beams: int = 10
     """of fewer beams nothing is said"""
@@ -321,7 +321,7 @@ class ScanAdvanced(FilterAdvanced):
     """with less than this share of the weight within 0.25 m and 5 degrees the robot does not call itself tracking, however
     much lies in the cluster: along a bare corridor it may be metres off"""
     fit: FitSettings = field(default_factory=FitSettings)
-
+    likelihood: FieldSettings = field(default_factory=lambda: FieldSettings(range_max_m=30.0))
     searching: float = 0.2
     """above this chance of being elsewhere the whole map is searched"""
     search: SearchSettings = field(default_factory=SearchSettings)

@@ -27,6 +27,9 @@ class Occupancy:
     range_max_m: float = 7.0
     """Beams are used up to here, metres; what lies further only says that the way there is free. Depth noise grows
     with the square of the distance and passes one cell (0.1 m) near 8 m."""
+    free_max_m: float = 0.0
+    """Beams say that their way is free up to here, metres; 0: as far as range_max_m. Walls further away are drawn, but not
+    all the way to them is free: beams that graze a wall, or come back from behind glass, would wear it away."""
     belief_bound: float = 0.99
     """Beliefs stay within [1 - bound, bound], so that a cell can change its mind after a hundred equal views."""
 
@@ -36,6 +39,7 @@ class Occupancy:
         check_range(owner, "true_hit", self.true_hit, low=0.01, high=0.999)
         check_range(owner, "false_alarm", self.false_alarm, low=0.001, high=0.99)
         check_range(owner, "range_max_m", self.range_max_m, low=0.1, high=200.0, unit="m")
+        check_range(owner, "free_max_m", self.free_max_m or 0.1, low=0.1, high=200.0, unit="m")
         check_range(owner, "belief_bound", self.belief_bound, low=0.6, high=0.999999)
         if self.false_alarm >= self.true_hit:
             raise ConfigError(
@@ -46,4 +50,4 @@ class Occupancy:
     def build(self, context: Context) -> Mapper:
         from .occupancy import OccupancyMapper
 
-        return OccupancyMapper(self, context.world.bounds_m)
+        return OccupancyMapper(self, context.world.bounds_m, grows=not context.world.bounds_known)

@@ -192,7 +192,8 @@ def _check_used(kind: str, settings) -> None:
 def _facts(settings, provides: frozenset[str]) -> WorldFacts:
     """A recording made elsewhere: it begins at the origin of its map, and nobody named its places."""
     half = settings.extent_m or (LIDAR_M if "cloud" in provides else CAMERA_M)
-    return WorldFacts(Path(settings.path).name, (0.0, 0.0, 0.0), (), (-half, -half, half, half), 0.2)
+    return WorldFacts(Path(settings.path).name, (0.0, 0.0, 0.0), (), (-half, -half, half, half), 0.2,
+                      bounds_known=settings.extent_m > 0.0)
 
 
 def _format_of(path: Path) -> str:

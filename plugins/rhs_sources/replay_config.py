@@ -91,7 +91,7 @@ class Replay:
     bag's tf says, else at the body. Not of a run.mcap, which knows it."""
     extent_m: float = 0.0
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
-    with a lidar 200 m."""
+    with a lidar 200 m, and as much more as is seen."""
     laser_fov_deg: float = 180.0
     """Beams of a CARMEN laser cover this many degrees, centred ahead."""
     max_laser_m: float = 30.0

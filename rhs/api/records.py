@@ -29,7 +29,8 @@ class WorldFacts:
 
     start: (x m, y m, yaw rad), where the map begins. places: names and (x, y) metres of favourite locations.
     bounds_m: (x_min, y_min, x_max, y_max) of the area to map. robot_radius_m: of the robot, or of the circle about its
-    turning point that holds it. footprint: of one that is not round.
+    turning point that holds it. footprint: of one that is not round. bounds_known: False where bounds_m is only where to
+    begin, as of a recording: nobody knows how far its way leads, and a map may outgrow them.
     """
 
     name: str
@@ -38,6 +39,7 @@ class WorldFacts:
     bounds_m: tuple[float, float, float, float]
     robot_radius_m: float
     footprint: Footprint | None = None
+    bounds_known: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,7 +120,8 @@ def facts_of(plain: dict[str, Any]) -> WorldFacts:
     places = tuple((str(name), float(px), float(py)) for name, px, py in plain["places"])
     return WorldFacts(str(plain["name"]), (x, y, yaw), places, (low_x, low_y, high_x, high_y),
                       float(plain["robot_radius_m"]),
-                      footprint_of((plain.get("footprint") or {}).get("corners_m", ()), "footprint"))
+                      footprint_of((plain.get("footprint") or {}).get("corners_m", ()), "footprint"),
+                      bool(plain.get("bounds_known", True)))
 
 
 def _awaited(plain: dict[str, Any]) -> list[str]:

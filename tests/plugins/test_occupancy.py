@@ -1,6 +1,7 @@
 """The occupancy mapper against the thesis's equations and against rooms one can draw by hand."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -141,6 +142,44 @@ def test_a_scan_of_320_beams_takes_under_a_millisecond():
     assert (time.process_time() - begin) / 200 < 1e-3
 
 
+def test_a_wall_far_away_is_drawn_and_the_way_to_it_is_not_cleared():
+    mapper = OccupancyMapper(Occupancy(range_max_m=30.0, free_max_m=1.0), BOUNDS_M)
+    mapper.update(se2(0.5, 1.0, 0.0), _scan([0.0, 0.1], [3.0, np.inf]))
+    assert _value(mapper, 3.5, 1.0) > 0.65
+    assert _value(mapper, 1.4, 1.0) < 0.35 and np.isnan(_value(mapper, 1.7, 1.0)) and np.isnan(_value(mapper, 3.4, 1.0))
+    assert np.isfinite(mapper.grid().probability).sum() < 25  # of the beam that met nothing no more than a metre
+
+
+def test_a_map_that_grows_along_a_way_is_the_one_that_was_large_enough_from_the_beginning():
+    small = OccupancyMapper(Occupancy(), BOUNDS_M, grows=True)
+    large = OccupancyMapper(Occupancy(), (-70.0, -30.0, 20.0, 40.0))
+    scan = _scan(np.linspace(-np.pi, np.pi, 90, endpoint=False), np.linspace(1.0, 6.0, 90))
+    for pose in [(1.0, 1.0, 0.0), (-3.0, 5.0, 0.4), (-30.0, 20.0, 1.0), (-60.0, -20.0, 2.0), (1.5, 1.0, 0.3)]:
+        for mapper in (small, large):
+            mapper.update(se2(*pose), scan)
+    drawn, expected = small.grid(), large.grid()
+    known = np.argwhere(np.isfinite(expected.probability))
+    same = drawn.cells(expected.centres(known))
+    assert drawn.inside(expected.centres(known)).all()
+    assert np.array_equal(drawn.probability[tuple(same.T)], expected.probability[tuple(known.T)])
+    assert np.isfinite(drawn.probability).sum() == len(known)
+    small.reset()
+    assert small.grid().shape == (25, 45)
+
+
+def test_an_odometry_that_flies_away_does_not_take_all_memory():
+    mapper = OccupancyMapper(Occupancy(), BOUNDS_M, grows=True)
+    mapper.update(se2(1e7, 0.0, 0.0), _scan([0.0], [2.0]))
+    mapper.update(se2(0.5, 1.0, 0.0), _scan([0.0], [2.0]))
+    assert mapper.grid().shape == (25, 45) and _value(mapper, 2.5, 1.0) > 0.65
+
+
+def test_an_area_that_is_known_is_not_left():
+    mapper = OccupancyMapper(Occupancy(), BOUNDS_M)
+    mapper.update(se2(0.5, 1.0, 0.0), _scan([0.0], [6.0]))
+    assert mapper.grid().shape == (25, 45)
+
+
 def test_the_config_builds_from_the_bounds_of_the_world():
     facts = WorldFacts("x", (1.0, 1.0, 0.0), (), BOUNDS_M, 0.3)
 
@@ -148,3 +187,7 @@ def test_the_config_builds_from_the_bounds_of_the_world():
         world = facts
 
     assert Occupancy().build(Stub()).grid().shape == (25, 45)
+    Stub.world = replace(facts, bounds_known=False)
+    growing = Occupancy().build(Stub())
+    growing.update(se2(30.0, 1.0, 0.0), _scan([0.0], [2.0]))
+    assert _value(growing, 32.0, 1.0) > 0.65

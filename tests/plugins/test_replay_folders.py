@@ -37,6 +37,12 @@ def test_a_seven_scenes_folder_gives_views_with_poses(tmp_path):
     assert seen[2][1] is None
 
 
+def test_nobody_knows_how_far_a_recording_leads_unless_it_is_told(tmp_path):
+    seven_scenes(tmp_path, [np.eye(4)] * 2)
+    free, told = (views(tmp_path, camera=INTRINSICS, extent_m=extent_m)[0].facts for extent_m in (0.0, 25.0))
+    assert not free.bounds_known and told.bounds_known and told.bounds_m == (-25.0, -25.0, 25.0, 25.0)
+
+
 def test_a_pose_that_mirrors_is_refused(tmp_path):
     mirror = np.diag([1.0, 1.0, -1.0, 1.0])
     with pytest.raises(ConfigError, match=r"frame-000001.pose.txt: the rotation is not in SO\(3\) \(determinant -1.000"):

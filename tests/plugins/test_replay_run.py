@@ -1,5 +1,7 @@
 """Recordings by rhs replayed: bit for bit, also when they were cut."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from helpers.replayed import views
@@ -32,6 +34,14 @@ def test_a_recorded_survey_is_handed_out_again_exactly(run):
         assert capture.stamp_s == step.stamp_s
     assert source.facts.start == FACTS.start and source.facts.places == ()
     np.testing.assert_array_equal(source.camera.body_from_camera, CAMERA.body_from_camera)
+
+
+def test_a_recording_of_a_way_that_nobody_bounded_is_one_when_it_is_replayed(tmp_path):
+    for known in (True, False):
+        recorder = Recorder(tmp_path / f"{known}.mcap", "full", CAMERA, dataclasses.replace(FACTS, bounds_known=known))
+        recorder.step(next(make_steps(1, camera=CAMERA)))
+        recorder.close()
+        assert views(tmp_path / f"{known}.mcap")[0].facts.bounds_known is known
 
 
 def test_phases_and_thinning(run):

@@ -95,7 +95,8 @@ def _facts(path: Path, poses: list[np.ndarray], max_range_m: float) -> WorldFact
     low, high = away.min(axis=0), away.max(axis=0)
     margin = 0.2 * float((high - low).max()) + min(max_range_m, 15.0)
     west, south, east, north = (float(v) for v in (*(low - margin), *(high + margin)))
-    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), (west, south, east, north), 0.25)
+    return WorldFacts(path.name.split(".")[0], (0.0, 0.0, 0.0), (), (west, south, east, north), 0.25,
+                      bounds_known=False)
 
 
 def _read(path: Path, settings) -> Log:
