@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
-from rhs.base.processes import die_with_parent, kill, kill_group
+from rhs.base.processes import die_with_parent, end_unless, kill_group
 from rhs.base.provenance import peak_memory_mb
 from rhs.testing.checks import in_words
 
@@ -70,8 +70,7 @@ def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:
     process, before_mb, before_s = os.getpid(), peak_memory_mb(), time.process_time()
 
     def send(what: str, value: Any) -> None:
-        if os.getpid() != process:  # the child of a part that forked, come back from it: its parent says it all
-            kill([os.getpid()])
+        end_unless(process)
         pipe.send((what, value))
 
     try:

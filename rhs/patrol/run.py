@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -16,6 +17,7 @@ from rhs.api.spare import grant, granted
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
+from rhs.base.processes import end_unless
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.dictionary import RUN
@@ -60,7 +62,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
     """The same, one step at a time where the task has steps; the row is the generator's value."""
     keep_freed_memory()
     check_live(config.live)
-    run = RunContext(config, folder, watch, shared)
+    run, process = RunContext(config, folder, watch, shared), os.getpid()
     row: dict[str, Any] = identity(config)
     begin_row(folder, row)
     row |= {"commit": commit(), "versions": versions()}
@@ -77,6 +79,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
             cause = error
         except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
             cause = error
+        end_unless(process)
         known = own_columns(columns)
         row = {**known, **row, "world": known.get("world", row["world"])}  # a task names its recording, nobody what it was
         refused = run.close(**run.outcome_of(cause))

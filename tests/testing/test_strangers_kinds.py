@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -14,7 +15,7 @@ import rhs
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.metric import Metric
-from rhs.api.records import Capture, WorldFacts
+from rhs.api.records import Capture, Motion, Tracking, WorldFacts
 from rhs.api.validate_source import check_clearance, check_facts, check_provides
 from rhs.config import loose, registry
 from rhs.config.compose import compose_config
@@ -207,3 +208,31 @@ def test_what_a_part_raises_over_its_settings_is_a_refusal():
         compose_config(["planner=mine"])
     with pytest.raises(ConfigError, match="api is '1'; expected the number"):
         rhs.register("planner", "other", part(api="1"))
+
+
+@dataclass
+class Forks:
+    """An odometry that forks at one view, and whose child goes on like its parent."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        self.views = 0
+        return self
+
+    def update(self, observation):
+        self.views += 1
+        if self.views == 2:
+            os.fork()
+        return Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK)
+
+
+def test_the_child_of_a_part_that_forks_writes_nothing_into_the_run(tmp_path):
+    process = os.getpid()
+    row = rhs.run({"task": "survey", "source": "fake", "sensor": "fake", "odometry": Forks(), "loop_closer": "fake",
+                   "mapper": "fake", "recording": "off", "pictures": "off", "source.views": 6,
+                   "output": str(tmp_path / "run")}, quiet=True)
+    assert os.getpid() == process and row["status"] == "ok"
+    steps = (tmp_path / "run/steps.csv").read_text().splitlines()
+    assert [line.partition(",")[0] for line in steps] == ["index", "0", "1", "2", "3", "4", "5"]
