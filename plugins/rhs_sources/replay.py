@@ -19,6 +19,7 @@ from rhs.api.records import Capture, Twist, WorldFacts
 from rhs.api.settings import near_file
 
 from .carmen.log import is_carmen, open_carmen
+from .folders.bag_files import is_bag
 from .folders.clouds import is_clouds, open_clouds
 from .folders.euroc import is_euroc, open_euroc
 from .folders.frames import is_frames, open_frames
@@ -26,7 +27,7 @@ from .folders.kitti import is_kitti, open_kitti
 from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
 from .folders.tartan import is_tartan, open_tartan
 from .folders.video import is_video, open_video
-from .replay_bag import is_bag, open_bag
+from .replay_bag import open_bag
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import Recording, is_tum, open_tum
@@ -224,6 +225,9 @@ def _found(path: Path) -> str:
         return "found a KITTI sequence without its calib.txt"
     if list(path.glob("*.db3")):
         return f"found a bag without its metadata.yaml; type: ros2 bag reindex {path}"
+    bags = sorted([*path.glob("*.bag"), *path.glob("*.mcap")])
+    if len(bags) > 1:
+        return f"found {len(bags)} bags; type source.path={bags[0]} (the parts of one are read together if numbered alike)"
     names = sorted(p.name for p in path.iterdir())
     inner = [p for p in sorted(path.iterdir()) if p.is_dir() and _format_of(p) != "unknown"]
     if inner:

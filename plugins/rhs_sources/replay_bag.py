@@ -14,10 +14,10 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
-from rhs.recording.mcap_scan import open_scan
 
 from . import replay_bag_messages as ros
 from .carmen.log import NO_CAMERA, end_of_range
+from .folders.bag_files import opened
 from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
@@ -59,15 +59,9 @@ class Topics:
         return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel) if t}
 
 
-def is_bag(path: Path) -> bool:
-    if path.is_dir():
-        return (path / "metadata.yaml").is_file() or len(list(path.glob("*.mcap"))) == 1
-    return path.suffix in (".bag", ".mcap", ".db3")
-
-
 def open_bag(path: Path, settings) -> Recording:
     """The views of a bag: paired colour and depth, or scans when there are no images."""
-    reader = _opened(path)
+    reader = opened(path)
     try:
         found = {topic: info.msgtype for topic, info in reader.topics.items()}
         topics = choose_topics(found, settings, str(path))
@@ -162,32 +156,6 @@ def _listed(found: dict[str, str]) -> str:
     return ", ".join(f"{t} ({kind.rsplit('/', 1)[-1]})" for t, kind in sorted(found.items())) or "no topic at all"
 
 
-def _opened(path: Path):
-    """An open AnyReader, or ConfigError in the user's words."""
-    from rosbags.highlevel import AnyReader
-
-    file = path
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        file = next(iter(path.glob("*.mcap")))
-    if file.suffix == ".db3":
-        raise ConfigError(f"{path}: a .db3 file alone cannot be read; give the folder that holds its "
-                          "metadata.yaml (where that is lost: ros2 bag reindex FOLDER)")
-    try:
-        if file.suffix == ".mcap":
-            open_scan(file)[0].close()  # refuses what would unpack without end
-        from rosbags.typesys import Stores, get_typestore
-
-        reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        reader.open()
-        return reader
-    except Exception as error:  # the library raises many kinds for damaged files
-        short = " ".join(str(error).split())[:120]
-        cut = next(iter(path.glob("*.mcap")), None) if path.is_dir() else file if file.suffix == ".mcap" else None
-        hint = f"; if it was cut: python -m rhs convert {cut} whole.mcap" if cut else ""
-        hint = f"; if it was cut: rosbag reindex {file.name}" if file.suffix == ".bag" else hint
-        raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
-
-
 def _recorded(reader, info: str, images: str) -> Camera | None:
     """The camera of a topic of images, as the first CameraInfo says."""
     return ros.camera_of(_first(reader, info), rectified="rect" in images) if info else None
@@ -280,9 +248,8 @@ def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera 
 def _transforms(reader) -> Iterator:
     """(child, parent, parent_from_child, is static) of a bag's tf, /tf_static first."""
     for topic in ("/tf_static", "/tf"):
-        chosen = [c for c in reader.connections if c.topic == topic]
-        for connection, _, raw in reader.messages(connections=chosen) if chosen else ():  # of none it would read all
-            for t in reader.deserialize(raw, connection.msgtype).transforms:
+        for _, _, message in ros.messages(reader, [c for c in reader.connections if c.topic == topic]):
+            for t in message.transforms:
                 child, parent = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
                 yield child, parent, ros.pose_of(t, topic), topic == "/tf_static"
 
@@ -301,7 +268,7 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
     last: dict[str, float] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
     scan, wheel, unreadable = None, None, 0
-    for topic, stamp, message in ros.stamped(reader, topics.used()):
+    for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used()), lost):
         if not stamp > last.get(topic, -np.inf):
             counts["duplicate" if stamp == last.get(topic) else "backward"] += 1
             continue
@@ -325,9 +292,17 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
                     seen = _seen(pair, topics, settings, seen_by, scan)
                 except UnreadableImage as error:
                     unreadable += 1
-                    lost[:] = [f"{unreadable} views cannot be read, the last: {error}"]
+                    lost[:1] = [f"{unreadable} views cannot be read, the last: {error}"]
                     continue
                 yield seen, wheel
+
+
+def _as_far_as_it_goes(messages: Iterator, lost: list[str]) -> Iterator:
+    """The messages of a bag, up to where it cannot be read further; that is said to be lost."""
+    try:
+        yield from messages
+    except ros.UnreadableBag as error:
+        lost.append(str(error))
 
 
 def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter) -> Iterator:

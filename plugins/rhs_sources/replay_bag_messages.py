@@ -36,20 +36,32 @@ def stamp_of(message) -> float:
     return stamp.sec + stamp.nanosec * 1e-9
 
 
+class UnreadableBag(ConfigError):
+    """A bag that cannot be read further: cut, damaged, or written in a way that is not known."""
+
+
+def messages(reader, connections: list) -> Iterator:
+    """(topic, when it arrived in seconds, message) in the order of the bag. Raises UnreadableBag."""
+    try:
+        for connection, arrived_ns, raw in reader.messages(connections=connections) if connections else ():  # of none: all
+            yield connection.topic, arrived_ns * 1e-9, reader.deserialize(raw, connection.msgtype)
+    except Exception as error:  # the library raises many kinds for damaged files
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:150]
+        raise UnreadableBag(f"{reader.paths[0]}: cannot be read further ({said})") from error
+
+
 def stamped(reader, topics: Collection[str]) -> Iterator:
     """(topic, stamp, message) in the order of the bag; a header that was left at zero, or none, means when it arrived."""
     chosen = [c for c in reader.connections if c.topic in topics]
     simulated = {c.topic for c in chosen if _begins_at_zero(reader, c)}
-    for connection, arrived_ns, raw in reader.messages(connections=chosen) if chosen else ():  # of none it would read all
-        message = reader.deserialize(raw, connection.msgtype)
+    for topic, arrived_s, message in messages(reader, chosen):
         stamp = stamp_of(message) if hasattr(message, "header") else 0.0
-        yield connection.topic, stamp if stamp or connection.topic in simulated else arrived_ns * 1e-9, message
+        yield topic, stamp if stamp or topic in simulated else arrived_s, message
 
 
 def _begins_at_zero(reader, connection) -> bool:
     """Whether zero is where a simulator's clock begins, and no stamp left out: it is the first, and the next is near."""
-    for number, (_, _, raw) in enumerate(islice(reader.messages(connections=[connection]), LOOKED_AT)):
-        message = reader.deserialize(raw, connection.msgtype)
+    for number, (_, _, message) in enumerate(islice(messages(reader, [connection]), LOOKED_AT)):
         stamp = stamp_of(message) if hasattr(message, "header") else 0.0
         if stamp:
             return number > 0 and stamp < NEAR_S

@@ -141,4 +141,5 @@ def _check_file(path: Path, expected: str) -> None:
 
 def _unreadable(path: Path, expected: str) -> UnreadableImage:
     found = "no such file" if not path.is_file() else f"{path.stat().st_size} bytes that are no image"
-    return UnreadableImage(f"{path}: found {found}; expected {expected}")
+    hint = "; write it as .npy (metres) or as 16-bit .png" if path.suffix.lower() in (".exr", ".npz", ".hdr") else ""
+    return UnreadableImage(f"{path}: found {found}; expected {expected}{hint}")

@@ -48,6 +48,9 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
         raise
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{owner or cls.__name__}: {error}") from error
+    except Exception as error:  # of somebody's __post_init__
+        said = f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
+        raise ConfigError(f"{owner or cls.__name__}: {said}") from error
     for key, value in arguments.items():
         if isinstance(value, float) and not math.isfinite(value) and repr(value) != repr(defaults(cls).get(key)):
             raise ConfigError(f"{dotted(owner, key)}={_show(value)}: expected a finite number")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 from typing import Any, NoReturn
 
 import numpy as np
@@ -12,6 +13,7 @@ from .geometry import Camera
 from .records import WorldFacts
 from .validate import check_pose
 
+MOST_RAD = 2.0 * math.pi  # of a heading: more are degrees
 LENSES = (0, 4, 5, 8)  # numbers of distortion: none, OpenCV's with or without k3, its rational model
 
 
@@ -42,7 +44,7 @@ def check_facts(facts: WorldFacts, *, who: str) -> WorldFacts:
     Raises ContractError in one line: what was found, what is expected."""
     if not isinstance(facts, WorldFacts):
         _refuse(who, "facts", f"of type {type(facts).__name__}", "a rhs.api.records.WorldFacts")
-    if not _numbers(facts.start, 3):
+    if not _numbers(facts.start, 3) or abs(facts.start[2]) > MOST_RAD:
         _refuse(who, "facts.start", _short(facts.start), "x, y in metres and a yaw in radians")
     for place in facts.places:
         named = isinstance(place, tuple | list) and len(place) == 3 and isinstance(place[0], str)
@@ -54,6 +56,23 @@ def check_facts(facts: WorldFacts, *, who: str) -> WorldFacts:
     if not _finite(facts.robot_radius_m) or facts.robot_radius_m < 0.0:
         _refuse(who, "facts.robot_radius_m", _short(facts.robot_radius_m), "metres, 0 or more")
     return facts
+
+
+def check_clearance(said: Any, *, who: str) -> tuple[float, bool]:
+    """What clearance_m() of a source returned: metres, NaN where unknown, and whether the robot touched something.
+
+    Raises ContractError in one line: what was found, what is expected."""
+    pair = isinstance(said, tuple | list) and len(said) == 2
+    if not pair or not isinstance(said[0], Real) or not isinstance(said[1], bool | np.bool_):
+        _refuse(who, "clearance_m()", _short(said), "(metres or NaN, whether the robot touched something)")
+    return float(said[0]), bool(said[1])
+
+
+def check_provides(provides: Any, *, who: str) -> None:
+    """What a source says that it holds after all: None or a set of words. Raises ContractError."""
+    words = isinstance(provides, frozenset | set) and all(isinstance(one, str) for one in provides)
+    if provides is not None and not words:
+        _refuse(who, "provides", _short(provides), "None or a frozenset of words")
 
 
 def _finite(value: Any) -> bool:

@@ -102,6 +102,13 @@ def kill(pids: Iterable[int]) -> None:
             os.kill(pid, KILL)
 
 
+def end_unless(process: int) -> None:
+    """Ends this process if it is another than the one of that number: the child of a part that forked, which would go on as
+    if it were the run, and write everything twice."""
+    if os.getpid() != process:
+        kill([os.getpid()])
+
+
 def kill_group(pid: int) -> None:
     """SIGKILL to the process, its descendants and its process group."""
     kill(descendants(pid))

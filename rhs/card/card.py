@@ -48,6 +48,7 @@ STANDARD_SET = {
 PATIENCE_S = {"planner": 20.0, "localiser": 180.0, "odometry": 180.0, "mapper": 60.0, "loop_closer": 180.0}
 CHECK_PATIENCE_S = 120.0
 MADE_UP = 0.05  # share of walls that are none from which the verdict says so
+WIDE = 10.0  # sigmas over errors, as many as rhs.testing allows the other way round
 HARM_PCT = 110.0  # rhs.testing allows a tenth more
 Tell = Callable[[str], None]
 
@@ -150,6 +151,8 @@ def verdict(content: dict[str, Any]) -> list[str]:
         held = figures["within_95_share"]
         said.append(f"{100 * held:.0f} % of its errors within the ellipse that should hold 95 %"
                     + (": too sure of itself" if held < 0.9 else ""))
+    said += [f"states the error of its {what} {figures[name]:.0f} times as wide as it is: too unsure, or another unit"
+             for name, what in (("wide_m", "position"), ("wide_rad", "turn")) if figures.get(name, 0.0) > WIDE]
     if figures.get("false_walls_share", 0.0) > MADE_UP:
         said.append(f"{100 * figures['false_walls_share']:.0f} % of its walls stand where nothing does")
     if figures.get("false_share", 0.0) > 0.0:

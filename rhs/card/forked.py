@@ -4,6 +4,7 @@ page, and its memory and time are measured alone."""
 from __future__ import annotations
 
 import multiprocessing
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -11,8 +12,9 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
-from rhs.base.processes import die_with_parent, kill_group
+from rhs.base.processes import die_with_parent, end_unless, kill_group
 from rhs.base.provenance import peak_memory_mb
+from rhs.testing.checks import in_words
 
 OF = multiprocessing.get_context("fork")
 
@@ -65,10 +67,15 @@ def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
 
 def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:
     die_with_parent()
-    before_mb, before_s = peak_memory_mb(), time.process_time()
+    process, before_mb, before_s = os.getpid(), peak_memory_mb(), time.process_time()
+
+    def send(what: str, value: Any) -> None:
+        end_unless(process)
+        pipe.send((what, value))
+
     try:
         for item in work():
-            pipe.send(("item", item))
-        pipe.send(("end", (max(peak_memory_mb() - before_mb, 0.0), time.process_time() - before_s)))
+            send("item", item)
+        send("end", (max(peak_memory_mb() - before_mb, 0.0), time.process_time() - before_s))
     except BaseException as error:
-        pipe.send(("error", " ".join(f"{type(error).__name__}: {error}".split())[:300]))
+        send("error", in_words(error)[:300])

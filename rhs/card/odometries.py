@@ -32,6 +32,8 @@ COLUMNS = {
     "error_deg": "error of its turn, RMSE, of up to 6 degrees",
     "drift_pct": "error of the whole way at its end, share of the way: of motions that are ok and those that are not",
     "nees": "normalised squared error per dimension of motions that are ok, mean: 1 is honest, more is too sure",
+    "wide_m": "stated sigma of the position over its error, by NEES: 1 is honest, more is too unsure",
+    "wide_rad": "stated sigma of the turn over its error, by NEES",
     "within_95_share": "of these, errors within the ellipse that holds 95 of 100 honest ones",
     "update_ms": "CPU time of a view, median",
     "memory_mb": "memory taken beyond the process it began in",
@@ -40,7 +42,8 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """One drive. errors (N, 3): x, y, yaw of each motion; nees (N,): squared, normalised, of three dimensions; ok (N,).
+    """One drive. errors (N, 3): x, y, yaw of each motion; nees (N,): squared, normalised, of three dimensions; ok (N,);
+    apart (N, 2): the same per dimension of the position and of the turn, each by its own part of the covariance.
     level: instead, (dial, level, share of motions that are good)."""
 
     room: str
@@ -49,6 +52,7 @@ class Driven:
     ok: np.ndarray
     drift: float
     cpu_ms: np.ndarray
+    apart: np.ndarray
     level: tuple[str, float, float] | None = None
 
     @property
@@ -74,7 +78,8 @@ def work(settings: Any, *, degraded: bool = True) -> Iterator[Driven]:
         views = stretch(room, steps, 1)[:SHORT]
         for dial, level, degradation in levels(folder) if degraded else ():
             found = driven(settings, "room", room, spoiled(views, degradation), folder)
-            yield Driven("", found.errors, found.nees, found.ok, found.drift, found.cpu_ms, (dial, level, found.good))
+            yield Driven("", found.errors, found.nees, found.ok, found.drift, found.cpu_ms, found.apart,
+                         (dial, level, found.good))
 
 
 def driven(settings: Any, title: str, room: Room, views: Sequence[Seen], folder: Path) -> Driven:
@@ -85,16 +90,18 @@ def driven(settings: Any, title: str, room: Room, views: Sequence[Seen], folder:
         began = process_time()
         motions.append(check_motion(part.update(for_part(settings, one.observation)), who="update()"))
         cpu_ms.append(1e3 * (process_time() - began))
-    said, way_m, errors, nees = np.eye(4), 0.0, [], []
+    said, way_m, errors, nees, apart = np.eye(4), 0.0, [], [], []
     for before, now, motion in zip(views[:-1], views[1:], motions[1:], strict=True):
         moved = inverse(before.world_from_body) @ now.world_from_body
         said, way_m = said @ motion.previous_from_body, way_m + float(np.linalg.norm(moved[:3, 3]))
         error = log_se3(inverse(moved) @ motion.previous_from_body)[PLANE]
         errors.append(error)
-        nees.append(error @ np.linalg.solve(motion.covariance[np.ix_(PLANE, PLANE)], error))
+        spread = motion.covariance[np.ix_(PLANE, PLANE)]
+        nees.append(error @ np.linalg.solve(spread, error))
+        apart.append((error[:2] @ np.linalg.solve(spread[:2, :2], error[:2]) / 2.0, error[2] ** 2 / spread[2, 2]))
     true = inverse(views[0].world_from_body) @ views[-1].world_from_body
     return Driven(title, np.array(errors), np.array(nees), np.array([m.status is Tracking.OK for m in motions[1:]]),
-                  float(np.linalg.norm(said[:3, 3] - true[:3, 3])) / way_m, np.array(cpu_ms))
+                  float(np.linalg.norm(said[:3, 3] - true[:3, 3])) / way_m, np.array(cpu_ms), np.array(apart))
 
 
 def figures(result: ForkResult) -> dict[str, float]:
@@ -109,11 +116,14 @@ def figures(result: ForkResult) -> dict[str, float]:
                                           "update_ms": float(np.median(np.concatenate([one.cpu_ms for one in every])))}
     if not found:
         return known
-    errors, nees = (np.concatenate([getattr(one, name)[one.ok] for one in found]) for name in ("errors", "nees"))
+    errors, nees, apart = (np.concatenate([getattr(one, name)[one.ok] for one in found])
+                           for name in ("errors", "nees", "apart"))
+    wide = 1.0 / np.sqrt(np.maximum(apart.mean(axis=0), 1e-12))
     return known | {"error_m": float(np.sqrt((errors[:, :2]**2).sum(axis=1).mean())),
                    "error_deg": float(np.degrees(np.sqrt((errors[:, 2]**2).mean()))),
                    "drift_pct": 100.0 * float(np.mean([one.drift for one in found])),
-                   "nees": float(nees.mean() / len(PLANE)), "within_95_share": float((nees <= CHI2_95).mean())}
+                   "nees": float(nees.mean() / len(PLANE)), "wide_m": float(wide[0]), "wide_rad": float(wide[1]),
+                   "within_95_share": float((nees <= CHI2_95).mean())}
 
 
 def details(result: ForkResult) -> dict[str, Any]:
@@ -123,5 +133,5 @@ def details(result: ForkResult) -> dict[str, Any]:
     if not first:
         return {"rooms": drives, "breaks": []}
     errors, nees, ok = (getattr(first[0], name)[:SHORT - 1] for name in ("errors", "nees", "ok"))
-    whole = Driven("room", errors, nees, ok, 0.0, first[0].cpu_ms).good
+    whole = Driven("room", errors, nees, ok, 0.0, first[0].cpu_ms, first[0].apart).good
     return {"rooms": drives, "breaks": breaks_at(result.items, whole)}

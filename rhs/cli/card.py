@@ -59,6 +59,8 @@ def part_of(words: Sequence[str], command: str) -> tuple[str, str, object]:
                           f"kinds: {', '.join(PLUGIN_KINDS)}")
     kind, name = rest[0].key, str(rest[0].value)
     cls = registry.load(kind, name)
+    if kind == "metric":
+        raise ConfigError(f"{command}: a metric has no settings and no contract but its columns: python -m rhs help columns")
     registry.check_requirements(kind, name, cls)
     stray = [word.text for word in rest[1:] if not word.key.startswith(f"{kind}.")]
     if stray:

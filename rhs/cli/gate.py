@@ -14,6 +14,7 @@ Old and new run have the same world, seed and settings but for the change. Exit 
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -46,10 +47,11 @@ def main(words: Sequence[str]) -> int:
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
     within = limits(chosen)
     with claim_sweep(chosen.output) as claim:
-        found = _compared(pairs, claim.folder, within, measure, chosen.margin)
+        found, broken = _compared(pairs, claim.folder, within, measure, chosen.margin)
         content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
         (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
-        sys.stdout.write(f"{in_words(found, measure, chosen.margin)}\nfiles: {claim.folder}\n")
+        why = [f"new runs: {broken}"] if broken else []
+        sys.stdout.write("\n".join([in_words(found, measure, chosen.margin), *why, f"files: {claim.folder}", ""]))
     return found.exit_code
 
 
@@ -75,13 +77,15 @@ def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Jo
     return pairs
 
 
-def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str, margin: float) -> Verdict:
-    """Run new jobs until a look settles it, or there are no more."""
+def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
+              margin: float) -> tuple[Verdict, str]:
+    """Run new jobs until a look settles it, or there are no more; and which of them broke off."""
     from tqdm import tqdm
 
     from rhs.reports.gate import error_parts, judge, looks
     from rhs.runfolder.row import number_in, read_row
     from rhs.sweeps.jobs import run_jobs
+    from rhs.sweeps.kept import broken_off
 
     planned, done = looks(len(pairs)), 0
     new: list[Row] = []
@@ -96,12 +100,14 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
                     new.append({})
             done = until
             old = [row for row, _ in pairs[:done]]
-            found = judge([number_in(row, measure) for row in old], [number_in(row, measure) for row in new],
-                          [(a.get("success") == 1.0, b.get("success") == 1.0) for a, b in zip(old, new, strict=True)],
-                          margin=margin, level=level)
+            ended = [row.get("status") == "ok" for row in new]  # what broke off went a shorter way, and lost
+            found = judge([number_in(row, measure) for row in old],
+                          [number_in(row, measure) if well else math.nan for row, well in zip(new, ended, strict=True)],
+                          [(a.get("success") == 1.0 or not well, b.get("success") == 1.0)
+                           for a, b, well in zip(old, new, ended, strict=True)], margin=margin, level=level)
             if found.word != "needs more runs":
                 break
-    return found
+    return found, broken_off(new)
 
 
 def in_words(found: Verdict, measure: str, margin: float) -> str:

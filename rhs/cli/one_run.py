@@ -48,7 +48,8 @@ def one_run(config: RunConfig, debug: bool) -> int:
     if status == "ok" and row.get("success") == 0:
         print(f"rhs: not achieved: {row.get('plan_failure') or row.get('failure', '')}", file=sys.stderr)
         return 3
-    if status == "ok" and (failed := row.get("metric_failures") or row.get("picture_failures")):
+    failures = [str(row[name]) for name in ("row_failures", "metric_failures", "picture_failures") if row.get(name)]
+    if status == "ok" and (failed := "; ".join(failures)):
         print(f"rhs: done, but a figure or a picture failed: {shortened(plain(str(failed)), LONGEST)}", file=sys.stderr)
         return 3
     if status == "ok":

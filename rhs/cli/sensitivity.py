@@ -39,7 +39,7 @@ COLUMNS = ("setting", "default", "value", "change_pct", "low_pct", "high_pct", "
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.kept import kept_rows
+    from rhs.sweeps.kept import broken_off, kept_rows
     from rhs.sweeps.sensitivity import ask, check_recorded, effects, frozen, in_words, recording
 
     from .progress import running
@@ -55,8 +55,10 @@ def main(words: Sequence[str]) -> int:
             rows = kept_rows(asked.jobs, claim.folder, within, tell=tell, keep="none")
         found = effects(asked, rows)
         _publish(asked, found, claim.folder)
-        sys.stdout.write("\n".join([*table(found), "", *in_words(found, asked), f"files: {claim.folder}", ""]))
-    return 0
+        as_it_is = broken_off(rows[:len(asked.pairs)])
+        said = [*in_words(found, asked), *([f"runs as it is: {as_it_is}"] if as_it_is else [])]
+        sys.stdout.write("\n".join([*table(found), "", *said, f"files: {claim.folder}", ""]))
+    return 3 if as_it_is else 0
 
 
 def cells(one: Effect) -> list[str]:

@@ -10,11 +10,12 @@ import numpy as np
 
 from rhs.api.contracts import DEGRADE, Degradation, Source
 from rhs.api.frozen import freeze
-from rhs.api.geometry import inverse, planar, se2
+from rhs.api.geometry import Camera, inverse, planar, se2
 from rhs.api.records import Capture, Twist
 from rhs.api.settings import nearest
 from rhs.api.validate import check_capture
-from rhs.base.errors import ConfigError, RhsError
+from rhs.api.validate_source import check_camera
+from rhs.base.errors import ConfigError, ContractError, RhsError
 
 from . import registry
 from .overrides import Word
@@ -74,8 +75,8 @@ class Degraded:
         self._begun = False
         self._lost: list[Capture] = []  # since the last view that arrived
         self.camera = source.camera
-        for _, one in chain:
-            self.camera = one.told(self.camera)
+        for who, one in chain:
+            self.camera = _told(one.told(self.camera), self.camera, who)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.source, name)
@@ -117,7 +118,7 @@ class Degraded:
             spoiled = one.degrade(capture, moved)
             if spoiled is None:
                 return capture, False
-            capture = check_capture(spoiled, who=who)
+            capture = _kept(check_capture(spoiled, who=who), capture, who)
         return capture, True
 
     def _moved(self, capture: Capture) -> np.ndarray | None:
@@ -130,6 +131,34 @@ class Degraded:
         if truth is not None and previous is not None:
             return inverse(previous) @ truth
         return None if capture.travel is None else se2(*capture.travel)
+
+
+def _told(camera: Camera, before: Camera, who: str) -> Camera:
+    """What a degradation says of the camera. Raises ConfigError: nothing has run yet."""
+    try:
+        check_camera(camera, who=who)
+        if (camera.width, camera.height) != (before.width, before.height):
+            raise ContractError(f"{who}: told() says {camera.width}x{camera.height} pixels; expected {before.width}x"
+                                f"{before.height}, as the images are")
+    except ContractError as error:
+        raise ConfigError(str(error)) from error
+    return camera
+
+
+def _kept(spoiled: Capture, capture: Capture, who: str) -> Capture:
+    """The spoiled capture, if it is still that capture. Raises ContractError where its index or stamp changed, or an image,
+    depth or scan is gone or of another size: whoever comes next would be blamed."""
+    for name in ("index", "stamp_s"):
+        was, found = getattr(capture, name), getattr(spoiled, name)
+        if found != was:
+            raise ContractError(f"{who}: {name} is {found:g}; expected {was:g}, as it was given")
+    for name in ("image", "depth", "scan"):
+        was, found = getattr(capture, name), getattr(spoiled, name)
+        if was is not None and found is None:
+            raise ContractError(f"{who}: {name} is None; expected one, as it was given (a view that is lost: return None)")
+        if was is not None and name != "scan" and found.shape != was.shape:
+            raise ContractError(f"{who}: {name} is of shape {found.shape}; expected {was.shape}, as it was given")
+    return spoiled
 
 
 def joined_up(captures: Sequence[Capture]) -> Capture:

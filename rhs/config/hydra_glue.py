@@ -153,7 +153,8 @@ def _check_key(config: DictConfig, word: Word) -> None:
             known = [str(k) for k in node.keys()]
             raise settings.unknown_key(owner, part, known) if depth else registry.no_setting(part, str(config.task), known)
         else:
-            raise ConfigError(f"unknown key {word.key}: {owner} is a single value; write {owner}=VALUE")
+            top = f"; a task's settings stand at the top level: {parts[-1]}=VALUE" if owner == "task" else ""
+            raise ConfigError(f"unknown key {word.key}: {owner} is a single value; write {owner}=VALUE{top}")
     if len(parts) == 2 and parts[0] in KINDS and parts[1] == "name":
         raise ConfigError(f"{word.text}: a part is chosen by {parts[0]}={word.value}")
 

@@ -1,7 +1,7 @@
 """Plugins from a file, tried without packaging: `--plugin my.py planner=mine`.
 
 The file may call `rhs.register(kind, name, cls)` itself. If it does not, a word `kind=name` that nobody answers to is
-matched with the plugin dataclass of the file: the one whose name it is, or the only one there is. Its tuples of metrics
+matched with the plugin dataclass of the file: the one whose name it is, or the only one there is. Its metrics
 are used.
 """
 
@@ -97,10 +97,22 @@ def load_files(files: Sequence[str], words: Sequence[str]) -> None:
         if len(registry.by_hand()) == before:
             _silent.append(module)
             for name, value in vars(module).copy().items():
-                if isinstance(value, tuple) and value and all(isinstance(one, Metric) for one in value):
-                    registry.register("metric", f"{module.__name__}_{name}".lower(), value)  # type: ignore[arg-type]
+                if metrics := _metrics(value, f"{file}: {name}"):
+                    registry.register("metric", f"{module.__name__}_{name}".lower(), metrics)  # type: ignore[arg-type]
     registry.registered_from[:] = [_match] if _silent else []
     match(words)
+
+
+def _metrics(value: Any, where: str) -> tuple[Metric, ...]:
+    """A metric, or several in a tuple or a list; none where it is something else. Raises PluginError for a mixture."""
+    held = tuple(value) if isinstance(value, tuple | list) else (value,)
+    if not any(isinstance(one, Metric) for one in held):
+        return ()
+    for one in held:
+        if not (isinstance(one, Metric) and isinstance(one.name, str) and callable(one.function)):
+            raise PluginError(f"--plugin {where} holds {' '.join(repr(one).split())[:80]}; expected a tuple of "
+                              "rhs.api.metric.Metric, each with a name and a function")
+    return held
 
 
 def match(words: Sequence[str]) -> None:

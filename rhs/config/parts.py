@@ -18,7 +18,7 @@ from rhs.api.randomness import generator
 from rhs.api.records import FeatureSettings
 from rhs.api.settings import slip
 from rhs.api.task import Parts
-from rhs.api.validate_source import check_camera, check_facts
+from rhs.api.validate_source import check_camera, check_facts, check_provides
 from rhs.base.errors import ConfigError, ContractError
 
 from . import registry
@@ -155,6 +155,7 @@ def _checked(source: Source, who: str) -> None:
     try:
         check_camera(source.camera, who=who)
         check_facts(source.facts, who=who)
+        check_provides(source.provides, who=who)
     except ContractError as error:
         raise ConfigError(str(error)) from error
 

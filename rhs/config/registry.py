@@ -33,6 +33,7 @@ from rhs.api.settings import RESERVED, nearest, unknown_key, unusable
 from rhs.base.errors import ConfigError, PluginError
 
 JOINED = "+"  # between degradations: `degrade=blur+low_light` is one part whose settings stand side by side
+REQUIRED = re.compile(r"[A-Za-z_]\w*(\.\w+)*(:.+)?")  # a module, and what pip calls its package where that differs
 IMPORT_S = 10.0  # for a plugin that is only listed
 
 
@@ -217,9 +218,14 @@ def _at_most(seconds: float) -> Iterator[None]:
 
 def check_requirements(kind: str, name: str, cls: type) -> None:
     """Refuse a plugin whose `requires: ClassVar[tuple[str, ...]]` (import names) are not all installed."""
-    for module in getattr(cls, "requires", ()):
-        if importlib.util.find_spec(module.partition(":")[0]) is None:
-            package = module.partition(":")[2] or module.replace("_", "-")
+    wanted = getattr(cls, "requires", ())
+    if not isinstance(wanted, tuple | list) or not all(isinstance(one, str) and REQUIRED.fullmatch(one) for one in wanted):
+        raise PluginError(f"{kind}={name}: requires is {wanted!r}; expected a tuple of modules to import, as "
+                          "(\"scipy\",), or \"module:package\" where pip has another name for it")
+    for module in wanted:
+        top = module.partition(":")[0].partition(".")[0]
+        if importlib.util.find_spec(top) is None:
+            package = module.partition(":")[2] or top.replace("_", "-")
             raise PluginError(f"{kind}={name} needs a package that is not installed; type: pip install {package}")
 
 
@@ -274,6 +280,8 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
     except (AttributeError, TypeError):
         raise PluginError(f"{who} has no build(self, context)") from None
     api = getattr(cls, "api", API_VERSION)
+    if not isinstance(api, int):
+        raise PluginError(f"{who}: api is {api!r}; expected the number of the plugin API it was written for, {API_VERSION}")
     if api > API_VERSION:
         raise PluginError(f"{who} was written for plugin API {api}; this rhs has {API_VERSION}: upgrade rhs")
     for word in ("needs", "provides"):

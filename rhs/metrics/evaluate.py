@@ -54,7 +54,9 @@ def evaluate(folder: Path, task: str = "patrol") -> Values:
             continue
         try:
             values[metric.name] = metric.function(run)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin may raise anything, even exit
             values[metric.name] = metric.unknown
             failures.append(f"{metric.name}: {type(error).__name__}: {error}{_where(error)}")
     return values | {"metric_failures": "; ".join(failures)[:2000]} if failures else values

@@ -21,6 +21,8 @@ log = logging.getLogger("rhs")
 def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping[str, object]) -> str:
     """The reason of a failed run. Where the error was raised inside a part: its kind and name, where it comes from, the file
     and line of its own package. parts: kind -> the part as it was built."""
+    if isinstance(error.__cause__, StopIteration):  # what Python makes of one that leaves a generator: next() without an end
+        error = error.__cause__
     said = _said(error)
     text = plain(f"{type(error).__name__}{at}: {said}")
     who, line = raised_in(error, config, parts)

@@ -14,6 +14,7 @@ from rhs.api.frozen import freeze
 from rhs.api.packed_pictures import hand_on_png
 from rhs.api.records import Capture, Observation
 from rhs.api.validate import check_capture, check_observation, check_pose
+from rhs.api.validate_source import check_clearance
 from rhs.estimation.views.features import foresee
 
 
@@ -74,7 +75,7 @@ class Eyes:
         return Looked(capture, observation, self._judged, clock)
 
     def _judged(self) -> Judged:
-        clearance_m, collided = self.source.clearance_m()
+        clearance_m, collided = check_clearance(self.source.clearance_m(), who=self._who["source"])
         truth = self.source.truth()
         if truth is not None:
             truth = check_pose(truth, who=self._who["source"], field="truth()")

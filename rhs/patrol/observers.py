@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -19,6 +20,7 @@ from rhs.api.records import Closure, Step
 from rhs.api.records import Path as Plan
 from rhs.api.task import Parts
 from rhs.base.memory import let_go_of_compiler
+from rhs.base.processes import end_unless
 from rhs.config.compose import RunConfig, to_plain
 from rhs.recording.rerun_view import Audience, Listener, LiveView
 from rhs.recording.writer import Recorder
@@ -82,7 +84,9 @@ class RunLog:
         return float("nan") if self.began_s is None else self.stamp_s - self.began_s
 
     def follow(self, steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
+        process = os.getpid()
         for step in self.watch(steps, phase, expected):
+            end_unless(process)
             self.table.add(step)
             self.recorder.step(step)
             self.counts[phase] = self.counts.get(phase, 0) + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -16,8 +17,10 @@ from rhs.api.spare import grant, granted
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
+from rhs.base.processes import end_unless
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
+from rhs.config.dictionary import RUN
 from rhs.config.parts import Chosen, build, build_part, called
 from rhs.metrics.evaluate import evaluate
 from rhs.metrics.success import with_success
@@ -59,7 +62,7 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
     """The same, one step at a time where the task has steps; the row is the generator's value."""
     keep_freed_memory()
     check_live(config.live)
-    run = RunContext(config, folder, watch, shared)
+    run, process = RunContext(config, folder, watch, shared), os.getpid()
     row: dict[str, Any] = identity(config)
     begin_row(folder, row)
     row |= {"commit": commit(), "versions": versions()}
@@ -76,7 +79,8 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
             cause = error
         except BaseException as error:  # a plugin may raise anything, even exit; its run is a row with a reason
             cause = error
-        known = sound(columns)
+        end_unless(process)
+        known = own_columns(columns)
         row = {**known, **row, "world": known.get("world", row["world"])}  # a task names its recording, nobody what it was
         refused = run.close(**run.outcome_of(cause))
         cause = cause or refused
@@ -112,6 +116,15 @@ def finished(run: RunContext, row: Mapping[str, Any], outcome: Mapping[str, str]
     if interrupted is not None:
         raise interrupted
     return row
+
+
+def own_columns(columns: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns of a task that a row can hold; how a run ended and what it was are not its to say."""
+    taken = ({column.name for column in RUN} - {"world"}) & set(columns)
+    known = sound({name: value for name, value in columns.items() if name not in taken})
+    said = [*filter(None, [known.get("row_failures")]),
+            *(f"{name}: every row has a column of that name; rename the task's" for name in sorted(taken))]
+    return known | ({"row_failures": "; ".join(map(str, said))} if said else {})
 
 
 def run_ended(run: RunContext, row: Mapping[str, Any], reason: str) -> None:
@@ -166,6 +179,7 @@ class RunContext:
         job = self.config.task.settings.build(self)
         if not callable(getattr(job, "run", None)):
             raise ConfigError(f"{self.who('task')}: {type(job).__name__}, which build() returned, has no run()")
+        self._parts["task"] = job
         self.begun = True
         write_config(self.config, self.folder)
         if isinstance(job, StepJob):
@@ -202,7 +216,7 @@ class RunContext:
                       world=self.floor_plan() if world is None else world,
                       made=None if self.shared is None else self.shared.parts)
         self._built.append(parts)
-        self._parts = {kind: getattr(parts, kind) for kind in chosen if hasattr(parts, kind)}
+        self._parts |= {kind: getattr(parts, kind) for kind in chosen if hasattr(parts, kind)}
         let_go_of_compiler()
         return parts
 

@@ -27,6 +27,9 @@ BUCKET_CELLS = 4.0  # MovingAI: bucket k holds the problems whose optimum lies i
 QUESTION = ("start", "goal", "planning.scenario")
 ASKED = ("status", "reason", "task", "plan_success", "plan_valid", "plan_reason", "places_total", "places_visited",
          "tracked_share", "strips_registered_share")
+# errors along a way: of a run that broke off they are those of a shorter way than the others went
+OF_THE_WHOLE_WAY = ("ate_", "rpe_", "end_error_", "half_error_", "drift_", "patrol_rmse_", "localise_rmse_", "relations_",
+                    "revisits_")
 KEPT_OF_FAILURES = ("plan_success", "plan_valid", "plan_optimal_m")
 
 
@@ -73,6 +76,10 @@ def judged(table: pandas.DataFrame) -> pandas.DataFrame:
         if name == "path_length_m" or (name.startswith("plan_") and name not in KEPT_OF_FAILURES):
             if out[name].dtype.kind in "fiu":
                 out[name] = out[name].astype("Float64").mask(failed).astype("float64")
+    broken_off = table["status"] != "ok" if "status" in table.columns else np.zeros(len(table), bool)
+    for name in out.columns if broken_off.any() else ():
+        if name.startswith(OF_THE_WHOLE_WAY) and out[name].dtype.kind in "fiu":
+            out[name] = out[name].astype("float64").mask(broken_off)
     if "plan_success" in out.columns and planned(table).any():
         out["plan_success"] = out["plan_success"].mask(failed & planned(table), 0)
     return out.drop(columns=empty)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -146,7 +147,8 @@ def learn(search: Search, level: float, row: Mapping[str, Any], where: str) -> N
 def account(search: Search, dial: Dial) -> dict[str, Any]:
     """What is known of one combination, in units of the dial."""
     known = search.known.summary()
-    return {"combination": search.name, "dial": dial.key, **_in_units(known, dial), "withstood": withstood(known),
+    why = "" if any(succeeded for _, succeeded in search.tried) else Counter(search.reasons).most_common(1)[0][0]
+    return {"combination": search.name, "dial": dial.key, **_in_units(known, dial, why), "withstood": withstood(known),
             "tried": [[dial.value(level), succeeded] for level, succeeded in search.tried],
             "levels": [[level, succeeded] for level, succeeded in search.tried]}
 
@@ -159,6 +161,8 @@ def withstood(known: Threshold) -> float:
     return share if known.direction > 0 else 1.0 - share
 
 
-def _in_units(known: Threshold, dial: Dial) -> dict[str, Any]:
+def _in_units(known: Threshold, dial: Dial, why: str) -> dict[str, Any]:
+    """why: none succeeded, in words."""
     values = {name: float(dial.value(getattr(known, name))) for name in ("middle", "low", "high")}
-    return asdict(known) | values | {"found": known.found, "runs_needed": known.runs_needed, "says": in_words(known, dial)}
+    return asdict(known) | values | {"found": known.found, "runs_needed": known.runs_needed,
+                                                 "says": in_words(known, dial) + (f": {why[:200]}" if why else "")}

@@ -11,6 +11,7 @@ import base64
 import io
 import itertools
 import json
+import logging
 import math
 import shutil
 import time
@@ -19,11 +20,12 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 from rhs.api.engine import Engine
-from rhs.base.errors import EngineError, RhsError
+from rhs.base.errors import ContractError, EngineError, RhsError
 from rhs.runfolder.folders import job_folder
 from rhs.runfolder.shards import Line, parsed, words_key
 
@@ -32,11 +34,21 @@ from .ending import GRACE_S, shortfall
 from .job import Outcome, alike
 from .keep import Keeper, wanted
 
+log = logging.getLogger("rhs")
 FIRST_JOB_S = 30.0  # a job is taken to last so long until some were measured
 MOST_IN_A_CHUNK = 1000
 TRIES = 3  # of a chunk, before it goes as two halves
 SLACK_S = 120.0  # of a chunk beside its jobs' own limits: starting a job server, compiling
 GROWS = 4  # a chunk has at most so many times the jobs of the largest that came back
+
+
+def check_engine(engine: Engine) -> Engine:
+    """The engine, if its numbers can be. Raises ContractError."""
+    for name, least in (("width", 1), ("processes", 1), ("chunk_s", 0.0)):
+        value = getattr(engine, name)
+        if isinstance(value, bool) or not isinstance(value, Real) or not least <= float(value) < math.inf:
+            raise ContractError(f"{name} is {value!r}; expected a number, {least:g} or more")
+    return engine
 
 
 @dataclass
@@ -88,9 +100,14 @@ class Driver:
         self._close(now=False)
 
     def _close(self, now: bool) -> None:
+        """What goes wrong here costs no row, and hides nothing that went wrong before."""
         for future in self._out:
             future.cancel()
-        self.engine.close(now=now)
+        try:
+            self.engine.close(now=now)
+        except Exception as error:
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            log.warning("rhs: the engine could not be closed: %s", said[:300])
 
     def _fill(self, executor: Executor, coming: Iterator[list[str]]) -> bool:
         """Keep twice as many chunks out as can run; whether there are any."""
@@ -99,7 +116,10 @@ class Driver:
             if part is None:
                 break
             part.sent, part.running = time.monotonic(), False
-            self._out[executor.submit(run_chunk, replace(self.chunk, words=part.words).text())] = part
+            future = executor.submit(run_chunk, replace(self.chunk, words=part.words).text())
+            if not isinstance(future, Future):
+                raise EngineError(f"submit() returned {type(future).__name__}; expected a concurrent.futures.Future")
+            self._out[future] = part
         return bool(self._out)
 
     def _next(self, coming: Iterator[list[str]]) -> Part | None:
@@ -158,6 +178,8 @@ class Driver:
 
     def _take(self, part: Part, answer: str) -> None:
         """The rows of a chunk. Jobs that it says nothing of are sent again."""
+        if not isinstance(answer, str):
+            raise EngineError(f"a chunk was answered by {type(answer).__name__}; expected its function's text")
         missing = {words_key(words): words for words in part.words}
         took_s = 0.0
         for text in answer.splitlines():

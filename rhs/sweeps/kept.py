@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,12 @@ def kept_rows(jobs: Sequence[Job], folder: Path, limits: Limits, *, tell: Callab
     finally:
         keeper.close()
     return [found.get(job.name) or any_row(folder / job.name) for job in jobs]
+
+
+def broken_off(rows: Sequence[Mapping[str, Any]]) -> str:
+    """How many of these runs did not come to their end, and why most of those; empty where all did."""
+    whys = Counter(str(row.get("reason") or row.get("status") or MISSING) for row in rows if row.get("status") != "ok")
+    return f"{whys.total()} of {len(rows)} broke off, most by: {whys.most_common(1)[0][0][:200]}" if whys else ""
 
 
 def ended(folder: Path, line: Line | None) -> Row | None:

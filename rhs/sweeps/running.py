@@ -19,7 +19,7 @@ from rhs.config.loose import carried
 from rhs.runfolder.shards import words_key
 
 from .chunks import Chunk
-from .drive import Driver
+from .drive import Driver, check_engine
 from .jobs import Job, Limits, Outcome, asked_for, run_jobs
 from .keep import Keeper, refused
 from .sweep import Done, Plan, Report, finished, job_of, status_of
@@ -140,8 +140,7 @@ class Run:
     def _engine(self) -> Engine:
         context = EngineContext(self.limits.jobs, self.folder)
         try:
-            engine: Engine = complete("engine", self.plan.choice.settings.build(context))
-            return engine
+            return check_engine(complete("engine", self.plan.choice.settings.build(context)))
         except ContractError as error:
             raise ConfigError(f"engine={self.plan.choice.engine}: {error}") from error
         except RhsError:

@@ -282,7 +282,7 @@ def _effect(change: Change, measure: str, where: Sequence[str], before: Sequence
     logs = units(np.log(new[known] / old[known]), np.array(where)[known] if several else None)
     mean, half = float(logs.mean()) if len(logs) else math.nan, _half_width(logs)
     won = [(a.get("success") == 1.0) - (b.get("success") == 1.0) for a, b in zip(after, before, strict=True)]
-    same = all(alike(a, b) for a, b in zip(after, before, strict=True))
+    same = any(row["status"] == "ok" for row in before) and all(alike(a, b) for a, b in zip(after, before, strict=True))
     middle, low, high = (math.expm1(value) for value in (mean, mean - half, mean + half))
     return Effect(change, middle, low, high, len(before), int(known.sum()), won.count(-1), won.count(1), same)
 
@@ -293,6 +293,9 @@ def _half_width(values: np.ndarray) -> float:
 
 
 def _value(row: Row, measure: str) -> float:
+    """NaN of a run that broke off: its figures are of a shorter way."""
+    if row["status"] != "ok":
+        return math.nan
     return 1.0 - number_in(row, measure) if measure in LACKS else number_in(row, measure)
 
 

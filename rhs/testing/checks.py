@@ -70,7 +70,7 @@ def _asserting(check: Check) -> Check:
     return asserting
 
 
-def in_words(error: Exception) -> str:
+def in_words(error: BaseException) -> str:
     """What a part raised, and its own line in which it did; or, as it stands, why rhs refused what it returned."""
     if isinstance(error, ContractError):
         return " ".join(str(error).split())
@@ -78,7 +78,7 @@ def in_words(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}{f' ({own[-1]})' if own else ''}".split())
 
 
-def _its_own(error: Exception) -> list[str]:
+def _its_own(error: BaseException) -> list[str]:
     """The lines of the part's own package that led to an error, the last of them last; what it called beyond is not its."""
     frames = [(str(frame.f_globals.get("__name__", "")).partition(".")[0], frame.f_code.co_filename, line)
               for frame, line in traceback.walk_tb(error.__traceback__)]

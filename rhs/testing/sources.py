@@ -14,7 +14,7 @@ from rhs.api.floorplan import World
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.records import Capture, Twist
 from rhs.api.validate import check_capture, check_pose
-from rhs.api.validate_source import check_camera, check_facts
+from rhs.api.validate_source import check_camera, check_clearance, check_facts, check_provides
 from rhs.worlds.world import load_world
 
 from .shared_state import untouched
@@ -62,6 +62,8 @@ def hands_out_views_of_its_camera(settings: Any, folder: Path) -> None:
             first = None if not views or views[0][0].image is None else np.array(views[0][0].image)
             views += _led(source, LEADS - 1, views[-1][0].stamp_s if views else -np.inf)
             check_facts(source.facts, who="the source")
+            check_clearance(source.clearance_m(), who="the source")
+            check_provides(source.provides, who="the source")
             camera, there = check_camera(source.camera, who="the source"), source.provides
         finally:
             source.close()

@@ -27,7 +27,7 @@ from .world_yaml import FAR_M, Section
 
 log = logging.getLogger("rhs.worlds")
 
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".webp", ".tif", ".tiff", ".gif")
 FOREIGN = (*PICTURES, *MESHES, *SCENES)
 MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17

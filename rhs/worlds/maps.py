@@ -29,6 +29,7 @@ from rhs.base.strict_yaml import load_yaml
 log = logging.getLogger("rhs.worlds")
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 MOST_CELLS = 25_000_000  # 250 m x 250 m at 5 cm; the head of a small file could ask for all the memory there is
+READ = "PGM, PNG, BMP, JPEG, WebP, TIFF or GIF"
 SHADED = 0.2  # share of a picture in greys between wall and floor from which it is taken for a photograph
 _LOOKED_AT = 1_000_000  # pixels of a picture from which is told what is wrong with it
 _BAND_CELLS = 1_000_000  # of a map that are turned at a time
@@ -176,7 +177,7 @@ def _number(path: FilePath, keys: dict[Any, Any], name: str, default: float, *, 
 
 
 def _read_image(path: FilePath, most: int = MOST_CELLS) -> np.ndarray:
-    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads PGM, PNG, BMP and JPEG. most: pixels; of
+    """(H, W, C) float brightness 0..1; the last channel of 2 or 4 is opacity. Reads what READ names. most: pixels; of
     a larger image every second, third, ... row and column."""
     import cv2
 
@@ -185,15 +186,21 @@ def _read_image(path: FilePath, most: int = MOST_CELLS) -> np.ndarray:
     check_whole(path)
     size = declared_size(head_of(path))
     if size is None:
-        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG, BMP or JPEG")
+        raise ConfigError(f"{path} is not an image that can be read; expected {READ}")
     if size[0] * size[1] > MOST_CELLS:
-        raise ConfigError(f"{path}: {size[0]} x {size[1]} cells are more than the {MOST_CELLS} allowed")
+        times = int(np.ceil(np.sqrt(size[0] * size[1] / MOST_CELLS)))
+        smaller = f"scale it down {times} times ({size[0] // times} x {size[1] // times})"
+        raise ConfigError(f"{path}: {size[0]} x {size[1]} cells are more than the {MOST_CELLS} allowed; {smaller} and write "
+                          f"a resolution {times} times as large")
     log = cv2.utils.logging
     before = log.setLogLevel(log.LOG_LEVEL_SILENT)  # the error below says it better
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     log.setLogLevel(before)
     if image is None:
-        raise ConfigError(f"{path} is not an image that can be read; expected PGM, PNG, BMP or JPEG")
+        raise ConfigError(f"{path} is not an image that can be read; expected {READ}")
+    if image.dtype.kind != "u":
+        raise ConfigError(f"{path}: its pixels are {image.dtype.name}, as heights are; expected grey or colour of "
+                          "8 or 16 bits")
     step = int(np.ceil(np.sqrt(size[0] * size[1] / most)))
     image = (image[:, :, None] if image.ndim == 2 else image)[::step, ::step]
     return image / float(np.iinfo(np.dtype(image.dtype.name)).max)

@@ -35,6 +35,7 @@ TALL_M = 0.3  # of a wall's triangle; the rim of a slab is lower
 PLINTH_M = 0.5  # of a house whose floor lies higher than the ground that its scene stands on
 MOST_LEVELS = 40  # heights that are looked at, the largest first: a floor is among them
 COVERED_M = 1.0  # what has so little room above it is no floor: the underside of a slab, the ground below it
+LEANS = 0.05  # share of its length by which the floor of a mesh may be taken to lean: 3 degrees
 CAMERA_M = 0.25  # of a household robot: it sees what is taller, also a coffee table, and drives under what is higher
 
 
@@ -63,6 +64,9 @@ def read_solid(path: Path, file: Section, radius_m: float, start_m: np.ndarray |
         said.append(f"open to the outside: a fence is put up {PAD_M:g} m from it")
     if abs(floor) > BIN_M:
         said.append(f"floor found at z = {floor:.2f} m")
+    if (rises_m := leaning_m(corners)) > STEP_M:
+        said.append(f"its floor leans, by {rises_m:.2g} m from end to end: what is above {STEP_M:g} m is in a robot's way; "
+                    "turn the mesh until it is level")
     if said:
         log.warning("%s: %s", path.name, "; ".join(said))
     return Building(walls, stand, Mesh(corners, uv, texture, images, solid), height, people)
@@ -181,6 +185,19 @@ def floor_m(corners: np.ndarray, on_ground: bool) -> float:
         if spots[b].sum() >= 0.25 * most and roofed.sum() < 0.5 * spots[b].sum():
             return float(np.median(flat[level == b, 0, 2]))
     return 0.0 if standing else low
+
+
+def leaning_m(corners: np.ndarray) -> float:
+    """How much the floor rises from one end of the building to the other, if it is one that leans, as of a scan that was
+    levelled by eye. corners (N, 3, 3): the floor at z = 0; its ends may be LEANS higher or lower."""
+    wide_m = float(np.ptp(corners[..., :2], axis=(0, 1)).max())
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    steep, _ = _normals_z(corners)
+    lowest = (steep > LEVEL) & (np.abs(corners[..., 2]).max(axis=1) < min(LEANS * wide_m, COVERED_M))
+    if not lowest.any():
+        return 0.0
+    up = (across * np.sign(across[:, 2:]))[lowest].sum(axis=0)
+    return float(np.hypot(*up[:2]) / up[2]) * wide_m
 
 
 def _spots(triangles: np.ndarray, shape: tuple[int, int], origin: tuple[float, float]) -> np.ndarray:

@@ -26,11 +26,22 @@ from rhs.testing.room import HALL, SHORT, drive
 NONE = frozenset()
 
 
-def driven(sigma_m: float, claimed_m: float, count: int = 4000) -> odometries.Driven:
-    """Motions whose errors are of sigma_m and whose covariance says claimed_m."""
+def driven(sigma_m: float, claimed_m: float, claimed_rad: float | None = None, count: int = 4000) -> odometries.Driven:
+    """Motions whose errors are of sigma_m (and as many radians) and whose covariance says claimed_m, and claimed_rad."""
     errors = sigma_m * np.random.default_rng(0).standard_normal((count, 3))
-    return odometries.Driven("room", errors, (errors**2).sum(axis=1) / claimed_m**2, np.ones(count, bool), 0.01,
-                             np.ones(count))
+    normal = (errors / [claimed_m, claimed_m, claimed_rad or claimed_m]) ** 2
+    apart = np.stack([normal[:, :2].mean(axis=1), normal[:, 2]], axis=1)
+    return odometries.Driven("room", errors, normal.sum(axis=1), np.ones(count, bool), 0.01, np.ones(count), apart)
+
+
+@pytest.mark.parametrize(("claimed_m", "claimed_rad", "says"), [
+    (0.01, None, []), (0.05, None, []), (0.0025, None, []), (1.0, 0.01, ["position 100"]), (0.01, 0.573, ["turn 57"]),
+    (1.0, 1.0, ["position 100", "turn 100"])])
+def test_a_covariance_that_is_many_times_too_wide_is_said(claimed_m, claimed_rad, says):
+    """0.573 is a hundredth of a radian in degrees."""
+    wide = odometries.figures(ForkResult([driven(0.01, claimed_m, claimed_rad)]))
+    said = verdict({"part": "odometry=mine", "contract": [], "figures": {"odometry=mine": wide}})
+    assert [one.partition("error of its ")[2].partition(" times")[0] for one in said if "as wide as it is" in one] == says
 
 
 def test_an_honest_covariance_holds_95_of_100_errors_and_a_third_of_it_does_not():

@@ -30,10 +30,20 @@ def test_an_error_is_named_and_a_silence_ends():
         yield "first"
         time.sleep(60)
 
-    assert run_forked(raises, patience_s=5.0).ended == "ValueError: of mine"
+    assert run_forked(raises, patience_s=5.0).ended.startswith("ValueError: of mine (test_forked.py:")
     began = time.monotonic()
     result = run_forked(hangs, patience_s=0.3)
     assert result.items == ["first"] and result.ended == "no answer for 0.3 s" and time.monotonic() - began < 10
+
+
+def test_a_part_that_forks_is_heard_once():
+    def forks():
+        for k in range(3):
+            os.fork()
+            yield k
+
+    result = run_forked(forks, patience_s=5.0)
+    assert result.items == [0, 1, 2] and not result.ended
 
 
 def test_memory_and_time_are_its_own():

@@ -1,10 +1,13 @@
 """`python -m rhs gate` from end to end, and what it refuses."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
+from rhs.cli.gate import _compared, in_words
 from rhs.cli.main import main
+from rhs.runfolder.row import write_row
 
 
 @pytest.fixture(scope="module")
@@ -34,3 +37,21 @@ def test_what_cannot_be_gated_is_one_line(baseline, words, says, capsys):
     assert main(["gate", *(word.replace("FOLDER", str(baseline)) for word in words)]) == 2
     told = capsys.readouterr().err
     assert says in told and told.count("\n") == 1
+
+
+@pytest.mark.parametrize(("status", "success", "code", "says"), [
+    ("failed", 0.0, 1, "worse: ate_rmse_m is known in 0 pairs; successes lost 9, won 0"),
+    ("ok", 0.0, 0, "better: ate_rmse_m -90 %"), ("ok", 1.0, 0, "better: ate_rmse_m -90 %")])
+def test_a_run_that_broke_off_is_no_better_for_the_short_way_it_went(tmp_path, monkeypatch, status, success, code, says):
+    """Of old runs that did not achieve their mission either, so that no success is lost."""
+    def run(jobs, folder, limits, tell):
+        for job in jobs:
+            row = {"status": status, "reason": "of mine", "success": success, "ate_rmse_m": 0.1}
+            (folder / job.name).mkdir()
+            write_row(folder / job.name, row)
+
+    monkeypatch.setattr("rhs.sweeps.jobs.run_jobs", run)
+    pairs = [({"status": "ok", "success": 0.0, "ate_rmse_m": 1.0}, SimpleNamespace(name=f"job{k}")) for k in range(9)]
+    found, broken = _compared(pairs, tmp_path, None, "ate_rmse_m", 0.02)
+    assert found.exit_code == code and in_words(found, "ate_rmse_m", 0.02).startswith(says)
+    assert broken == ("9 of 9 broke off, most by: of mine" if status == "failed" else "")

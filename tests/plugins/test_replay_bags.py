@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
-from helpers.replayed import views
+from helpers.replayed import refused, views
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
@@ -269,3 +269,65 @@ def test_the_registered_depth_and_the_raw_colour_are_preferred():
     assert topics.info == "/a/color/camera_info"
     with pytest.raises(ConfigError, match="several color topics"):
         choose_topics({"/l/image": image, "/r/image": image}, Replay(), "bag")
+
+
+def part(folder, kind, first):
+    """Three views of a bag, from view `first` on; its file."""
+    folder.mkdir()
+    with BagFile(folder, kind) as bag:
+        for k in range(first, first + 3):
+            bag.camera_info(INFO, 100.0 + k)
+            bag.image(COLOR, 100.0 + k, picture(k), "rgb8")
+            bag.image(DEPTH, 100.0 + k, MILLIMETRES, "16UC1")
+    return bag.path if kind == "ros1" else next(bag.path.glob("*.mcap"))
+
+
+@pytest.mark.parametrize(("kind", "names"), [
+    ("ros1", ("walk_2026-01-02-10-00-00_0.bag", "walk_2026-01-02-10-00-09_1.bag")), ("ros1", ("a_0.bag", "a_1.bag")),
+    ("ros2_mcap", ("a_0.mcap", "a_1.mcap"))])
+def test_the_parts_of_a_split_bag_are_one(tmp_path, kind, names):
+    (tmp_path / "split").mkdir()
+    for k, name in reversed([*enumerate(names)]):
+        part(tmp_path / str(k), kind, 3 * k).rename(tmp_path / "split" / name)
+    source, seen = views(tmp_path / "split")
+    assert [int(capture.image[3, 3, 0]) for capture, _ in seen] == [50, 51, 52, 53, 54, 55] and source.views_expected == 6
+
+
+@pytest.mark.parametrize("names", [("monday.bag", "tuesday.bag"), ("walk_1.bag", "walk_2.bag"), ("a_0.bag", "b_1.bag")])
+def test_bags_that_are_not_the_parts_of_one_are_not_read_as_one(tmp_path, names):
+    (tmp_path / "two").mkdir()
+    for k, name in enumerate(names):
+        part(tmp_path / str(k), "ros1", 3 * k).rename(tmp_path / "two" / name)
+    assert f"found 2 bags; type source.path={tmp_path / 'two' / names[0]}" in refused(tmp_path / "two")
+
+
+def test_a_bag_that_cannot_be_read_further_gives_what_came_before_and_says_so(tmp_path, monkeypatch):
+    """As SQLite says it where a page in the middle of a .db3 is damaged."""
+    from rosbags.highlevel import AnyReader
+
+    whole = AnyReader.messages
+
+    def damaged(self, connections=()):
+        for one in whole(self, connections=connections):
+            if one[1] > 100.25e9:
+                raise RuntimeError("database disk image is malformed")
+            yield one
+
+    monkeypatch.setattr(AnyReader, "messages", damaged)
+    source, seen = views(write(tmp_path, "ros2_sqlite"))
+    assert len(seen) == 3 and "cannot be read further (RuntimeError: database disk image is malformed)" in source.lost
+
+
+def test_messages_that_are_packed_each_are_refused_where_nothing_says_so(tmp_path):
+    """The metadata of the bag says how; its file alone does not."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    bag = BagFile(tmp_path, "ros2_mcap")
+    bag.writer = Writer(bag.path, version=9, storage_plugin=StoragePlugin.MCAP)
+    bag.writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with bag:
+        bag.camera_info(INFO, 1.0)
+        bag.image(COLOR, 1.0, picture(), "rgb8")
+        bag.image(DEPTH, 1.0, MILLIMETRES, "16UC1")
+    assert len(views(bag.path)[1]) == 1
+    assert "cannot be read further" in refused(next(bag.path.glob("*.mcap")))

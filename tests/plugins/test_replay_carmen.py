@@ -124,3 +124,15 @@ def test_the_furthest_wall_is_no_end_of_range(tmp_path):
     lines = [flaser(row, laser_of(POSES[0]), POSES[0], 10.0 + 0.1 * k) for k, row in enumerate(walls)]
     seen = np.array([capture.scan.ranges_m for capture, _ in views(tmp_path / "a.log", lines)])
     np.testing.assert_array_equal(seen, walls)
+
+
+@pytest.mark.parametrize(("unit", "refused"), [(1, False), (40, False), (100, True), (1000, True)])
+def test_readings_in_millimetres_or_centimetres_are_refused(tmp_path, unit, refused):
+    """As metres nearly all would be further than a laser sees, and the robot in a void; 40 times: out of doors."""
+    ranges = [unit * metres for metres in (1.0, 1.5, 2.0, 2.5, 3.0)]
+    lines = [flaser(ranges, laser_of(POSES[k]), POSES[k], 10.0 + k) for k in range(2)]
+    if refused:
+        with pytest.raises(ConfigError, match=f"a.log: a typical reading is {2 * unit}; expected metres"):
+            views(tmp_path / "a.log", lines)
+    else:
+        assert len(views(tmp_path / "a.log", lines)) == 2

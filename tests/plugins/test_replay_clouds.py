@@ -66,6 +66,18 @@ def test_a_cloud_file_gives_its_finite_points(tmp_path, name, data):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(("unit", "moved_m", "refused"), [(1.0, 0.0, False), (1000.0, 0.0, True), (1.0, 350_000.0, True)])
+def test_a_cloud_in_millimetres_or_in_a_countrys_coordinates_is_refused(tmp_path, unit, moved_m, refused):
+    points = np.random.default_rng(0).uniform(-30.0, 30.0, (300, 3)) * unit + [moved_m, 0.0, 0.0]
+    text = PLY.replace("vertex 3", "vertex 300").format("ascii") + "".join(f"{x} {y} {z}\n" for x, y, z in points)
+    (tmp_path / "a.ply").write_text(text)
+    if not refused:
+        assert len(read_cloud(tmp_path / "a.ply")[0]) == 300
+        return
+    with pytest.raises(ConfigError, match="its points are typically .* away; expected metres from the scanner"):
+        read_cloud(tmp_path / "a.ply")
+
+
 def test_lzf_copies_from_behind_and_over_itself():
     """`abc`, then seven bytes from three behind: abcabca; and a long one of 9 + 2 bytes from one behind."""
     assert unpacked_lzf(b"\x02abc" + bytes([5 << 5, 2]), 10) == b"abcabcabca"

@@ -111,6 +111,16 @@ def test_numbered_images_that_do_not_fit_are_refused_in_one_line(tmp_path):
     assert "found 8 bytes that are no image" in refused(tmp_path, camera=K)
 
 
+def test_depth_in_a_form_that_is_not_read_is_told_what_to_write(tmp_path):
+    for name in ("rgb", "depth"):
+        (tmp_path / name).mkdir()
+    images(tmp_path / "rgb", ["1.png"])
+    (tmp_path / "depth/1.exr").write_bytes(bytes.fromhex("762f3101") + bytes(100))
+    for name, file in (("rgb", "1.png"), ("depth", "1.exr")):
+        (tmp_path / f"{name}.txt").write_text(f"1.0 {name}/{file}\n", "utf-8")
+    assert refused(tmp_path, camera=K).endswith("write it as .npy (metres) or as 16-bit .png")
+
+
 def test_a_later_image_of_another_size_is_left_out_and_said_to_be_lost(tmp_path):
     images(tmp_path / "rgb", ["1.png", "2.png", "3.png"])
     images(tmp_path / "rgb", ["2.png"], shape=(24, 32, 3))

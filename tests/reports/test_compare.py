@@ -5,6 +5,7 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.reports.compare import compare, holm
+from rhs.reports.summary import summarise
 from rhs.reports.table import main, rows
 from rhs.runfolder.row import write_row
 
@@ -40,6 +41,23 @@ def test_failures_are_counted_and_not_dropped(folder):
     ac = view.loc["a - c"]
     assert (ac["pairs"], ac["with_both"], ac["only_first_complete"], ac["only_second_complete"]) == (12, 6, 6, 0)
     assert ac["p_complete"] == pytest.approx(3 * (2 * 0.5**6))  # 6 of 6 one way; three comparisons
+
+
+def test_a_run_that_broke_off_has_no_errors_of_the_way_and_is_counted_as_failed(tmp_path):
+    """Part b raises at the third view of every other seed: what it believed until then is no accuracy."""
+    for seed in range(6):
+        for name, ate_m in (("a", 0.2), ("b", 0.001 if seed % 2 else 0.3)):
+            broke = name == "b" and seed % 2
+            (tmp_path / f"{name}{seed}").mkdir()
+            write_row(tmp_path / f"{name}{seed}", {
+                "status": "failed" if broke else "ok", "reason": "x" if broke else "", "world": "w", "odometry": name,
+                "seed": seed, "success": 0.0 if broke else 1.0, "ate_rmse_m": ate_m + 1e-4 * seed, "places_visited": 2})
+    table = rows([tmp_path])
+    view = compare(table, "odometry", ["ate_rmse_m"]).iloc[0]
+    assert (view["pairs"], view["with_both"], view["only_first_complete"]) == (6, 3, 3)
+    assert view["mean"] == pytest.approx(-0.1, abs=0.001)
+    told = summarise(table, group=["odometry"], columns=["ate_rmse_m"]).set_index("odometry").loc["b"]
+    assert told["failed"] == 3 and told["ate_rmse_m"].startswith("0.3")
 
 
 def test_holm_by_hand():

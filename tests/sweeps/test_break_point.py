@@ -6,8 +6,9 @@ import pytest
 
 from rhs.base.errors import ConfigError
 from rhs.cli.main import main
+from rhs.metrics.threshold import Dial
 from rhs.runfolder.row import read_row
-from rhs.sweeps.break_point import dial_of, plan
+from rhs.sweeps.break_point import Search, account, dial_of, learn, plan
 
 PLANNING = ["task=planning", "world=map1"]
 
@@ -46,3 +47,13 @@ def test_a_search_tries_both_combinations_with_the_same_seeds(tmp_path, capsys):
 def test_a_degradation_is_chosen_by_its_dial_whether_it_takes_whole_numbers_or_not():
     assert plan(["degrade.delay_views=0..8", "world=square_small"]).dial.whole
     assert not plan(["degrade.slip_share=0..0.8", "world=square_small"]).dial.whole
+
+
+def test_where_nothing_succeeds_the_reason_is_told():
+    """A part that raises in every run has no break point."""
+    search, dial = Search("mine", []), Dial("a.b", 0.0, 1.0)
+    for level in (0.0, 0.5, 1.0, 0.25):
+        learn(search, level, {"status": "failed", "success": 0.0, "reason": "odometry=mine failed in my.py:3"}, "here")
+    assert account(search, dial)["says"].endswith(": odometry=mine failed in my.py:3")
+    learn(search, 0.1, {"status": "ok", "success": 1.0}, "here")
+    assert "my.py" not in account(search, dial)["says"]

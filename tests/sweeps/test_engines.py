@@ -17,7 +17,7 @@ import pytest
 from installing import FAKES, environment, installed
 
 from rhs.api.engine import Engine
-from rhs.api.errors import ConfigError, EngineError
+from rhs.api.errors import ConfigError, ContractError, EngineError
 from rhs.base.processes import children, descendants
 from rhs.cli.main import main
 from rhs.cli.progress import Progress
@@ -26,7 +26,7 @@ from rhs.reports.table import rows, to_csv
 from rhs.runfolder.shards import Line, Shard, read_lines, shards, words_key
 from rhs.sweeps import sweep
 from rhs.sweeps.chunks import Chunk
-from rhs.sweeps.drive import Driver
+from rhs.sweeps.drive import Driver, check_engine
 from rhs.sweeps.jobs import Outcome
 from rhs.sweeps.keep import Keeper
 from rhs.sweeps.sweep import plan
@@ -333,3 +333,38 @@ def test_why_a_batch_system_took_no_job_is_kept_in_its_own_words(caplog):
             log.error("Exception in callback", exc_info=True)
     assert answer.text == "sbatch: error: invalid partition specified: nowhere"
     assert not caplog.records and answer not in log.handlers
+
+
+@pytest.mark.parametrize(("name", "value"), [
+    ("width", 0), ("width", "2"), ("width", None), ("processes", 0), ("chunk_s", -1.0)])
+def test_numbers_of_an_engine_that_cannot_be_are_named(name, value):
+    engine = FakeEngine(rows_of)
+    setattr(engine, name, value)
+    with pytest.raises(ContractError, match=f"{name} is {value!r}; expected a number"):
+        check_engine(engine)
+
+
+def test_what_an_engine_raises_as_it_closes_hides_nothing(tmp_path, caplog):
+    class Careless(FakeEngine):
+        def close(self, now):
+            raise AttributeError("of mine")
+
+    assert drive(Careless(rows_of), tmp_path, 3).outcome.counts == {"ok": 3}
+    assert "could not be closed: AttributeError: of mine" in caplog.text
+    broken = Careless(rows_of)
+    broken.open = lambda: 1 / 0
+    with pytest.raises(EngineError, match="ZeroDivisionError"):
+        drive(broken, tmp_path, 3)
+
+
+@pytest.mark.parametrize("given", [None, "text"])
+def test_an_executor_that_gives_no_future_is_told_so(tmp_path, given):
+    engine = FakeEngine(rows_of)
+    engine.executor.submit = lambda function, text: given
+    with pytest.raises(EngineError, match=f"submit.. returned {type(given).__name__}; expected a concurrent.futures.Future"):
+        drive(engine, tmp_path, 3)
+
+
+def test_an_answer_that_is_no_text_is_told_so(tmp_path):
+    done = drive(FakeEngine(lambda words: None), tmp_path, 1)
+    assert "a chunk was answered by NoneType" in next(iter(done.outcome.reasons))

@@ -14,6 +14,7 @@ from rhs.cli.main import main
 from rhs.config.compose import compose_config
 from rhs.reports.sensitivity_picture import sensitivity_picture
 from rhs.sweeps import sensitivity
+from rhs.sweeps.kept import broken_off
 from rhs.sweeps.sensitivity import Change, ask, changes_of, check_recorded, effects, in_words, numbers
 
 
@@ -75,6 +76,15 @@ def test_an_effect_by_hand():
     assert b.same and b.says == "changes nothing" and (c.lost, c.pairs, c.says) == (3, 2, "fails")
     said = in_words(list(found.values()), asked)
     assert "1 of 3 settings" in said[0] and "+3 of 3 runs fail" in said[0] and said[1].endswith("nothing: odometry.b")
+
+
+def test_of_runs_that_all_broke_off_nothing_is_known():
+    asked = ask(["odometry=procrustes", "zip(world=square_small,square,corridor seed=0,1,2)"], only=["min_inliers"])
+    asked = replace(asked, changes=(Change("odometry.a", 1.0, 2.0, 2.0),))
+    rows = [{"status": "failed", "reason": "of mine", "success": 0.0, asked.measure: 0.001}] * 6
+    (one,) = effects(asked, rows)
+    assert (one.same, one.pairs, one.says) == (False, 0, "not sure")
+    assert broken_off(rows[:3]) == "3 of 3 broke off, most by: of mine" and not broken_off([{"status": "ok"}])
 
 
 @pytest.mark.parametrize(("words", "says"), [

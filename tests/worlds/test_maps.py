@@ -212,3 +212,45 @@ def test_writing_on_a_plan_is_left_out_where_that_is_asked_for(tmp_path):
     assert writing_in(grid) == 2 and int(grid.occupied().sum()) == 80 + 24 + 24 + 20
     assert int(load_map(write_map(tmp_path, picture, resolution=0.05, marks_m=0.3)).occupied().sum()) == 80 + 24 + 24 + 20
     assert int(load_map(write_map(tmp_path, picture, resolution=0.05, marks_m=0.5)).occupied().sum()) == 80 + 20
+
+
+@pytest.mark.parametrize("name", ["m.webp", "m.tif", "m.tiff", "m.gif"])
+def test_other_pictures_that_plans_come_in_are_read(tmp_path, name):
+    """A lossy one keeps which cells are free."""
+    pixels = np.full((40, 60), 254)
+    pixels[:, 30:] = 0
+    free = load_map(write_map(tmp_path, np.dstack([pixels] * 3), image=name)).free()
+    assert free.shape == (40, 60) and free[:, :28].all() and not free[:, 32:].any()
+
+
+def test_heights_of_a_geotiff_are_no_plan(tmp_path):
+    import cv2
+
+    path = write_map(tmp_path, [[0]], image="m.tiff")
+    cv2.imwrite(str(tmp_path / "m.tiff"), np.full((20, 20), 812.5, np.float32))
+    with pytest.raises(ConfigError, match="its pixels are float32, as heights are; expected grey or colour"):
+        load_map(path)
+
+
+def webp(side: int, kind: str) -> bytes:
+    """The first chunk of one, by the specification of the container."""
+    head = {"VP8X": bytes(4) + (side - 1).to_bytes(3, "little") * 2,
+            "VP8L": b"/" + (side - 1 | side - 1 << 14).to_bytes(4, "little"),
+            "VP8 ": bytes(3) + bytes.fromhex("9d012a") + side.to_bytes(2, "little") * 2}[kind]
+    return b"RIFF" + bytes(4) + b"WEBP" + kind.encode() + bytes(4) + head + bytes(30)
+
+
+def tiff(side: int, order: str) -> bytes:
+    number = {"II": "little", "MM": "big"}[order]
+    entries = b"".join(tag.to_bytes(2, number) + (4).to_bytes(2, number) + (1).to_bytes(4, number) + side.to_bytes(4, number)
+                       for tag in (256, 257))
+    return order.encode() + (42).to_bytes(2, number) + (8).to_bytes(4, number) + (2).to_bytes(2, number) + entries + bytes(4)
+
+
+@pytest.mark.parametrize("data", [*(webp(16000, kind) for kind in ("VP8X", "VP8L", "VP8 ")), tiff(16000, "II"),
+                                  tiff(16000, "MM"), b"GIF89a" + (16000).to_bytes(2, "little") * 2])
+def test_a_plan_of_too_many_cells_is_told_how_much_smaller_it_has_to_be(tmp_path, data):
+    path = write_map(tmp_path, [[0]])
+    (tmp_path / "m.png").write_bytes(data)
+    with pytest.raises(ConfigError, match=r"16000 x 16000 cells are more .* scale it down 4 times \(4000 x 4000\)"):
+        load_map(path)

@@ -38,6 +38,7 @@ SCANS = (FLASER, ROBOT, RAW)
 KINDS = (*SCANS, ODOM, TRUE)
 CORRECTED = "corrected"  # of source.truth
 STILL = (0.0, 0.0, 0.0)
+TYPICAL_M = 100.0  # more than the median of lasers on robots, also of those that read 82 m where they met nothing
 AT_END_M, BELOW_M = 0.015, 0.5  # the readings of a scanner that met nothing; what walls there would be like is judged below
 END_LEAST, END_SHARE, END_TIMES = 100, 0.002, 10.0
 
@@ -125,10 +126,20 @@ def _read(path: Path, settings) -> Log:
                 if line.endswith(b"\n") or not readings:
                     raise
                 cut.append(f"the log is cut: its last line, {number}, is not whole")
+    _check_unit([one.ranges_m for one in readings], path)
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
     return Log(readings, odometry, beside[TRUE], cut)
+
+
+def _check_unit(readings_m: list[np.ndarray], path: Path) -> None:
+    """Refuse readings in millimetres or centimetres, of which a robot would see none: nothing would stand in its way."""
+    ranges = np.concatenate(readings_m or [np.empty(0)])
+    typical = float(np.median(ranges[ranges > 0.0])) if (ranges > 0.0).any() else 0.0
+    if typical > TYPICAL_M:
+        raise ConfigError(f"{path}: a typical reading is {typical:.4g}; expected metres, of which lasers see 82 (SICK) "
+                          "or 300; divide those in millimetres by 1000, in centimetres by 100")
 
 
 def end_of_range(readings_m: list[np.ndarray]) -> float:

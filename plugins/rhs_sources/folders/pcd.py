@@ -13,6 +13,7 @@ import numpy as np
 from ..replay_images import UnreadableImage
 from ..replay_stamps import TIME_FIELDS
 
+FURTHEST_M = 500.0  # lasers that look round see less
 SUFFIXES = (".pcd", ".bin", ".ply")
 MOST_POINTS = 20_000_000  # of one view
 MOST_HEAD = 10_000  # bytes
@@ -40,6 +41,10 @@ def read_cloud(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
         raise UnreadableCloud(f"{path}: found {path.stat().st_size} bytes that are no {path.suffix[1:].lower()} cloud "
                               f"({short}); expected points with x, y, z") from None
     finite = points[np.isfinite(points[:, :3]).all(axis=1)]
+    some = finite[::16, :3].astype(float)
+    if len(some) and (away := float(np.median(np.linalg.norm(some, axis=1)))) > FURTHEST_M:
+        raise UnreadableCloud(f"{path}: its points are typically {away:.3g} away; expected metres from the scanner "
+                              "(millimetres divided by 1000, no coordinates of a country)")
     return np.ascontiguousarray(finite[:, :3], np.float32), finite[:, 3] if finite.shape[1] > 3 else None
 
 

@@ -102,7 +102,7 @@ def sequences(parts: Parts, views: list[View], queried: list[tuple[View, Step]],
               settings: Recognition) -> list[Answered]:
     """The localiser started from nothing at many views of the queried lap and led for `places.sequence_m`: right, or wrong
     and sure of it, or (abstained) honest about not knowing."""
-    parts.localiser.learn(views, draw(tuple(views), parts.mapper, who=parts.who["mapper"]))
+    parts.localiser.learn(tuple(views), draw(tuple(views), parts.mapper, who=parts.who["mapper"]))
     out = []
     last = len(queried) - 1
     for begin in np.linspace(0, 0.9 * last, settings.sequences).astype(int):

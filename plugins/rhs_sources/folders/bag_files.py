@@ -1,0 +1,56 @@
+"""Which files are a bag, and opening them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rhs.api.errors import ConfigError
+from rhs.recording.mcap_scan import open_scan
+
+SPLIT, SPLIT_TIME = re.compile(r"(.*)_(\d+)\.\w+"), re.compile(r"_?\d{4}(-\d\d){5}$")
+
+
+def is_bag(path: Path) -> bool:
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or bool(_parts(path))
+    return path.suffix in (".bag", ".mcap", ".db3")
+
+
+def _parts(folder: Path) -> list[Path]:
+    """The files of a bag in a folder without metadata.yaml: a lone one, or those that were split (walk_0.bag, walk_1.bag;
+    ROS 1 puts the time of each before its number)."""
+    for ending in ("mcap", "bag"):
+        files = list(folder.glob(f"*.{ending}"))
+        if len(files) == 1:
+            return files
+        split = sorted((int(part[2]), SPLIT_TIME.sub("", part[1]), file) for file in files
+                       if (part := SPLIT.fullmatch(file.name)))
+        if files and [number for number, *_ in split] == [*range(len(files))] and len({name for _, name, _ in split}) == 1:
+            return [file for *_, file in split]
+    return []
+
+
+def opened(path: Path):
+    """An open AnyReader, or ConfigError in the user's words."""
+    from rosbags.highlevel import AnyReader
+
+    files = _parts(path) if path.is_dir() and not (path / "metadata.yaml").is_file() else [path]
+    file = files[0]
+    if file.suffix == ".db3":
+        raise ConfigError(f"{path}: a .db3 file alone cannot be read; give the folder that holds its "
+                          "metadata.yaml (where that is lost: ros2 bag reindex FOLDER)")
+    try:
+        for one in files if file.suffix == ".mcap" else ():
+            open_scan(one)[0].close()  # refuses what would unpack without end
+        from rosbags.typesys import Stores, get_typestore
+
+        reader = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        reader.open()
+        return reader
+    except Exception as error:  # the library raises many kinds for damaged files
+        short = " ".join(str(error).split())[:120]
+        cut = next(iter(path.glob("*.mcap")), None) if path.is_dir() else file if file.suffix == ".mcap" else None
+        hint = f"; if it was cut: python -m rhs convert {cut} whole.mcap" if cut else ""
+        hint = f"; if it was cut: rosbag reindex {file.name}" if file.suffix == ".bag" else hint
+        raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
