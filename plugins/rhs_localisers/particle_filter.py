@@ -109,12 +109,12 @@ class ParticleLocaliser:
     def update(self, observation: Observation, motion: Motion) -> Belief:
         """Move, weigh, use the named places, resample, and say what is believed."""
         assert self._cloud is not None and self._field is not None, "start() comes before update()"
-        if self._passers is not None and observation.scan is not None:
-            observation = replace(observation, scan=self._passers.without(observation.scan, motion, observation.stamp_s))
         self._move(motion)
         if self._peak is not None and isinstance(self._advanced, ScanAdvanced):
             self._fresh = freshness(motion, self._advanced)
         self._watch(observation, motion)
+        if self._passers is not None and observation.scan is not None:
+            observation = replace(observation, scan=self._passers.without(observation.scan, motion, observation.stamp_s))
         self._weigh(observation, motion)
         self._use_places(observation, motion)
         if effective_size(self._cloud) < 0.5 * len(self._cloud):

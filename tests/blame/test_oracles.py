@@ -15,7 +15,7 @@ class Slipping:
     """A source led over three views, whose robot goes half as far as it is told and cannot be put below y = -1."""
 
     camera = facts = None
-    provides, renderer, lost = None, "", ""
+    provides, renderer, lost, timed = None, "", "", True
 
     def __init__(self):
         self.pose, self.index = se2(1.0, 0.0, 0.0), 0

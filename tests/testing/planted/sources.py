@@ -382,7 +382,7 @@ class Dice(Honest):
 
 class NoClearance(Honest):
     """Says how near it came, not whether it touched."""
-    says = "TypeError"
+    says = "clearance_m() is 0.5"
 
     def clearance_m(self):
         return 0.5
