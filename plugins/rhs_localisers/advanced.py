@@ -309,26 +309,6 @@ class FitSettings:
                      jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0), slip_m=(0.0, 1000.0), slip_over_m=(0.1, 1000.0))
 
 
-@dataclass(frozen=True)
-class PassersSettings:
-    """Beams that meet somebody who walks (passers_by.py)."""
-
-    back_s: float = 3.0
-    """what stands where a beam passed so lately came since, seconds; 0: nobody is looked for"""
-    every_s: float = 0.5
-    """scans so far apart are kept, seconds"""
-    slack_m: float = 0.3
-    """it passed if it went on for so much, metres ..."""
-    slack_share: float = 0.03
-    """... and this share of the range: headings err"""
-    most: float = 0.7
-    """of a larger share of the beams nothing is believed: the motion is wrong"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, back_s=(0.0, 100.0), every_s=(0.0, 100.0), slack_m=(0.0, 10.0), slack_share=(0.0, 1.0),
-                     most=(0.0, 1.0))
-
-
 @dataclass
 class ScanAdvanced(FilterAdvanced):
     """Thresholds of `localiser=particle_filter_scan`."""
@@ -342,7 +322,6 @@ class ScanAdvanced(FilterAdvanced):
     much lies in the cluster: along a bare corridor it may be metres off"""
     fit: FitSettings = field(default_factory=FitSettings)
     likelihood: FieldSettings = field(default_factory=lambda: FieldSettings(range_max_m=30.0))
-    passers: PassersSettings = field(default_factory=PassersSettings)
     searching: float = 0.2
     """above this chance of being elsewhere the whole map is searched"""
     search: SearchSettings = field(default_factory=SearchSettings)

@@ -10,7 +10,6 @@ from the cloud turn it into particles.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -40,7 +39,6 @@ from .advanced import ParticleAdvanced, ScanAdvanced
 from .confirmation import Confirmation, Contradiction
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import NamedPlaces, PlaceEvidence
-from .passers_by import PassersBy
 from .scan_fit import FitWatch
 from .scan_search import rivals, summits, throws
 
@@ -70,7 +68,6 @@ class ParticleLocaliser:
         self._sure_views = 0
         self._confirmation = Confirmation(places is None, self._rules)
         self._fit: FitWatch | None = None  # of scans alone
-        self._passers = PassersBy(a.passers) if isinstance(a, ScanAdvanced) and a.passers.back_s > 0 else None
         self._fresh = 1.0  # how much of this view is new ...
         self._unsearched = 0.0  # ... and of the views since the map was searched
 
@@ -95,8 +92,6 @@ class ParticleLocaliser:
             self._elsewhere = float(np.clip(1.0 - belief.probability, 1e-4, 0.99))
         self._cloud = even(states)
         self._peak, self._scan, self._fresh = None, None, 1.0
-        if self._passers is not None:
-            self._passers.begin()
         if self._fit is not None:
             self._fit.start(None if belief is None else belief.probability)
         if self._places is not None:
@@ -113,8 +108,6 @@ class ParticleLocaliser:
         if self._peak is not None and isinstance(self._advanced, ScanAdvanced):
             self._fresh = freshness(motion, self._advanced)
         self._watch(observation, motion)
-        if self._passers is not None and observation.scan is not None:
-            observation = replace(observation, scan=self._passers.without(observation.scan, motion, observation.stamp_s))
         self._weigh(observation, motion)
         self._use_places(observation, motion)
         if effective_size(self._cloud) < 0.5 * len(self._cloud):
@@ -159,8 +152,6 @@ class ParticleLocaliser:
             self._elsewhere = max(self._elsewhere, self._advanced.continuity.carried)
             if self._fit is not None:
                 self._fit.begin()
-            if self._passers is not None:
-                self._passers.begin()
 
     def _move(self, motion: Motion) -> None:
         travel = planar(motion.previous_from_body)
