@@ -39,7 +39,7 @@ class Occupancy:
         check_range(owner, "true_hit", self.true_hit, low=0.01, high=0.999)
         check_range(owner, "false_alarm", self.false_alarm, low=0.001, high=0.99)
         check_range(owner, "range_max_m", self.range_max_m, low=0.1, high=200.0, unit="m")
-        check_range(owner, "free_max_m", self.free_max_m or 0.1, low=0.1, high=200.0, unit="m")
+        check_range(owner, "free_max_m", self.free_max_m, low=0.0, high=200.0, unit="m")
         check_range(owner, "belief_bound", self.belief_bound, low=0.6, high=0.999999)
         if self.false_alarm >= self.true_hit:
             raise ConfigError(

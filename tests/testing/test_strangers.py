@@ -34,13 +34,7 @@ from rhs.testing import check_plugin
 from rhs.testing.planners import empty, problem
 from rhs.testing.room import CAMERA
 
-
-@pytest.fixture(autouse=True)
-def afresh():
-    yield
-    loose._silent.clear()
-    registry._by_hand.clear()
-    registry.forget()
+pytestmark = pytest.mark.usefixtures("afresh")
 
 
 class Heuristic(enum.Enum):

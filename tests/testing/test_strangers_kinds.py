@@ -22,6 +22,7 @@ from rhs.config.compose import compose_config
 from rhs.config.degraded import Degraded
 from rhs.metrics.evaluate import evaluate
 
+pytestmark = pytest.mark.usefixtures("afresh")
 LIGHT = ["source=fake", "sensor=fake", "odometry=fake", "recording=off", "pictures=off"]
 
 
@@ -29,14 +30,6 @@ LIGHT = ["source=fake", "sensor=fake", "odometry=fake", "recording=off", "pictur
 def fakes():
     with installed(FAKES):
         yield
-
-
-@pytest.fixture(autouse=True)
-def afresh():
-    yield
-    loose._silent.clear()
-    registry._by_hand.clear()
-    registry.forget()
 
 
 @dataclass
