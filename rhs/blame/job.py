@@ -77,7 +77,8 @@ class BlameJob:
         write_table(folder / "counterfactuals.csv", columns)
         for known, found in columns.items():
             if found["status"] != "ok":
-                failed = RhsError(f"the patrol with {label(known)} replaced by the truth: {found['status']}: {found['reason']}")
+                said = f"{found['status']}: {found['reason']}"
+                failed = RhsError(f"the patrol with {label(known)} replaced by the truth: {said}")
                 failed.add_note(tracebacks[known])
                 raise failed
         write_json(folder / "blame.json", self._account(columns, off_since(Run(folder).steps)))
