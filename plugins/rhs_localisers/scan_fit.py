@@ -37,13 +37,9 @@ class FitWatch:
         self.start()
 
     def start(self, chance: float | None = None) -> None:
-        """A robot that begins, of whose belief only this is known."""
+        """A robot that begins, or a new belief, of which only this is known; its rivals are not known yet."""
         self.rival = float("nan")  # largest share from a place that is not believed in, at the last search
         self._unrivalled_m = np.inf
-        self.begin(chance)
-
-    def begin(self, chance: float | None = None) -> None:
-        """A new belief, of which only this is known."""
         prior = self._s.prior if chance is None else min(max(chance, self._s.prior), self._s.most)
         self._odds = self._log_odds(prior)
         self.share = float("nan")
@@ -65,7 +61,7 @@ class FitWatch:
             return
         off = planar(inverse(se2(*expected)) @ se2(*believed))
         if np.hypot(off[0], off[1]) > self._s.jump_m or abs(off[2]) > np.radians(self._s.jump_deg):
-            self.begin()
+            self.start()
             return
         if not self._pulls or self._pulls[-1][0] > 0.05 * self._s.slip_over_m:
             self._pulls.append((0.0, np.zeros(2)))

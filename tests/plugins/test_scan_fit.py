@@ -82,16 +82,19 @@ def test_the_chance_grows_with_new_scans_that_fit_and_falls_with_others():
 
 def test_a_belief_that_leaps_off_its_motion_begins_anew():
     watch = FitWatch(room(), FitSettings(prior=0.1))
-    watch.begin(0.99)
+    watch.start(0.99)
     watch.follow(np.array([1.0, 1.0, 0.0]), np.array([1.2, 1.0, 0.1]), 0.1)
     assert watch.chance == pytest.approx(0.99)
+    watch.compare(scan(1.0), np.empty((0, 3)))
+    assert not watch.rivals_due(0.1)
     watch.follow(np.array([1.0, 1.0, 0.0]), np.array([2.0, 1.0, 0.0]), 0.1)
-    assert watch.chance == pytest.approx(0.1)
+    assert watch.chance == pytest.approx(0.1) and watch.rivals_due(0.0)  # the old one's rival is none of its
 
 
 def test_a_belief_that_stays_behind_its_motion_is_not_trusted_until_it_follows_again():
-    watch = unrivalled(scan(1.95, 1.45), prior=0.1, slip_m=0.5, slip_over_m=3.0)
-    watch.begin(0.99)
+    watch = FitWatch(room(), FitSettings(prior=0.1, slip_m=0.5, slip_over_m=3.0, least_beams=2))
+    watch.start(0.99)
+    watch.compare(scan(1.95, 1.45), np.empty((0, 3)))
     for _ in range(20):  # 0.2 m behind in 2 m
         watch.follow(np.array([1.1, 1.0, 0.0]), np.array([1.09, 1.0, 0.0]), 0.1)
     assert watch.chance == pytest.approx(0.99)
