@@ -1,8 +1,8 @@
 """Did a run do what it was asked to do? Apart from `status`, which only says that the program ended well.
 
-Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: the
-odometry tracked at least half of the views, and the map of a laser neither contradicts itself nor is unsure of its way;
-unrolling: at least half of the strips were registered.
+Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: at least
+half of the views arrived, the odometry tracked at least half of these, and the map of a laser neither contradicts itself nor
+is unsure of its way; unrolling: at least half of the strips were registered.
 Localise: found after nine of ten starts, wrong and sure in 1 % of the views at most.
 A run that was asked for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
@@ -33,6 +33,9 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
         return _localised(row)
     if _number(row, "places_total") > 0 and row.get("task") not in ("survey", "explore"):
         return _visited(row)
+    views, lost = _number(row, "views"), _number(row, "views_lost")
+    if lost > HALF * (views + lost):
+        return 0.0, f"{lost:.0f} of {views + lost:.0f} views never arrived"
     if wrong := mount_fault(row):
         return 0.0, wrong
     if _number(row, "map_inconsistency") > CONTRADICTED:

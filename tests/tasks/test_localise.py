@@ -120,7 +120,7 @@ class Line:
     """A source of views half a metre apart, with wheels and without a truth."""
 
     camera = facts = views_expected = provides = None
-    renderer, stamps_repaired, lost, timed, number = "", 0, "", True, -1
+    renderer, stamps_repaired, lost, views_lost, timed, number = "", 0, "", 0, True, -1
 
     def lead(self):
         self.number += 1

@@ -17,7 +17,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
 from ..replay_cameras import chosen_camera
-from ..replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth, resized, shrunk
+from ..replay_images import UnreadableImage, check_depth, check_pair, hint_scale, read_color, read_depth, resized, shrunk
 from ..replay_mounts import placed_camera
 from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
@@ -77,6 +77,9 @@ def _paired(path: Path, colors, depths, settings) -> Recording:
         pairs = [(i, depths[j][1]) for i, j in associate(stamps, times, settings.max_difference_s)]
     else:
         by_number = {int(float(number)): file for number, file in depths}
+        if len(by_number) < len(depths):
+            raise ConfigError(f"{path}: {len(depths)} depth images have {len(by_number)} numbers at the end of their names "
+                              f"({depths[0][1].name}, {depths[1][1].name}); expected one each, as 000001.png")
         numbers = [int(float(colors[k][0])) for k in kept]
         pairs = [(i, by_number[number]) for i, number in enumerate(numbers) if number in by_number]
     if not pairs:
@@ -106,6 +109,8 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     deep = files[0][1] is not None
     typed = bool(settings.depth_scale or depth_scale_beside(path))
     smaller = _first_depth(first, files[0][1], scale, typed=typed) if deep else None
+    if deep and not typed:
+        hint_scale([depth for _, depth in files], scale=scale, where=path.name)
     if smaller is not None:
         log.warning("%s: colour of %dx%d is made as small as its depth, %dx%d", path.name, *size, *smaller)
         camera = resized(camera, smaller)
@@ -144,7 +149,7 @@ def _first_depth(color: np.ndarray, file: Path, scale: float, *, typed: bool) ->
     smaller = (deep_width, deep_height) if same_shape and deep_width < width else None
     if smaller is None:
         check_pair(color, depth, file.name)
-    check_depth(depth, scale=scale, where=file.name, typed=typed)
+    check_depth(depth, scale=scale, where=file.name)
     return smaller
 
 

@@ -17,7 +17,7 @@ from rhs.api.records import Capture
 
 from ..replay_images import UnreadableImage
 from ..replay_stamps import UNITS_S, read_tum_truth, typed_file
-from ..replay_tum import Recording
+from ..replay_tum import UNREADABLE, Recording
 from .poses import poses_by_line, poses_by_number
 
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
@@ -51,14 +51,14 @@ def led(listed: Listed, settings) -> Recording:
     lost: list[str] = []
 
     def views():
-        index = unreadable = 0
+        index = 0
         before = None
         for i in wanted:
             try:
                 fields = listed.read(i, before)
             except UnreadableImage as error:
-                unreadable += 1
-                lost[:] = [f"{unreadable} of {len(wanted)} views cannot be read, the last: {error}"]
+                listed.rejected[UNREADABLE] += 1
+                lost[:] = [f"{listed.rejected[UNREADABLE]} of {len(wanted)} views cannot be read, the last: {error}"]
                 continue
             yield Capture(index, float(listed.stamps_s[i]), sensed=True, **fields), listed.pose(i)
             index, before = index + 1, i
