@@ -3,7 +3,7 @@
 Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: at least
 half of the views arrived, the odometry tracked at least half of these, and the map of a laser neither contradicts itself nor
 is unsure of its way; unrolling: at least half of the strips were registered.
-Localise: found after nine of ten starts, wrong and sure in 1 % of the views at most.
+Localise: a laser that sits as was told, found after nine of ten starts, wrong and sure in 1 % of the views at most.
 A run that was asked for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
 
@@ -75,6 +75,8 @@ def _planned(row: Mapping[str, object]) -> tuple[float, str]:
 def _localised(row: Mapping[str, object]) -> tuple[float, str]:
     """Found after nine of ten starts, and hardly ever wrong and sure of it; without a truth not where it says itself that it
     is lost most of the time, else unknown."""
+    if wrong := mount_fault(row):
+        return 0.0, wrong
     if not _known(row, "found_share"):
         lost = _number(row, "belief_lost_share")
         return (0.0, f"lost in {lost:.0%} of the views") if lost > HALF else (NAN, "")
