@@ -23,7 +23,7 @@ from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
 from .intrinsics import depth_scale_beside, intrinsics_beside
 from .poses import poses_beside
-from .views import Listed, led, moved, numbered, stamps_by_name, truth_of
+from .views import Listed, led, moved, numbered, one_series, stamps_by_name, truth_of
 
 COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results")
 DEPTHS = ("depth", "depths", "depth_images")
@@ -47,6 +47,7 @@ def is_frames(path: Path) -> bool:
 def open_frames(path: Path, settings) -> Recording:
     """The views of numbered images: colour with depth where there is a folder of depth. Raises ConfigError."""
     colors, depths = _listed(path)
+    one_series(colors)
     if depths and settings.depth_topic != "none":
         return _paired(path, colors, depths, settings)
     if not colors:
