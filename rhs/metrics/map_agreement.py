@@ -50,7 +50,7 @@ def contradiction_values(run: RunFiles) -> dict[str, float | int | str]:
     """What the map says against itself, before and after closing, how sure its way is; from when it was closed."""
     known = run.json("closure") or {}
     said = {**known.get("details", {}), **known}
-    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m")}
+    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m", *WHEELS)}
 
 
 def mount_values(run: RunFiles) -> dict[str, float | int | str]:
@@ -60,6 +60,7 @@ def mount_values(run: RunFiles) -> dict[str, float | int | str]:
 
 
 CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
+WHEELS = ("wheel_way_ratio", "wheel_turn_ratio")
 MOUNT = ("mount_roll_off_deg", "mount_yaw_off_deg")
 MAP = columns_of(
     contradiction_values,
@@ -71,6 +72,10 @@ MAP = columns_of(
     ("way_sigma_m", "m",
      "standard deviation of positions seen from the start, rms along the way, by the pose graph of loop_closer=scan_graph: "
      "large where scans saw no motion (corridors, empty streets) and no loop corrected it", "closure.json"),
+    ("wheel_way_ratio", "",
+     "way that the wheels of a recording told of over what the camera saw, median of the views that go straight",
+     "rhs.patrol.gate"),
+    ("wheel_turn_ratio", "", "the same of turns", "rhs.patrol.gate"),
 ) + columns_of(
     mount_values,
     ("mount_roll_off_deg", "deg",

@@ -19,6 +19,8 @@ HALF = 0.5
 CONTRADICTED = 0.04
 # Closed loops leave 0.1 to 0.4 m; where scans see nothing along the way and no loop is found it is many metres.
 UNSURE_M = 0.5
+# Wheels are worn and slip by some hundredths; a diameter or a track that was set wrong is hardly off by so much.
+WHEELS_OFF = 1.7
 # Asked of task=localise: found within 10 m of way after so many of the starts, wrong and sure in at most so many views.
 FOUND, WRONG_AND_SURE = 0.9, 0.01
 
@@ -36,7 +38,7 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
     views, lost = _number(row, "views"), _number(row, "views_lost")
     if lost > HALF * (views + lost):
         return 0.0, f"{lost:.0f} of {views + lost:.0f} views never arrived"
-    if wrong := mount_fault(row):
+    if wrong := mount_fault(row) or wheel_fault(row):
         return 0.0, wrong
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"
@@ -58,6 +60,17 @@ def mount_fault(row: Mapping[str, object]) -> str:
     how = " and ".join(words for words, off in (("upside down", roll), (f"turned by {yaw:.0f} degrees", yaw)) if off)
     return (f"by its scans and the wheels the laser is mounted {how}, which nobody told; type "
             f"source.scan_mount=[0,0,0,{roll:.0f},0,{yaw:.0f}], or turn the mount that was told by so much")
+
+
+def wheel_fault(row: Mapping[str, object]) -> str:
+    """How wheels contradict what a camera saw, and what to type; empty where they do not."""
+    for name, what, why in (("wheel_way_ratio", "way", "another unit, a wrong source.depth_scale"),
+                            ("wheel_turn_ratio", "turn", "another sign or unit")):
+        ratio = _number(row, name)
+        if not math.isnan(ratio) and not 1.0 / WHEELS_OFF < ratio < WHEELS_OFF:
+            return (f"the wheels tell of {ratio:.2g} times the {what} that the camera saw: {why}, or a camera that sits "
+                    "otherwise than was told; type source.wheel_topic=none to go without wheels")
+    return ""
 
 
 def with_success(row: Mapping[str, object]) -> dict[str, object]:

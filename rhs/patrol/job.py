@@ -32,7 +32,7 @@ from rhs.worlds.world_moving import walkers
 
 from .changed_map import check_updates
 from .explore import check_explorable, explored
-from .gate import gated
+from .gate import GatedOdometry, gated
 from .kidnap import Kidnapper
 from .loop import steps
 from .mission import turning
@@ -159,6 +159,7 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
     figures = {"closing_ms": closing_ms, **contradictions(revised, views)}
     if "driving" not in parts.provides:  # a simulator knows where its laser sits
         figures |= mount_figures(scans_around(views) or (), collected.wheels)
+        figures |= parts.odometry.wheel_figures() if isinstance(parts.odometry, GatedOdometry) else {}
     write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
 
