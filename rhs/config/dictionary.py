@@ -56,7 +56,7 @@ RUN = _rows(
     ("lost", "", "what was lost of a damaged recording"),
     ("stamps_repaired", "", "stamps of a recording that stepped back and were put right; its own order was kept"),
     ("views", "", "views taken in all"),
-    ("views_lost", "", "views that never arrived: of a recording unreadable, or kept back by degrade"),
+    ("views_lost", "", "views that never arrived: of a recording unreadable, or kept back by degrade; not there: none"),
     ("row_failures", "", "columns that a row cannot have, and why"),
     ("metric_failures", "", "metrics that failed, and how"),
     ("picture_failures", "", "pictures that could not be drawn, and why"),

@@ -88,8 +88,8 @@ def _planned(row: Mapping[str, object]) -> tuple[float, str]:
 def _localised(row: Mapping[str, object]) -> tuple[float, str]:
     """Found after nine of ten starts, and hardly ever wrong and sure of it; without a truth not where it says itself that it
     is lost most of the time, else unknown."""
-    if wrong := mount_fault(row):
-        return 0.0, wrong
+    if fault := mount_fault(row):
+        return 0.0, fault
     if not _known(row, "found_share"):
         lost = _number(row, "belief_lost_share")
         return (0.0, f"lost in {lost:.0%} of the views") if lost > HALF else (NAN, "")

@@ -198,7 +198,7 @@ def leaning_m(corners: np.ndarray) -> float:
         return 0.0
     up = (across * np.sign(across[:, 2:]))[lowest]
     slopes = [_middle(up[:, k] / up[:, 2], up[:, 2]) for k in (0, 1)]  # of most of it: a ramp is no floor that leans
-    return float(np.hypot(*slopes)) * wide_m
+    return float(np.linalg.norm(slopes)) * wide_m
 
 
 def _middle(values: np.ndarray, weights: np.ndarray) -> float:
