@@ -224,6 +224,8 @@ FORMATS = {
 
 def _found(path: Path) -> str:
     if path.is_file():
+        if path.name == "metadata.yaml":
+            return f"found a file of a bag; type source.path={path.parent}"
         packed = path.name.lower().endswith((".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".7z"))
         return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
     if (path / "image_2").is_dir() or (path / "image_0").is_dir():

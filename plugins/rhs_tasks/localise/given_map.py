@@ -76,6 +76,9 @@ def read_given(name: str) -> GivenMap:
     path = Path(name).expanduser()
     if path.is_dir():
         return _of_run(path)
+    if path.is_file() and path.suffix.lower() not in (".yaml", ".yml"):
+        raise ConfigError(f"map={name}: found a {path.suffix or 'file'}; type map={path.with_suffix('.yaml')}, which says "
+                          "how large a pixel of the picture is and where it lies")
     if path.is_file() and "image" in read_yaml(path):
         return GivenMap(load_map(path))
     try:
