@@ -24,11 +24,12 @@ from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair
 from .replay_mounts import Mounts, fixed_links, mount_of, mounted, optical, tf_topics
 from .replay_register import DepthCamera, typed_depth_camera
-from .replay_stamps import cloud_extras
+from .replay_stamps import between, cloud_extras
 from .replay_tum import UNREADABLE, Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
+SAME_CLOCK_S = 1.0  # a view that is older than all wheels by less was taken as they began
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
 
 
@@ -273,7 +274,8 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
     last: dict[str, float] = {}
     frames: dict[str, str] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
-    scan, wheel = None, None
+    scan = None
+    wheels: deque = deque(maxlen=WAITING)  # (stamp, pose)
     for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used()), lost):
         if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
             counts["other_frame"] += 1  # a second sensor on one topic
@@ -285,15 +287,16 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["jump"] += 1
         last[topic] = stamp
         if topic == topics.wheel:
-            wheel = ros.pose_of(message, topic)
+            wheels.append((stamp, ros.pose_of(message, topic)))
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
             if not topics.color and not topics.around:
-                yield Capture(0, stamp, scan=scan, sensed=True), wheel
+                yield Capture(0, stamp, scan=scan, sensed=True), _wheel_at(wheels, stamp)
         elif topic == topics.around:
-            yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), wheel
+            yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), _wheel_at(
+                wheels, stamp)
         else:
             waiting[topic].append((stamp, message))
             for pair in _paired(waiting, topics, settings, counts):
@@ -303,7 +306,19 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
                     counts[UNREADABLE] += 1
                     lost[:1] = [f"{counts[UNREADABLE]} views cannot be read, the last: {error}"]
                     continue
-                yield seen, wheel
+                yield seen, _wheel_at(wheels, seen.stamp_s)
+
+
+def _wheel_at(wheels: deque, stamp_s: float) -> np.ndarray | None:
+    """The pose of the wheels when a view was taken, which arrives later than they do; the last one where its stamp is not
+    among theirs (another clock); None before the first."""
+    if not wheels:
+        return None
+    after = next((k for k, (stamp, _) in enumerate(wheels) if stamp >= stamp_s), 0)
+    if after == 0:
+        return wheels[0][1] if 0.0 <= wheels[0][0] - stamp_s < SAME_CLOCK_S else wheels[-1][1]
+    (begin, first), (end, second) = wheels[after - 1], wheels[after]
+    return between(first, second, (stamp_s - begin) / (end - begin))
 
 
 def _as_far_as_it_goes(messages: Iterator, lost: list[str]) -> Iterator:

@@ -205,3 +205,17 @@ def test_a_run_recorded_from_images_without_times_stays_without_times(tmp_path):
     assert not opened(tmp_path / "run").timed
     rhs.run(["source=replay", f"source.camera={CAMERA}", "source.rate_hz=10", "overwrite=true", *words], quiet=True)
     assert opened(tmp_path / "run").timed
+
+
+@pytest.mark.parametrize(("late_s", "off_s", "travel"), [(0.01, 0.0, 0.2), (0.37, 0.0, 0.2), (0.37, -500.0, 0.2)])
+def test_the_wheels_of_a_view_are_those_of_when_it_was_taken(tmp_path, late_s, off_s, travel):
+    """Wheels ten times a second, 0.1 m further each; a scan every 0.2 s that arrives late, or whose clock is another."""
+    events = [(1.0 + 0.1 * k, "wheel", k) for k in range(12)] + [(1.0 + 0.2 * k + late_s, "scan", k) for k in range(3)]
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for bag.clock_s, what, k in sorted(events):
+            if what == "wheel":
+                bag.odometry("/odom", bag.clock_s, 0.1 * k, 0.0, 0.0)
+            else:
+                bag.scan("/scan", 1.0 + 0.2 * k + off_s, [2.0, 3.0, 4.0])
+    seen = [capture.travel for capture, _ in opened(bag.path).views]
+    assert seen[0] is None and [one[0] for one in seen[1:]] == pytest.approx([travel, 0.2])
