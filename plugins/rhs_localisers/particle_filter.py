@@ -151,7 +151,7 @@ class ParticleLocaliser:
             self._sure_views = 0
             self._elsewhere = max(self._elsewhere, self._advanced.continuity.carried)
             if self._fit is not None:
-                self._fit.begin()
+                self._fit.start()
 
     def _move(self, motion: Motion) -> None:
         travel = planar(motion.previous_from_body)
