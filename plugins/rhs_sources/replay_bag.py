@@ -116,8 +116,12 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
     def of(*kinds: str) -> list[str]:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
 
+    alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": ("PointCloud2",)}.get(settings.views, ())
+    if of(*alone):
+        plain, deep = [], []
     color, depth = pick("color", plain), pick("depth", deep)
     scan = pick("scan", of("LaserScan", "MultiEchoLaserScan"))
+    scan = "" if settings.views == "clouds" and of(*alone) else scan
     clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
         raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")

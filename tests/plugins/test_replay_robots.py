@@ -12,6 +12,7 @@ from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
 import rhs
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL
+from rhs.config.compose import compose_config
 from rhs_sources.folders.bag_files import opened as open_files
 from rhs_sources.replay import open_recording
 from rhs_sources.replay_config import Replay
@@ -219,3 +220,25 @@ def test_the_wheels_of_a_view_are_those_of_when_it_was_taken(tmp_path, late_s, o
                 bag.scan("/scan", 1.0 + 0.2 * k + off_s, [2.0, 3.0, 4.0])
     seen = [capture.travel for capture, _ in opened(bag.path).views]
     assert seen[0] is None and [one[0] for one in seen[1:]] == pytest.approx([travel, 0.2])
+
+
+@pytest.mark.parametrize(("views", "stamps", "holds"), [
+    ("auto", [1.05, 1.1], {"image", "gray", "depth", "scan"}), ("scans", [1.0, 1.12], {"scan"})])
+def test_of_a_robot_with_camera_and_laser_the_scans_come_when_they_were_taken(tmp_path, views, stamps, holds):
+    """As sensor=laser asks for; beside images a scan is as old as it happens to be."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.camera_info("/camera/color/camera_info", 1.0)
+        for scan_s, image_s in ((1.0, 1.05), (1.12, 1.1)):
+            bag.clock_s = image_s if scan_s > image_s else scan_s
+            bag.scan("/scan", scan_s, [2.0, 3.0, 4.0])
+            bag.clock_s = image_s
+            bag.image("/camera/color/image_raw", image_s, picture(), "rgb8")
+            bag.image("/camera/depth/image_raw", image_s, MILLIMETRES, "16UC1")
+    recording = opened(bag.path, views=views)
+    assert [capture.stamp_s for capture, _ in recording.views] == stamps and recording.provides == holds
+
+
+def test_sensors_of_lasers_ask_for_their_own_views():
+    for sensor, views in (("laser", "scans"), ("lidar", "clouds"), ("rgbd", "auto")):
+        config = compose_config([f"sensor={sensor}", "source=replay", "source.path=x"])
+        assert config.parts["source"].settings.views == views
