@@ -64,7 +64,8 @@ def open_bag(path: Path, settings) -> Recording:
     """The views of a bag: paired colour and depth, or scans when there are no images."""
     reader = opened(path)
     try:
-        found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount}  # recorders list others too
+        counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
+        found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
         topics = choose_topics(found, settings, str(path))
         placed = _placed(reader, topics, settings)
         camera = NO_CAMERA

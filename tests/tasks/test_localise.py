@@ -164,3 +164,15 @@ def test_starts_are_checked():
         with pytest.raises(ConfigError, match="expected unknown"):
             checked_start(bad)
     assert Localise().start == "unknown"
+
+
+def test_a_mesh_is_a_map_to_be_found_in(tmp_path):
+    """A room of 6 by 4 m with walls of 2.5 m."""
+    pytest.importorskip("trimesh")
+    corners = [(0, 0), (6, 0), (6, 4), (0, 4)]
+    lines = [f"v {x} {y} {z}" for z in (0, 2.5) for x, y in corners] + ["f 1 2 3 4"]
+    lines += [f"f {k + 1} {(k + 1) % 4 + 1} {(k + 1) % 4 + 5} {k + 5}" for k in range(4)]
+    (tmp_path / "room.obj").write_text("\n".join(lines) + "\n")
+    grid = read_given(str(tmp_path / "room.obj")).grid
+    assert grid.free()[tuple(grid.cells(np.array([3.0, 2.0]))[0])] and grid.occupied().any()
+    assert grid.free().sum() * grid.resolution_m**2 == pytest.approx(24.0, abs=2.0)
