@@ -30,7 +30,7 @@ from .folders.video import is_video, open_video
 from .replay_bag import open_bag
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
-from .replay_tum import Recording, is_tum, open_tum
+from .replay_tum import UNREADABLE, Recording, is_tum, open_tum
 
 log = logging.getLogger("rhs.replay")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
@@ -79,6 +79,11 @@ class ReplaySource(Source):
     def stamps_repaired(self) -> int:  # type: ignore[override]  # of a video it grows as views are read
         """Stamps that were put right; no view is lost."""
         return sum(self._repaired.values())
+
+    @property
+    def views_lost(self) -> int:  # type: ignore[override]
+        """Views that could not be read, so far."""
+        return self.rejected[UNREADABLE]
 
     def _tell(self) -> None:
         """Once, at the end: what was left out or put right, in the log and in recording.json, for the metrics alone."""
@@ -219,6 +224,8 @@ FORMATS = {
 
 def _found(path: Path) -> str:
     if path.is_file():
+        if path.name == "metadata.yaml":
+            return f"found a file of a bag; type source.path={path.parent}"
         packed = path.name.lower().endswith((".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".7z"))
         return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
     if (path / "image_2").is_dir() or (path / "image_0").is_dir():

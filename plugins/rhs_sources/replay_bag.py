@@ -22,13 +22,14 @@ from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair
-from .replay_mounts import Mounts, fixed_links, mount_of, mounted
+from .replay_mounts import Mounts, fixed_links, mount_of, mounted, optical, tf_topics
 from .replay_register import DepthCamera, typed_depth_camera
-from .replay_stamps import cloud_extras
-from .replay_tum import Recording
+from .replay_stamps import between, cloud_extras
+from .replay_tum import UNREADABLE, Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
+SAME_CLOCK_S = 1.0  # a view that is older than all wheels by less was taken as they began
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
 
 
@@ -63,7 +64,8 @@ def open_bag(path: Path, settings) -> Recording:
     """The views of a bag: paired colour and depth, or scans when there are no images."""
     reader = opened(path)
     try:
-        found = {topic: info.msgtype for topic, info in reader.topics.items()}
+        counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
+        found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
         topics = choose_topics(found, settings, str(path))
         placed = _placed(reader, topics, settings)
         camera = NO_CAMERA
@@ -72,7 +74,7 @@ def open_bag(path: Path, settings) -> Recording:
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
         sees = topics.color or topics.around or topics.scan
-        truth = read_truth(reader, found, settings, frame=_frame(reader, sees), body_from_frame=camera.body_from_camera
+        truth = read_truth(reader, found, settings, sees=(sees, _frame(reader, sees)), body_from_frame=placed.frame
                            if topics.color else placed.cloud if topics.around else placed.scan)
     except BaseException:
         reader.close()
@@ -115,8 +117,12 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
     def of(*kinds: str) -> list[str]:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
 
+    alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": ("PointCloud2",)}.get(settings.views, ())
+    if of(*alone):
+        plain, deep = [], []
     color, depth = pick("color", plain), pick("depth", deep)
     scan = pick("scan", of("LaserScan", "MultiEchoLaserScan"))
+    scan = "" if settings.views == "clouds" and of(*alone) else scan
     clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
         raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")
@@ -167,11 +173,13 @@ def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -
     first = ros.color_of(_first(reader, topics.color), topics.color)
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:
-        message = _first(reader, topics.depth)
-        depth = ros.depth_of(message, topics.depth, scale=settings.depth_scale, max_depth_m=np.inf)
-        if registered:
-            check_pair(first, depth, f"{topics.color} and {topics.depth}")
-        check_depth(depth, scale=settings.depth_scale or ros.usual_scale(message), where=topics.depth)
+        for number, (_, _, message) in enumerate(islice(ros.stamped(reader, {topics.depth}), WAITING)):
+            depth = ros.depth_of(message, topics.depth, scale=settings.depth_scale, max_depth_m=np.inf)
+            if registered and number == 0:
+                check_pair(first, depth, f"{topics.color} and {topics.depth}")
+            if check_depth(depth, scale=settings.depth_scale or ros.usual_scale(message), where=topics.depth,
+                           typed=bool(settings.depth_scale)):
+                break  # shows something
     return camera
 
 
@@ -187,13 +195,14 @@ def _first(reader, topic: str):
 class Placed:
     """Where the sensors sit: 4x4 body_from_scanner, body_from_camera (optical) and camera_from_cloud (of a lidar:
     body_from_cloud); None where nothing is said of it. depth: took the depth images, where it is not the colour camera.
-    most_m: reading from which on the laser says that it met nothing."""
+    most_m: reading from which on the laser says that it met nothing. frame: body_from_frame of the frame of the images."""
 
     scan: np.ndarray | None
     camera: np.ndarray | None
     cloud: np.ndarray | None
     depth: DepthCamera | None = None
     most_m: float = np.inf
+    frame: np.ndarray | None = None
 
 
 def _most_m(reader, topic: str) -> float:
@@ -211,7 +220,7 @@ def _placed(reader, topics: Topics, settings) -> Placed:
                                (typed_camera, "camera_mount", topics.color)):
         if typed is not None and not topic:
             raise ConfigError(f"source.{name}: {settings.path} holds nothing that is mounted so; leave it out")
-    links = fixed_links(_transforms(reader))
+    links = fixed_links(_transforms(reader, topics.color or topics.scan or topics.around))
     tree = Mounts(links, settings.body_frame, wheels=_frame(reader, topics.wheel, moved=True))
 
     def of(topic: str) -> np.ndarray | None:
@@ -225,12 +234,14 @@ def _placed(reader, topics: Topics, settings) -> Placed:
     if topics.around:
         return Placed(None, None, of(topics.around) if typed_scan is None else typed_scan)
     scan = of(topics.scan) if typed_scan is None else typed_scan
-    camera = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
+    frame = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
+    camera = optical(frame, _frame(reader, topics.color)) if typed_camera is None else frame
     cloud = None
     if topics.cloud and topics.color:
         cloud = color_from((_frame(reader, topics.color), _frame(reader, topics.cloud)), links, topics.cloud)
     most_m = _most_m(reader, topics.scan) if topics.scan else np.inf
-    return Placed(scan, camera, cloud, _depth_camera(reader, topics, settings, links), most_m)
+    return Placed(scan, camera, cloud, _depth_camera(reader, topics, settings, links), most_m,
+                  se3(BODY_FROM_OPTICAL, np.zeros(3)) if frame is None else frame)
 
 
 def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera | None:
@@ -245,13 +256,13 @@ def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera 
     return depth_camera_of(frames, links, cameras, topics.depth)
 
 
-def _transforms(reader) -> Iterator:
-    """(child, parent, parent_from_child, is static) of a bag's tf, /tf_static first."""
-    for topic in ("/tf_static", "/tf"):
+def _transforms(reader, sensor: str) -> Iterator:
+    """(child, parent, parent_from_child, is static) of a bag's tf, the static ones first."""
+    for topic, static in tf_topics(reader.topics, sensor):
         for _, _, message in ros.messages(reader, [c for c in reader.connections if c.topic == topic]):
             for t in message.transforms:
                 child, parent = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
-                yield child, parent, ros.pose_of(t, topic), topic == "/tf_static"
+                yield child, parent, ros.pose_of(t, topic), static
 
 
 def _frame(reader, topic: str, *, moved: bool = False) -> str:
@@ -266,9 +277,14 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
     left out and said to be lost."""
     camera, placed = seen_by
     last: dict[str, float] = {}
+    frames: dict[str, str] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
-    scan, wheel, unreadable = None, None, 0
+    scan = None
+    wheels: deque = deque(maxlen=WAITING)  # (stamp, pose)
     for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used()), lost):
+        if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
+            counts["other_frame"] += 1  # a second sensor on one topic
+            continue
         if not stamp > last.get(topic, -np.inf):
             counts["duplicate" if stamp == last.get(topic) else "backward"] += 1
             continue
@@ -276,25 +292,38 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["jump"] += 1
         last[topic] = stamp
         if topic == topics.wheel:
-            wheel = ros.pose_of(message, topic)
+            wheels.append((stamp, ros.pose_of(message, topic)))
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
             if not topics.color and not topics.around:
-                yield Capture(0, stamp, scan=scan, sensed=True), wheel
+                yield Capture(0, stamp, scan=scan, sensed=True), _wheel_at(wheels, stamp)
         elif topic == topics.around:
-            yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), wheel
+            yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), _wheel_at(
+                wheels, stamp)
         else:
             waiting[topic].append((stamp, message))
             for pair in _paired(waiting, topics, settings, counts):
                 try:
                     seen = _seen(pair, topics, settings, seen_by, scan)
                 except UnreadableImage as error:
-                    unreadable += 1
-                    lost[:1] = [f"{unreadable} views cannot be read, the last: {error}"]
+                    counts[UNREADABLE] += 1
+                    lost[:1] = [f"{counts[UNREADABLE]} views cannot be read, the last: {error}"]
                     continue
-                yield seen, wheel
+                yield seen, _wheel_at(wheels, seen.stamp_s)
+
+
+def _wheel_at(wheels: deque, stamp_s: float) -> np.ndarray | None:
+    """The pose of the wheels when a view was taken, which arrives later than they do; the last one where its stamp is not
+    among theirs (another clock); None before the first."""
+    if not wheels:
+        return None
+    after = next((k for k, (stamp, _) in enumerate(wheels) if stamp >= stamp_s), 0)
+    if after == 0:
+        return wheels[0][1] if 0.0 <= wheels[0][0] - stamp_s < SAME_CLOCK_S else wheels[-1][1]
+    (begin, first), (end, second) = wheels[after - 1], wheels[after]
+    return between(first, second, (stamp_s - begin) / (end - begin))
 
 
 def _as_far_as_it_goes(messages: Iterator, lost: list[str]) -> Iterator:

@@ -24,7 +24,7 @@ def depth_camera_of(frames: tuple[str, str], links: dict, cameras: tuple[Camera 
                     topic: str) -> DepthCamera | None:
     """The camera of a topic of depth images; None where it is the one of colour. frames, cameras: of colour and of depth, as
     the headers and the CameraInfo say ("" and None: they do not); links: of the tf tree."""
-    if any(word in topic for word in SAID_REGISTERED):
+    if any(word in topic for word in SAID_REGISTERED) and "infra" not in topic:  # RealSense: aligned_depth_to_infra1
         return None
     color, depth = cameras
     pose = color_from(frames, links, topic)

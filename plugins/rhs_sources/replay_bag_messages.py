@@ -145,7 +145,8 @@ def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
     seen = known[np.isfinite(known)]
     if len(seen) and np.median(seen) > FURTHEST_M:
         raise ConfigError(f"{topic}: ranges are {np.median(seen):.4g} m typically; expected metres")
-    most_m = min(most_m, float(message.range_max))  # a wall just there is less likely than none: drivers clip
+    # A wall just there is less likely than none, as drivers clip; pointcloud_to_laserscan writes the largest float there is.
+    most_m = min(most_m, float(message.range_max), FURTHEST_M)
     return Scan(bearings, np.where(known >= most_m, np.inf, known), most_m)
 
 
@@ -212,7 +213,9 @@ def points_of(message, topic: str) -> tuple[np.ndarray, np.ndarray | None]:
     if 0 < row < message.row_step and len(data) >= message.row_step * message.height:  # rows that end in padding
         data = data[: message.row_step * message.height].reshape(message.height, message.row_step)[:, :row]
     table = np.frombuffer(data.tobytes(), kind, data.size // max(message.point_step, 1))
-    return np.stack([table[n] for n in "xyz"], axis=1).astype(float), table[timed[0]].astype(float) if timed else None
+    points = np.stack([table[n] for n in "xyz"], axis=1).astype(float)
+    points[~points.any(axis=1)] = np.nan  # at the scanner itself: what drivers write of a beam that met nothing
+    return points, table[timed[0]].astype(float) if timed else None
 
 
 def _rows(message, kind: np.dtype, channels: int, topic: str) -> np.ndarray:

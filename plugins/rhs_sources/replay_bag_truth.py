@@ -10,6 +10,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
 from . import replay_bag_messages as ros
+from .replay_mounts import tf_topics
 from .replay_stamps import Truth, ascending
 
 
@@ -38,9 +39,10 @@ MOST_LINKS = 50
 NO_TRUTH = BagTruth((), np.eye(4))
 
 
-def read_truth(reader, found: dict[str, str], settings, *, frame: str, body_from_frame: np.ndarray | None) -> BagTruth:
-    """The truth the user named by source.truth_topic (poses of the body) or source.truth_frame (tf down to `frame`, that of
-    the images, clouds or scans, which sits at the body where nothing is said)."""
+def read_truth(reader, found: dict[str, str], settings, *, sees: tuple[str, str],
+               body_from_frame: np.ndarray | None) -> BagTruth:
+    """The truth the user named by source.truth_topic (poses of the body) or source.truth_frame (tf down to the frame
+    of the images, clouds or scans, `sees` their topic and it, which sits at the body where nothing is said)."""
     if settings.truth_topic:
         topic, known = settings.truth_topic, sorted(t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in POSES)
         if topic not in known:
@@ -50,7 +52,7 @@ def read_truth(reader, found: dict[str, str], settings, *, frame: str, body_from
         poses = [(stamp, ros.pose_of(message, topic)) for _, stamp, message in ros.stamped(reader, [topic])]
         return BagTruth((_track(poses, settings),), np.eye(4))
     if settings.truth_frame:
-        return BagTruth(_from_tf(reader, settings, frame.strip("/")),
+        return BagTruth(_from_tf(reader, settings, *sees),
                         np.eye(4) if body_from_frame is None else inverse(body_from_frame))
     return NO_TRUTH
 
@@ -69,16 +71,17 @@ class _Fixed(Truth):
         return self.poses[0]
 
 
-def _from_tf(reader, settings, frame: str) -> tuple[Truth, ...]:
-    """The chain of transforms from the fixed frame down to a frame."""
+def _from_tf(reader, settings, sensor: str, frame: str) -> tuple[Truth, ...]:
+    """The chain of transforms from the fixed frame down to that of a sensor, whose topic is named."""
+    frame = frame.strip("/")
     links: dict[tuple[str, str], list] = {}  # (child, parent): a frame may have several, of odometry and of motion capture
     fixed: set[tuple[str, str]] = set()
-    for topic in ("/tf", "/tf_static"):
+    for topic, static in tf_topics(reader.topics, sensor):
         for _, arrived_s, message in ros.stamped(reader, [topic]):
             for t in message.transforms:
                 link = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
                 links.setdefault(link, []).append((ros.stamp_of(t) or arrived_s, ros.pose_of(t, topic)))
-                if topic == "/tf_static":
+                if static:
                     fixed.add(link)
     wanted = settings.truth_frame.strip("/")
     ways: dict[str, tuple[tuple[str, str], ...]] = {frame: ()}  # the links that lead up to each from the frame

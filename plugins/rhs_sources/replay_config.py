@@ -66,6 +66,9 @@ class Replay:
     """Number of views to use at most; 0 means all."""
     phase: str = "survey"
     """Part of a run recorded by rhs to hand out: survey, patrol, localise or all."""
+    views: str = "auto"
+    """What makes a view of a bag that holds several: images, else clouds, else scans (auto), or scans or clouds alone, each
+    when it was taken; sensor=laser and sensor=lidar set it. A bag without these is read as by auto."""
     color_topic: str = ""
     """Topic of a bag with colour or grey images; empty takes the only topic of a fitting type, none goes without."""
     depth_topic: str = ""
@@ -100,6 +103,7 @@ class Replay:
     def __post_init__(self) -> None:
         owner = "source.replay"
         check_choice(owner, "format", self.format, FORMATS)
+        check_choice(owner, "views", self.views, ("auto", "scans", "clouds"))
         check_choice(owner, "phase", self.phase, ("survey", "patrol", "localise", "all"))
         check_range(owner, "depth_scale", self.depth_scale, low=0.0, high=1e6, unit="steps per metre")
         check_range(owner, "max_depth_m", self.max_depth_m, low=0.1, high=1e4, unit="m")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from rhs.api.pictures import MOST_PIXELS, check_size, head_of
 
 NEAR_M, FAR_M = 0.3, 8.0  # nearer than Kinects see, and further than most rooms are long
 SEEN_M = (0.05, 100.0)  # typical depths that cameras see
+LOOKED_AT = 12  # images of depth whose scale nobody typed
 
 
 log = logging.getLogger("rhs.replay")
@@ -113,10 +116,29 @@ def check_depth(depth: np.ndarray, *, scale: float, where: str, typed: bool = Tr
             f"{where}: typical depth is {typical:.3g} m ({low:.3g}..{high:.3g} m) with source.depth_scale={scale:g};"
             f" expected {SEEN_M[0]:g}..{SEEN_M[1]:g} m; type source.depth_scale=STEPS_PER_METRE"
         )
-    if not typed and (np.percentile(known, 5) < NEAR_M or typical > FAR_M):
+    if not typed:
+        _hint([depth], scale=scale, where=where)
+    return True
+
+
+def hint_scale(files: Sequence[Path], *, scale: float, where: str) -> None:
+    """Says so where depth images, some from the first to the last, make rooms of an unusual size by a scale nobody typed."""
+    depths = []
+    for k in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)):
+        with suppress(UnreadableImage):
+            depths.append(read_depth(files[k], scale=scale, max_depth_m=np.inf))
+    _hint(depths, scale=scale, where=where)
+
+
+def _hint(depths: list[np.ndarray], *, scale: float, where: str) -> None:
+    seen = [known for depth in depths if len(known := depth[np.isfinite(depth)])]
+    if not seen:
+        return
+    near, typical = min(np.percentile(known, 5) for known in seen), float(np.median([np.median(known) for known in seen]))
+    if near < NEAR_M or typical > FAR_M:
+        low, high = min(map(np.min, seen)), max(map(np.max, seen))
         log.warning("%s: depth is taken as %g steps a metre: typically %.2f m, from %.2f to %.2f m; if that is not so type "
                     "source.depth_scale=%d", where, scale, typical, low, high, 1000 if scale > 1000.0 else 5000)
-    return True
 
 
 _TABLES: dict[tuple[float, float], np.ndarray] = {}

@@ -39,7 +39,7 @@ def open_run(path: Path, settings) -> Recording:
     capture = first[0]
     held = {"image": capture.image, "gray": capture.image, "depth": capture.depth, "scan": capture.scan}
     provides = frozenset({word for word, what in held.items() if what is not None} | {"wheel"} | set(capture.extras))
-    return Recording(head.camera, chain([first], views), None, Counter(), facts, provides, lost)
+    return Recording(head.camera, chain([first], views), None, Counter(), facts, provides, lost, timed=head.timed)
 
 
 def _views(path: Path, settings, lost: list[str]):

@@ -8,7 +8,10 @@ repeats it unchanged. A sensor of whose frame nothing is said sits where the bod
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterable
 from dataclasses import replace
+from os.path import commonprefix
 
 import numpy as np
 
@@ -20,7 +23,9 @@ BODIES = ("base_footprint", "base_link")
 STILL_M, STILL_RAD = 1e-3, 1e-3  # a link of /tf that moves by less is fixed
 MOST_TILT = 0.2  # rise of a beam per length; a scanner tilted more sees floor and ceiling, no floor plan
 MOST_LINKS = 50
+UPRIGHT = 0.9  # of the z axis of a frame: nearer to the vertical than 26 degrees
 UNTURNED = np.eye(4)
+log = logging.getLogger("rhs.replay")
 
 
 def mount_of(values, name: str) -> np.ndarray | None:
@@ -92,6 +97,26 @@ class Mounts:
             at, step = self._links[at]
             pose = step @ pose
         return None
+
+
+def optical(body_from_frame: np.ndarray | None, frame: str) -> np.ndarray | None:
+    """Body_from_camera (optical axes) of images in a frame. One whose z points up has x ahead, as simulators write (REP 103
+    calls frames with z ahead _optical): it is said."""
+    if body_from_frame is None or "optical" in frame or abs(body_from_frame[2, 2]) < UPRIGHT:
+        return body_from_frame
+    log.warning("images are of the frame %s, whose z points up or down: it is taken to look along its x; for a camera that "
+                "looks up or down type source.camera_mount=[x,y,z,roll,pitch,yaw]", frame)
+    return body_from_frame @ se3(BODY_FROM_OPTICAL, np.zeros(3))
+
+
+def tf_topics(topics: Iterable[str], sensor: str) -> list[tuple[str, bool]]:
+    """(topic, is static) of tf, the static one first: /tf_static and /tf, or those of the robot in whose namespace the topic
+    of a sensor is (/robot1/scan, /robot1/tf)."""
+    def near(topic: str) -> tuple[int, int]:
+        return len(commonprefix([topic.split("/"), sensor.split("/")])), -topic.count("/")
+
+    found = (max((one for one in topics if one.endswith(ending)), key=near, default="") for ending in ("/tf_static", "/tf"))
+    return [(topic, topic.endswith("static")) for topic in found if topic]
 
 
 def fixed_links(transforms) -> dict[str, tuple[str, np.ndarray]]:

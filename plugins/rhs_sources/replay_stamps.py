@@ -12,7 +12,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, rotation_of_quaternion, se3, transform
 from rhs.api.settings import near_file
-from rhs.api.trajectory import in_tum_order
+from rhs.api.trajectory import in_tum_order, seconds_in
 
 UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
 CLOUD_TIME = "cloud_time_s"
@@ -123,8 +123,9 @@ def number_of(text: str, where: str) -> float:
 
 
 def seconds_of(text: str, where: str) -> float:
-    """The stamp in `text`, seconds: whole numbers of 13, 16 and 19 digits are a Unix time in ms, us and ns."""
-    return number_of(text, where) * (UNITS_S.get(len(text), 1.0) if text.isdigit() else 1.0)
+    """The stamp in `text`, seconds: 13, 16 and 19 digits (before a point) are a Unix time in ms, us and ns."""
+    stamp = number_of(text, where)
+    return stamp * seconds_in(stamp)
 
 
 ROUNDED_S = 1e-3  # by which files that round them part two stamps of one view

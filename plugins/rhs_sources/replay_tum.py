@@ -20,12 +20,13 @@ from rhs.api.records import Capture, WorldFacts
 
 from .folders.intrinsics import intrinsics_beside
 from .replay_cameras import chosen_camera
-from .replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth
+from .replay_images import UnreadableImage, check_depth, check_pair, hint_scale, read_color, read_depth
 from .replay_mounts import placed_camera
 from .replay_register import DepthCamera, typed_depth_camera
 from .replay_stamps import Truth, associate, in_order, read_tum_truth, rows, seconds_of, typed_file
 
 log = logging.getLogger("rhs.replay")
+UNREADABLE = "unreadable"  # of Recording.rejected: views whose files or messages hold no image
 ALIGNED = "aligned_depth.txt"
 COLORS, DEPTHS = ("rgb.txt", "color.txt"), (ALIGNED, "depth.txt")
 
@@ -92,11 +93,13 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
 
+    if not settings.depth_scale:
+        hint_scale([depth for *_, depth in wanted], scale=scale, where=folder.name)
     lost: list[str] = []
     listed = [(stamp, str(color), str(depth)) for stamp, color, depth in wanted]  # paths take 2 kB a view
 
     def views():
-        index = unreadable = 0
+        index = 0
         sound = checked
         for stamp, *files in listed:
             pair = stamp, *(Path(file) for file in files)
@@ -104,8 +107,8 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
                 color, depth = _read(pair, scale, settings)
                 sound = sound or _check_scale(pair[2], scale, settings)
             except UnreadableImage as error:
-                unreadable += 1
-                lost[:] = [f"{unreadable} of {len(listed)} views cannot be read, the last: {error}"]
+                rejected[UNREADABLE] += 1
+                lost[:] = [f"{rejected[UNREADABLE]} of {len(listed)} views cannot be read, the last: {error}"]
                 continue
             if depth_camera is not None:
                 depth = depth_camera.registered(depth, camera)
@@ -121,7 +124,7 @@ def _check_scale(path: Path, scale: float, settings) -> bool:
     """Whether the image shows that the scale is right. Raises ConfigError where it shows that it is not."""
     typed = bool(settings.depth_scale)
     depth = read_depth(path, scale=scale, max_depth_m=np.inf, typed=typed)
-    return check_depth(depth, scale=scale, where=path.name, typed=typed)
+    return check_depth(depth, scale=scale, where=path.name)
 
 
 def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray]:

@@ -115,6 +115,7 @@ class Source(Protocol):
     renderer: str = ""  # for the row: what draws its images, of a simulator
     stamps_repaired: int = 0  # for the row: stamps of a recording that stepped back and were put right; no view is lost
     lost: str = ""  # for the row: what could not be read, of a damaged recording
+    views_lost: int = 0  # for the row: views so far that were never handed out, unreadable ones of a recording
     timed: bool = True  # False: its stamps only count views (numbered images without times); no speed is judged by them
     # whether lead, truth and clearance_m may be called by another thread than the one that built it, one call at a time, for
     # views that nobody has asked for yet
@@ -322,8 +323,8 @@ class Localiser(Protocol):
 PROTOCOLS: dict[str, type] = {"source": Source, "sensor": Sensor, "odometry": Odometry, "loop_closer": LoopCloser,
                               "mapper": Mapper, "planner": Planner, "localiser": Localiser, "replan": Replan, SLAM: Slam,
                               DEGRADE: Degradation, "engine": Engine}
-OPTIONAL = {"source": ("views_expected", "provides", "renderer", "stamps_repaired", "lost", "timed", "leads_ahead",
-                       "begin_patrol", "drive", "teleport", "truth", "clearance_m", "close"),
+OPTIONAL = {"source": ("views_expected", "provides", "renderer", "stamps_repaired", "lost", "views_lost", "timed",
+                       "leads_ahead", "begin_patrol", "drive", "teleport", "truth", "clearance_m", "close"),
             "sensor": ("senses_ahead",), "mapper": ("draws_furniture",), DEGRADE: ("told",),
             "engine": ("chunk_s", "processes", "alive", "workers", "close"),
             "odometry": ("keeps_moving", "short_steps", "scale_from", "revise")}

@@ -76,9 +76,16 @@ def read_tum(path: Path) -> Trajectory:
         if words:
             rows.append(_tum_row(words, f"{path}:{number}"))
     table = np.array(rows).reshape(-1, 8)
+    table[:, 0] *= [seconds_in(stamp) for stamp in table[:, 0]]
     _, first = np.unique(table[:, 0], return_index=True)
     table = table[first]
     return Trajectory(table[:, 0], _poses(table[:, 1:4], table[:, 4:8]))
+
+
+def seconds_in(stamp: float) -> float:
+    """Seconds in the unit of a stamp: a Unix time of these years in ms, us or ns has 13, 16 or 19 digits before its point
+    (ORB-SLAM3 writes 1403636579763555584.000000); others are seconds."""
+    return next((10.0**-behind for digits, behind in _DIGITS.items() if 10.0 ** (digits - 1) <= stamp < 10.0**digits), 1.0)
 
 
 def in_tum_order(text: str) -> str:

@@ -135,7 +135,8 @@ def from_recording(source: Path, target: Path, settings: Sequence[str]) -> int:
     def write(path: Path) -> None:
         nonlocal count
         writer = McapWriter(path)
-        writer.note("rhs", head_note(replay.camera, replay.facts, config={"converted_from": source.name}, level="full"))
+        writer.note("rhs", head_note(replay.camera, replay.facts, config={"converted_from": source.name}, level="full",
+                                      timed=replay.timed))
         while (capture := replay.lead()) is not None:
             _put(writer, replay, capture)
             count += 1

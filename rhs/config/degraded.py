@@ -74,12 +74,18 @@ class Degraded:
         self._previous: np.ndarray | None = None  # true pose at the capture before, where somebody knows it
         self._begun = False
         self._lost: list[Capture] = []  # since the last view that arrived
+        self._kept_back = 0
         self.camera = source.camera
         for who, one in chain:
             self.camera = _told(one.told(self.camera), self.camera, who)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.source, name)
+
+    @property
+    def views_lost(self) -> int:
+        """The source's own and those that a degradation kept back."""
+        return self.source.views_lost + self._kept_back
 
     def lead(self) -> Capture | None:
         return self._arriving(iter(self.source.lead, None))
@@ -108,6 +114,7 @@ class Degraded:
                 self._lost = []
                 return whole
             self._lost.append(spoiled)
+            self._kept_back += 1
         return None
 
     def _spoiled(self, capture: Capture) -> tuple[Capture, bool]:

@@ -56,6 +56,7 @@ RUN = _rows(
     ("lost", "", "what was lost of a damaged recording"),
     ("stamps_repaired", "", "stamps of a recording that stepped back and were put right; its own order was kept"),
     ("views", "", "views taken in all"),
+    ("views_lost", "", "views that never arrived: of a recording unreadable, or kept back by degrade; not there: none"),
     ("row_failures", "", "columns that a row cannot have, and why"),
     ("metric_failures", "", "metrics that failed, and how"),
     ("picture_failures", "", "pictures that could not be drawn, and why"),
@@ -64,9 +65,9 @@ RUN = _rows(
     ("peak_memory_mb", "MB", "most memory the process held"),
     words=("status", "reason", "failure", "task", "world", *PLUGIN_KINDS, "config_hash", "plugins", "commit", "versions",
            "renderer", "scale_from", "lost", "row_failures", "metric_failures", "picture_failures"),
-    counts=("seed", "stamps_repaired"),
+    counts=("seed", "stamps_repaired", "views_lost"),
 )
-LAST = ("commit", "versions", "renderer", "scale_from", "lost", "stamps_repaired", "views", "row_failures",
+LAST = ("commit", "versions", "renderer", "scale_from", "lost", "stamps_repaired", "views", "views_lost", "row_failures",
         "metric_failures", "picture_failures", "wall_ms", "real_time_factor", "peak_memory_mb")
 RUN_FIRST = tuple(column for column in RUN if column.name not in LAST)
 RUN_LAST = tuple(column for column in RUN if column.name in LAST)

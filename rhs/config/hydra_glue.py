@@ -151,6 +151,8 @@ def _check_key(config: DictConfig, word: Word) -> None:
             break
         elif isinstance(node, DictConfig):
             known = [str(k) for k in node.keys()]
+            if owner in KINDS:
+                raise registry.no_setting_of(owner, str(config[owner].name), part, known)
             raise settings.unknown_key(owner, part, known) if depth else registry.no_setting(part, str(config.task), known)
         else:
             top = f"; a task's settings stand at the top level: {parts[-1]}=VALUE" if owner == "task" else ""

@@ -361,3 +361,12 @@ def members_of(settings: Any) -> list[Any]:
         return [settings]
     return [cls(**{item.name: getattr(settings, item.name) for item in dataclasses.fields(cls) if item.init})
             for cls in members.values()]
+
+
+def no_setting_of(kind: str, name: str, key: str, known: list[str]) -> ConfigError:
+    """The error for a setting that this part has not; another of its kind is named if it is the only one that has it."""
+    usable = [one for one in names(kind) if failure(kind, one) is None]
+    owners = [one for one in usable if key in {item.name for item in dataclasses.fields(load(kind, one))}]
+    if key not in known and len(owners) == 1:
+        return ConfigError(f"unknown key {kind}.{key}: {kind}={name} has no such setting; type {kind}={owners[0]} too")
+    return unknown_key(kind, key, known)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
-from rhs.api.metric import RunFiles, columns_of
+from rhs.api.metric import LOOP, RunFiles, columns_of
 
 
 def map_agreement(mine: OccupancyGrid, true: OccupancyGrid) -> dict[str, float]:
@@ -50,10 +50,17 @@ def contradiction_values(run: RunFiles) -> dict[str, float | int | str]:
     """What the map says against itself, before and after closing, how sure its way is; from when it was closed."""
     known = run.json("closure") or {}
     said = {**known.get("details", {}), **known}
-    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m", *MOUNT)}
+    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m", *WHEELS)}
+
+
+def mount_values(run: RunFiles) -> dict[str, float | int | str]:
+    """How the laser of a recording sits, seen from what was told."""
+    known = run.json("closure") or run.json("localise") or {}
+    return {name: float(known.get(name, float("nan"))) for name in MOUNT}
 
 
 CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
+WHEELS = ("wheel_way_ratio", "wheel_turn_ratio")
 MOUNT = ("mount_roll_off_deg", "mount_yaw_off_deg")
 MAP = columns_of(
     contradiction_values,
@@ -65,12 +72,19 @@ MAP = columns_of(
     ("way_sigma_m", "m",
      "standard deviation of positions seen from the start, rms along the way, by the pose graph of loop_closer=scan_graph: "
      "large where scans saw no motion (corridors, empty streets) and no loop corrected it", "closure.json"),
+    ("wheel_way_ratio", "",
+     "way that the wheels of a recording told of over what the camera saw, median of the views that go straight",
+     "rhs.patrol.gate"),
+    ("wheel_turn_ratio", "", "the same of turns", "rhs.patrol.gate"),
+) + columns_of(
+    mount_values,
     ("mount_roll_off_deg", "deg",
      "180: by its scans and the wheels the laser of a recording is mounted upside down, and that was not told; else 0",
      "rhs.estimation.scans.mount_fit"),
     ("mount_yaw_off_deg", "deg",
      "by which the laser is turned about the vertical besides (left positive) seen from what was told; 0 below what wheels "
      "that drift would look like", "rhs.estimation.scans.mount_fit"),
+    tasks=(*LOOP, "localise"),
 ) + columns_of(
     map_values,
     ("map_agreement", "share", "cells called occupied or free that have a true cell of that kind within one cell",

@@ -10,11 +10,12 @@ from rhs.api.metric import LOOP, RunFiles, columns_of
 from .survey import NAN, Values
 
 FILE = "recording"  # recording.json: {"rejected": {reason: count}}
-THROWN = ("duplicate", "backward", "outlier", "not_finite", "empty")  # why a view goes; a `jump` of the clock is kept
+# Why a view goes; a `jump` of the clock is kept.
+THROWN = ("duplicate", "backward", "outlier", "not_finite", "empty", "other_frame")
 _SOURCE = "rhs.metrics.recording"
 _COLUMNS = (
-    ("stamps_rejected", "", "views of a recording left out: stamp repeated, backward, far off or no number; scan empty",
-     _SOURCE),
+    ("stamps_rejected", "", "views of a recording left out: stamp repeated, backward, far off or no number; scan empty; of "
+     "another frame than the first", _SOURCE),
     ("stamps_jumped", "", "jumps of a recording's clock; the views are kept", _SOURCE),
     ("views_unpaired", "", "images of a recording left out because their partner (depth, second camera) is not there",
      _SOURCE),

@@ -1,9 +1,9 @@
 """Did a run do what it was asked to do? Apart from `status`, which only says that the program ended well.
 
-Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: the
-odometry tracked at least half of the views, and the map of a laser neither contradicts itself nor is unsure of its way;
-unrolling: at least half of the strips were registered.
-Localise: found after nine of ten starts, wrong and sure in 1 % of the views at most.
+Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: at least
+half of the views arrived, the odometry tracked at least half of these, and the map of a laser neither contradicts itself nor
+is unsure of its way; unrolling: at least half of the strips were registered.
+Localise: a laser that sits as was told, found after nine of ten starts, wrong and sure in 1 % of the views at most.
 A run that was asked for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
 
@@ -19,6 +19,8 @@ HALF = 0.5
 CONTRADICTED = 0.04
 # Closed loops leave 0.1 to 0.4 m; where scans see nothing along the way and no loop is found it is many metres.
 UNSURE_M = 0.5
+# Wheels are worn and slip by some hundredths; a diameter or a track that was set wrong is hardly off by so much.
+WHEELS_OFF = 1.7
 # Asked of task=localise: found within 10 m of way after so many of the starts, wrong and sure in at most so many views.
 FOUND, WRONG_AND_SURE = 0.9, 0.01
 
@@ -33,7 +35,10 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
         return _localised(row)
     if _number(row, "places_total") > 0 and row.get("task") not in ("survey", "explore"):
         return _visited(row)
-    if wrong := mount_fault(row):
+    views, lost = _number(row, "views"), _number(row, "views_lost")
+    if lost > HALF * (views + lost):
+        return 0.0, f"{lost:.0f} of {views + lost:.0f} views never arrived"
+    if wrong := mount_fault(row) or wheel_fault(row):
         return 0.0, wrong
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"
@@ -57,6 +62,17 @@ def mount_fault(row: Mapping[str, object]) -> str:
             f"source.scan_mount=[0,0,0,{roll:.0f},0,{yaw:.0f}], or turn the mount that was told by so much")
 
 
+def wheel_fault(row: Mapping[str, object]) -> str:
+    """How wheels contradict what a camera saw, and what to type; empty where they do not."""
+    for name, what, why in (("wheel_way_ratio", "way", "another unit, a wrong source.depth_scale"),
+                            ("wheel_turn_ratio", "turn", "another sign or unit")):
+        ratio = _number(row, name)
+        if not math.isnan(ratio) and not 1.0 / WHEELS_OFF < ratio < WHEELS_OFF:
+            return (f"the wheels tell of {ratio:.2g} times the {what} that the camera saw: {why}, or a camera that sits "
+                    "otherwise than was told; type source.wheel_topic=none to go without wheels")
+    return ""
+
+
 def with_success(row: Mapping[str, object]) -> dict[str, object]:
     """The row with its columns `success` and `failure`."""
     success, failure = success_of(row)
@@ -72,6 +88,8 @@ def _planned(row: Mapping[str, object]) -> tuple[float, str]:
 def _localised(row: Mapping[str, object]) -> tuple[float, str]:
     """Found after nine of ten starts, and hardly ever wrong and sure of it; without a truth not where it says itself that it
     is lost most of the time, else unknown."""
+    if fault := mount_fault(row):
+        return 0.0, fault
     if not _known(row, "found_share"):
         lost = _number(row, "belief_lost_share")
         return (0.0, f"lost in {lost:.0%} of the views") if lost > HALF else (NAN, "")

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from rhs.api.contracts import Odometry
-from rhs.api.geometry import exp_se3, inverse, log_se3, se2
+from rhs.api.geometry import exp_se3, inverse, log_se3, planar, se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs.api.validate import MOST_REASON, check_motion
 from rhs.estimation.filters.kalman import gate as chi_square
@@ -32,6 +32,8 @@ FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
 # Scans decide between the two: the least share of the last one's beams seen again, and how much more than as vision says
 LEAST_SHARE, MORE_SHARE = 0.4, 0.2
 USUAL_VIEWS = 10  # stamps of arrival come in clumps: no speed is judged over less than the mean interval of so many views
+COMPARED_M, COMPARED_RAD = 0.03, 0.03  # from view to view: what is less is mostly noise
+COMPARED_LEAST = 20  # views
 FLOOR_SIGMA = 0.05  # of z, roll and pitch as wheels have it, from view to view: metres, radians
 
 
@@ -50,6 +52,7 @@ class GatedOdometry:
         self._lost = 0  # views since vision last knew: what it says next may put right its own guesses over all of them
         self._contradicted = 0
         self._replaced = 0
+        self._compared: list[tuple[np.ndarray, np.ndarray]] = []  # dx, dy, dyaw as vision had it, and wheels
         self._scan: Scan | None = None  # of the view before
         self._now: Scan | None = None
 
@@ -80,7 +83,20 @@ class GatedOdometry:
         revision = self._odometry.revise()
         return None if self._replaced else revision
 
+    def wheel_figures(self) -> dict[str, float]:
+        """Way and turn that wheels told of over what vision saw where it was sure, medians; nothing of too few views."""
+        if not self._compared:
+            return {}
+        seen, told = (np.array(column) for column in zip(*self._compared, strict=True))
+        turns, way_m = np.abs(seen[:, 2]) > COMPARED_RAD, np.hypot(seen[:, 0], seen[:, 1])
+        ahead = ~turns & (way_m > COMPARED_M)
+        ratios = {"wheel_way_ratio": (seen[ahead, :2] * told[ahead, :2]).sum(axis=1) / way_m[ahead] ** 2,
+                  "wheel_turn_ratio": told[turns, 2] / seen[turns, 2]}
+        return {name: float(np.median(each)) for name, each in ratios.items() if len(each) >= COMPARED_LEAST}
+
     def _beside_wheels(self, said: Motion, wheel: np.ndarray) -> Motion:
+        if said.status is Tracking.OK:
+            self._compared.append((planar(said.previous_from_body), wheel))
         spread = self._wheel_covariance(wheel)
         apart = contradiction(said, wheel, spread * (1 + self._lost) ** 2, slip_share=self._settings.slip_share)
         if apart <= self._limit:

@@ -19,7 +19,7 @@ from rhs.api.validate import reach_of
 from rhs.base.errors import ConfigError, RhsError
 from rhs.base.memory import hand_back
 from rhs.estimation import survey as surveying
-from rhs.estimation.scans.mount_fit import fit_mount
+from rhs.estimation.scans.mount_fit import mount_figures
 from rhs.estimation.scans.settings import SEES_AROUND_RAD
 from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
@@ -32,7 +32,7 @@ from rhs.worlds.world_moving import walkers
 
 from .changed_map import check_updates
 from .explore import check_explorable, explored
-from .gate import gated
+from .gate import GatedOdometry, gated
 from .kidnap import Kidnapper
 from .loop import steps
 from .mission import turning
@@ -158,7 +158,8 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
         write_json(log.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
     figures = {"closing_ms": closing_ms, **contradictions(revised, views)}
     if "driving" not in parts.provides:  # a simulator knows where its laser sits
-        figures |= mount_figures(views, collected.wheels)
+        figures |= mount_figures(scans_around(views) or (), collected.wheels)
+        figures |= parts.odometry.wheel_figures() if isinstance(parts.odometry, GatedOdometry) else {}
     write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
 
@@ -186,13 +187,6 @@ def contradictions(before: Sequence[View], closed: Sequence[View]) -> dict[str, 
     values = {name: map_inconsistency(scans, flat(np.array([view.map_from_body for view in views])))
               for name, views in (("map_inconsistency", closed), ("map_inconsistency_before_closing", before))}
     return {name: value for name, value in values.items() if np.isfinite(value)}
-
-
-def mount_figures(views: Sequence[View], wheels: Sequence[np.ndarray | None]) -> dict[str, float]:
-    """How the laser sits beside how it was told to, by its scans and the wheels; nothing where one of them is missing."""
-    scans = scans_around(views) if any(wheel is not None for wheel in wheels) else None
-    fit = None if scans is None else fit_mount(scans, wheels)
-    return {} if fit is None else {"mount_roll_off_deg": 180.0 * fit.upside_down, "mount_yaw_off_deg": fit.yaw_deg}
 
 
 def scans_around(views: Sequence[View]) -> list[Scan | None] | None:

@@ -111,7 +111,8 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
         if not world.moving.still:
             write_json(folder / "moving.json", moving_rows(world.moving))
     level = "full" if config.recording == "auto" else config.recording
-    recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config))
+    recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config),
+                        timed=parts.source.timed)
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))

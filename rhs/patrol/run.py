@@ -317,6 +317,8 @@ class RunContext:
             columns["world"] = parts.source.facts.name  # of the recording
             columns["stamps_repaired"] = parts.source.stamps_repaired
         columns |= {"renderer": parts.source.renderer, "lost": parts.source.lost}
+        if parts.source.views_lost:
+            columns["views_lost"] = parts.source.views_lost
         if "odometry" in self.config.parts:
             metric = sorted({"depth", "wheel"} & self.config.odometry.settings.needs)
             columns["scale_from"] = parts.odometry.scale_from or " + ".join(metric)

@@ -36,6 +36,7 @@ class RunHead:
     facts: WorldFacts | None
     config: dict[str, Any]
     level: str
+    timed: bool = True  # False: nobody says when its views were taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def head_of(values: dict[str, str], report: Report) -> RunHead:
     try:
         world = json.loads(values["world"])
         return RunHead(camera_of(json.loads(values["camera"])), facts_of(world) if world else None,
-                       json.loads(values["config"]), values["level"])
+                       json.loads(values["config"]), values["level"], values.get("timed") != "false")
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"{report.path}: its head does not say which camera it was ({error}); it was not written by "
                              f"this version of rhs") from error

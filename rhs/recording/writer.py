@@ -38,7 +38,8 @@ class Recorder:
     """
 
     def __init__(self, path: Path, level: str, camera: Camera, world_facts: Any = None, *,
-                 config: dict[str, Any] | None = None) -> None:
+                 config: dict[str, Any] | None = None, timed: bool = True) -> None:
+        """timed: as in `Source`, whether somebody says when the views were taken."""
         if level not in LEVELS:
             raise ConfigError(f"recording={level} is not one of {', '.join(LEVELS)}")
         self._level, self._camera = level, camera
@@ -47,7 +48,7 @@ class Recorder:
         self._stamp_ns = 0
         self._writer = None if level == "off" else McapWriter(path, CHUNK_BYTES[level])
         if self._writer is not None:
-            self._writer.note("rhs", head_note(camera, world_facts, config=config, level=level))
+            self._writer.note("rhs", head_note(camera, world_facts, config=config, level=level, timed=timed))
 
     def step(self, step: Step) -> None:
         """Append all that one step knows. /rhs/step comes first: it says which parts of the view follow."""
@@ -103,11 +104,12 @@ class Recorder:
             self._put("/path_points", ros.path_cloud(step.path.points_m, t, "map"))
 
 
-def head_note(camera: Camera, world_facts: Any, *, config: dict[str, Any] | None, level: str) -> dict[str, str]:
+def head_note(camera: Camera, world_facts: Any, *, config: dict[str, Any] | None, level: str,
+              timed: bool = True) -> dict[str, str]:
     """The metadata record `rhs` at the beginning of a recording."""
     facts = dataclasses.asdict(world_facts) if dataclasses.is_dataclass(world_facts) else world_facts or {}  # type: ignore
     return {"camera": json.dumps(camera_to_plain(camera)), "world": json.dumps(facts),
-            "config": json.dumps(config or {}), "level": level}
+            "config": json.dumps(config or {}), "level": level} | ({} if timed else {"timed": "false"})
 
 
 def camera_to_plain(camera: Camera) -> dict[str, Any]:

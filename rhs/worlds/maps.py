@@ -7,7 +7,8 @@ scale: the same ends, a linear ramp between them, transparent pixels unknown;
 raw: pixel values 0..100 are percent, above 100 unknown; negate is ignored.
 One key is ours, which map_server leaves alone: `marks_m`, the size below which a mark that touches no wall is writing.
 The first row of the image is the highest y. Strict inequalities matter: unknown is written as grey 205, whose
-occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196.
+occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196. Nav2's map_saver writes free_thresh: 0.25 beside
+the same greys, by which its own map_server reads the unknown as free; here it stays unknown in such a map, and that is said.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from rhs.base.strict_yaml import load_yaml
 log = logging.getLogger("rhs.worlds")
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 MOST_CELLS = 25_000_000  # 250 m x 250 m at 5 cm; the head of a small file could ask for all the memory there is
+UNKNOWN_AS_SAVED = (255 - UNKNOWN_GREY) / 255  # occupancy of that grey; nav2's map_saver writes free_thresh: 0.25 to it
 READ = "PGM, PNG, BMP, JPEG, WebP, TIFF or GIF"
 SHADED = 0.2  # share of a picture in greys between wall and floor from which it is taken for a photograph
 _LOOKED_AT = 1_000_000  # pixels of a picture from which is told what is wrong with it
@@ -224,9 +226,19 @@ def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:
         out = np.rint(100.0 * (occupancy - low) / max(high - low, 1e-12)) / 100.0
     out[occupancy > high] = 1.0
     out[occupancy < low] = 0.0
+    if low > UNKNOWN_AS_SAVED and header.mode == "trinary" and not header.negate and _is_saved(image):
+        out[np.rint(255.0 * shade) == UNKNOWN_GREY] = np.nan
+        log.warning("%s: its grey %d is taken for unknown, as map_saver writes it; by free_thresh: %g it would be free "
+                    "(write free_thresh: 0.196)", header.image.name, UNKNOWN_GREY, low)
     if header.mode == "scale" and has_alpha:
         out[image[:, :, -1] < 1.0] = np.nan
     return out
+
+
+def _is_saved(image: np.ndarray) -> bool:
+    """Whether brightness (H, W, C) is of the three greys of a map that was saved, and of no others."""
+    levels = np.unique(np.rint(255.0 * image))
+    return {UNKNOWN_GREY, FREE_GREY} <= set(levels) <= {OCCUPIED_GREY, UNKNOWN_GREY, FREE_GREY}
 
 
 def advice_on(yaml_path: str | FilePath) -> str:

@@ -196,8 +196,16 @@ def leaning_m(corners: np.ndarray) -> float:
     lowest = (steep > LEVEL) & (np.abs(corners[..., 2]).max(axis=1) < min(LEANS * wide_m, COVERED_M))
     if not lowest.any():
         return 0.0
-    up = (across * np.sign(across[:, 2:]))[lowest].sum(axis=0)
-    return float(np.hypot(*up[:2]) / up[2]) * wide_m
+    up = (across * np.sign(across[:, 2:]))[lowest]
+    slopes = [_middle(up[:, k] / up[:, 2], up[:, 2]) for k in (0, 1)]  # of most of it: a ramp is no floor that leans
+    return float(np.linalg.norm(slopes)) * wide_m
+
+
+def _middle(values: np.ndarray, weights: np.ndarray) -> float:
+    """The weighted median of (N,) values."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
 
 
 def _spots(triangles: np.ndarray, shape: tuple[int, int], origin: tuple[float, float]) -> np.ndarray:

@@ -89,6 +89,7 @@ def test_the_config_in_the_run_folder_gives_the_run_again(whole_run):
 
 @pytest.mark.parametrize(("words", "says"), [
     (["sed=3"], "unknown key sed; did you mean seed?"),
+    (["source.path=walk.bag"], "unknown key source.path: source=fake has no such setting; type source=replay too"),
     (["planner=fak"], "did you mean fake?"),
     (["planner=broken"], "rhs_fakes.broken:Broken from rhs-fakes 0.1) cannot be imported: ModuleNotFoundError"),
     (["planner.samples=906970164"], "[1, 1000000]"),

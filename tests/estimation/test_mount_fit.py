@@ -9,7 +9,9 @@ import pytest
 from laser_rooms import box, drive, observed
 
 import rhs
+from rhs.api.grid import OccupancyGrid
 from rhs.estimation.scans.mount_fit import fit_mount
+from rhs.worlds.maps import save_map
 
 ROOM = np.concatenate([box(0, 0, 12, 8), box(3, 2, 4, 5), box(7, 4, 10, 5), box(6, 0, 6.5, 2)])
 WAY = drive([(1, 1), (5, 1), (5, 7), (1.5, 7), (1.5, 1), (5, 1.2), (5, 6.5), (11, 6.5), (11, 1), (7.5, 1), (7.5, 3)])
@@ -72,7 +74,12 @@ def test_a_log_of_a_laser_upside_down_says_so_and_what_to_type(tmp_path, rolled)
         lines.append(f"FLASER 181 {ranges} {pose_words} {pose_words} {0.2 * k:.2f} host {0.2 * k:.2f}\n")
     (tmp_path / "room.log").write_text("".join(lines))
     words = ["source=replay", f"source.path={tmp_path / 'room.log'}", "sensor=laser", "pictures=off"]
+    save_map(tmp_path / "empty", OccupancyGrid(np.zeros((40, 40), np.float32), 0.5, (-10.0, -10.0)))
+    found = rhs.run([*words, "task=localise", f"map={tmp_path / 'empty.yaml'}", "localiser=odometry_only", "start=[0,0,0]",
+                     "odometry=wheel", f"output={tmp_path / 'localised'}"], quiet=True)
     row = rhs.run([*words, f"output={tmp_path / 'run'}"], quiet=True)
+    assert found["mount_roll_off_deg"] == 180.0 * rolled and (found["success"] == 0.0) == rolled  # no truth: else unknown
+    assert ("mounted upside down" in found["failure"]) == rolled
     assert row["mount_roll_off_deg"] == 180.0 * rolled and row["mount_yaw_off_deg"] == 0.0
     if rolled:
         assert row["success"] == 0.0 and "the laser is mounted upside down" in row["failure"]

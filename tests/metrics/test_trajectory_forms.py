@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rhs.api.geometry import quaternion_xyzw, se2
-from rhs.api.trajectory import Trajectory, write_tum
+from rhs.api.trajectory import Trajectory, read_tum, write_tum
 from rhs.base.errors import RecordingError
 from rhs.metrics.evaluate import evaluate_pair
 from rhs.metrics.trajectory_forms import read_trajectory
@@ -55,3 +55,11 @@ def test_broken_lines_are_refused_in_one_line(tmp_path, text, said):
     with pytest.raises(RecordingError, match=said) as caught:
         read_trajectory(tmp_path / "a.txt")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("stamp", ["1403636579763555584.000000", "1.403636579763555584e+18", "1403636579763555.584",
+                                   "1403636579763.555584", "1403636579.763555584"])
+def test_unix_times_are_seconds_in_whatever_unit_they_were_written(tmp_path, stamp):
+    """ORB-SLAM3's trajectories of EuRoC are in ns with six zeros behind the point."""
+    (tmp_path / "a.txt").write_text(f"{stamp} 0 0 0 0 0 0 1\n")
+    assert read_tum(tmp_path / "a.txt").stamps_s[0] == pytest.approx(1403636579.763555584, abs=1e-6)

@@ -11,6 +11,7 @@ from rhs.api.contracts import Odometry, complete
 from rhs.api.errors import ContractError
 from rhs.api.geometry import Camera, exp_se3, log_se3, planar, se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
+from rhs.metrics.success import success_of
 from rhs.patrol.gate import GatedOdometry, contradiction, gated, joined
 from rhs.patrol.tasks import Gate
 
@@ -208,3 +209,28 @@ def test_a_robot_on_wheels_does_not_tilt_where_vision_hardly_knows():
     twist = log_se3(motion.previous_from_body)
     np.testing.assert_allclose(twist, [0.2, 0.0, 0.3 / 101.0, 0.3 / 101.0, 0.0, 0.0], atol=2e-3)  # 0.05^2 against 0.5^2
     np.testing.assert_allclose(np.sqrt(np.diag(motion.covariance))[2:5], 0.05, rtol=0.01)
+
+
+@pytest.mark.parametrize(("way", "turn", "said_of"), [
+    (1.0, 1.0, ""), (1.1, 0.9, ""), (1.0, -1.0, "-1 times the turn"), (0.0, 1.0, "0 times the way"),
+    (100.0, 1.0, "1e+02 times the way"), (1.0, 180.0 / np.pi, "57 times the turn")])
+def test_wheels_in_another_unit_or_of_another_sign_are_known_by_what_was_seen(way: float, turn: float, said_of: str) -> None:
+    """A recording's camera, sure of a way of 0.1 m and turns of 0.1 rad; every fourth view says nothing."""
+    seen = [(0.1, 0.0, 0.0), (0.02, 0.0, 0.1), (0.5, 0.0, 0.0), (0.02, 0.0, -0.1)] * 25
+    motions = [said(*one, status=Tracking.LOST if one[0] == 0.5 else Tracking.OK) for one in seen]
+    wheels = [(way * x, 0.0, turn * yaw) for x, _, yaw in seen]
+    part = GatedOdometry(Told(*motions), Gate())
+    part.update(Observation(0, 5.0, CAMERA))
+    for index, wheel in enumerate(wheels, 1):
+        part.update(Observation(index, 5.0 + 0.1 * index, CAMERA, wheel=np.array(wheel)))
+    figures = part.wheel_figures()
+    assert figures == pytest.approx({"wheel_way_ratio": way, "wheel_turn_ratio": turn})
+    fault = success_of({"status": "ok", "tracked_share": 1.0, **figures})[1]
+    assert fault.startswith(f"the wheels tell of {said_of}") if said_of else fault == ""
+
+
+def test_few_views_say_nothing_of_the_wheels() -> None:
+    part = GatedOdometry(Told(*[said(*AHEAD)] * 5), Gate())
+    for index in range(5):
+        part.update(Observation(index, 5.0 + 0.1 * index, CAMERA, wheel=np.array([25.0, 0.0, 0.0])))
+    assert part.wheel_figures() == {}

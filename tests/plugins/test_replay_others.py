@@ -136,6 +136,13 @@ def test_a_range_of_zero_is_no_wall_where_the_scanner_stands(tmp_path):
     assert np.array_equal(scan.ranges_m, [2.0, np.nan, 3.0, np.inf], equal_nan=True)
 
 
+@pytest.mark.parametrize("end", [np.inf, 3e38])
+def test_a_scanner_that_names_no_end_of_its_range_is_read(tmp_path, end):
+    """As pointcloud_to_laserscan writes it where nobody sets range_max."""
+    scan = next(opened(bag(tmp_path, scans([2.0, np.inf, 3.0, np.nan], range_max=end))).views)[0].scan
+    assert np.array_equal(scan.ranges_m, [2.0, np.inf, 3.0, np.nan], equal_nan=True) and np.isfinite(scan.max_range_m)
+
+
 @pytest.mark.parametrize("ranges, changes, words", [
     ([2.0] * 9, {"angle_increment": 0.0}, "0 rad apart"),
     ([2.0] * 181, {"angle_increment": 1.0}, "in radians"), ([2000.0] * 9, {"range_max": 3e4}, "2000 m typically")])

@@ -71,6 +71,7 @@ def test_without_a_truth_nothing_is_said_about_right_and_wrong(surveyed, tmp_pat
 @pytest.mark.parametrize(("words", "said"), [
     (["localiser=odometry_only"], "map is empty"),
     (["map=nowhere_at_all", "localiser=odometry_only"], "no such file, folder or world"),
+    (["map={survey}/map.pgm", "localiser=odometry_only"], r"found a \.pgm; type map=.*map\.yaml"),
     (["map={survey}", "localiser=odometry_only", "start=[1,2]"], r"start=\[1, 2\]"),
     (["map={survey}", "localiser=odometry_only", "start=[0,0,0]", "restart_every_m=5"], "leave out start="),
     (["map={survey}", "localiser=odometry_only", "kidnap_skip_m=0"], "kidnap_skip_m=0"),
@@ -120,7 +121,7 @@ class Line:
     """A source of views half a metre apart, with wheels and without a truth."""
 
     camera = facts = views_expected = provides = None
-    renderer, stamps_repaired, lost, timed, number = "", 0, "", True, -1
+    renderer, stamps_repaired, lost, views_lost, timed, number = "", 0, "", 0, True, -1
 
     def lead(self):
         self.number += 1
@@ -163,3 +164,15 @@ def test_starts_are_checked():
         with pytest.raises(ConfigError, match="expected unknown"):
             checked_start(bad)
     assert Localise().start == "unknown"
+
+
+def test_a_mesh_is_a_map_to_be_found_in(tmp_path):
+    """A room of 6 by 4 m with walls of 2.5 m."""
+    pytest.importorskip("trimesh")
+    corners = [(0, 0), (6, 0), (6, 4), (0, 4)]
+    lines = [f"v {x} {y} {z}" for z in (0, 2.5) for x, y in corners] + ["f 1 2 3 4"]
+    lines += [f"f {k + 1} {(k + 1) % 4 + 1} {(k + 1) % 4 + 5} {k + 5}" for k in range(4)]
+    (tmp_path / "room.obj").write_text("\n".join(lines) + "\n")
+    grid = read_given(str(tmp_path / "room.obj")).grid
+    assert grid.free()[tuple(grid.cells(np.array([3.0, 2.0]))[0])] and grid.occupied().any()
+    assert grid.free().sum() * grid.resolution_m**2 == pytest.approx(24.0, abs=2.0)

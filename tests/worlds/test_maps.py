@@ -48,6 +48,15 @@ def test_trinary_thresholds_are_strict_and_205_is_unknown(tmp_path):
     assert load_map(write_map(tmp_path, pixels, free_thresh=0.25)).probability[0, 1] == 0.0
 
 
+@pytest.mark.parametrize(("pixels", "unknown"), [
+    ([[254, 205, 0]], True), ([[255, 205, 0]], False), ([[254, 205, 90]], False)])
+def test_what_navs_map_saver_calls_unknown_is_not_free_by_its_own_free_thresh(tmp_path, caplog, pixels, unknown):
+    """Nav2 writes free_thresh: 0.25 beside grey 205; other pictures are read by what their file says."""
+    found = load_map(write_map(tmp_path, pixels, free_thresh=0.25)).probability[0]
+    assert np.isnan(found[1]) == unknown and (unknown or found[1] == 0.0)
+    assert ("taken for unknown, as map_saver writes it" in caplog.text) == unknown
+
+
 def test_negate_makes_white_occupied(tmp_path):
     assert load_map(write_map(tmp_path, [[254, 0]], negate=1)).probability.tolist() == [[1.0, 0.0]]
 

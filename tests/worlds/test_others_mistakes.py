@@ -195,6 +195,16 @@ def test_a_floor_that_leans_is_said_to(tmp_path, caplog, share, says):
     assert ("its floor leans, by 0.25 m from end to end" in caplog.text) == says and ("leans" in caplog.text) == says
 
 
+def test_a_ramp_is_no_floor_that_leans(tmp_path, caplog):
+    """A third of the floor, 6 in 100."""
+    pytest.importorskip("trimesh")
+    house = obj(tmp_path)
+    house.write_text(house.read_text() + "v -0.1 -0.1 0\nv 8.1 -0.1 0\nv 8.1 4.1 0\nv -0.1 4.1 0\nf -4 -3 -2 -1\n"
+                     "v 5 0.5 0\nv 7.9 0.5 0.17\nv 7.9 3.9 0.17\nv 5 3.9 0\nf -4 -3 -2 -1\n")
+    load_world(house)
+    assert "leans" not in caplog.text
+
+
 def test_a_house_on_a_plinth_is_entered(tmp_path, caplog):
     slab = "<link name='s'><pose>4 2 0.1 0 0 0</pose><visual name='v'><geometry><box><size>8.2 4.2 0.1</size></box>"
     world = load_world(sdf(tmp_path, z=0.15, more=f"{slab}</geometry></visual></link>"))

@@ -39,6 +39,8 @@ KINDS = (*SCANS, ODOM, TRUE)
 CORRECTED = "corrected"  # of source.truth
 STILL = (0.0, 0.0, 0.0)
 TYPICAL_M = 100.0  # more than the median of lasers on robots, also of those that read 82 m where they met nothing
+STEP_M, STEPS_LEAST = 0.02, 30  # of wheels between two scans, that tell a direction
+ASIDE, AHEAD = 0.8, 0.95  # mean |cos| between way and heading: 0.64 where they have nothing to do with each other, 1
 AT_END_M, BELOW_M = 0.015, 0.5  # the readings of a scanner that met nothing; what walls there would be like is judged below
 END_LEAST, END_SHARE, END_TIMES = 100, 0.002, 10.0
 
@@ -130,6 +132,7 @@ def _read(path: Path, settings) -> Log:
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
+    _check_headings(np.array(odometry).reshape(-1, 3), path)
     return Log(readings, odometry, beside[TRUE], cut)
 
 
@@ -140,6 +143,20 @@ def _check_unit(readings_m: list[np.ndarray], path: Path) -> None:
     if typical > TYPICAL_M:
         raise ConfigError(f"{path}: a typical reading is {typical:.4g}; expected metres, of which lasers see 82 (SICK) "
                           "or 300; divide those in millimetres by 1000, in centimetres by 100")
+
+
+def _check_headings(poses: np.ndarray, path: Path) -> None:
+    """Refuse x, y, heading (N, 3) whose headings are degrees: read so, a robot goes where it looks, and by radians it does
+    not."""
+    steps = np.diff(poses[:, :2], axis=0)
+    far = np.hypot(*steps.T) > STEP_M
+    if far.sum() < STEPS_LEAST:
+        return
+    way, heading = np.arctan2(steps[far, 1], steps[far, 0]), poses[1:, 2][far]
+    ahead = [float(np.abs(np.cos(way - unit * heading)).mean()) for unit in (1.0, np.pi / 180.0)]
+    if ahead[0] < ASIDE and ahead[1] > AHEAD:
+        raise ConfigError(f"{path}: its headings ({heading.min():.4g} to {heading.max():.4g}) are degrees: by these the "
+                          "robot goes where it looks; expected radians")
 
 
 def end_of_range(readings_m: list[np.ndarray]) -> float:

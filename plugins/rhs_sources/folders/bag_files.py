@@ -8,6 +8,7 @@ from pathlib import Path
 from rhs.api.errors import ConfigError
 from rhs.recording.mcap_scan import open_scan
 
+PART_S = 5.0  # between the end of a part and the beginning of the next; a recorder that splits loses less
 SPLIT, SPLIT_TIME = re.compile(r"(.*)_(\d+)\.\w+"), re.compile(r"_?\d{4}(-\d\d){5}$")
 
 
@@ -47,10 +48,22 @@ def opened(path: Path):
 
         reader = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
-        return reader
     except Exception as error:  # the library raises many kinds for damaged files
         short = " ".join(str(error).split())[:120]
         cut = next(iter(path.glob("*.mcap")), None) if path.is_dir() else file if file.suffix == ".mcap" else None
         hint = f"; if it was cut: python -m rhs convert {cut} whole.mcap" if cut else ""
         hint = f"; if it was cut: rosbag reindex {file.name}" if file.suffix == ".bag" else hint
         raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
+    _check_parts(reader, files)
+    return reader
+
+
+def _check_parts(reader, files: list[Path]) -> None:
+    """Refuse bags that are numbered as the parts of one are, and are recordings of their own."""
+    parts = sorted((part.start_time, part.end_time, {c.topic for c in part.connections}) for part in reader.readers)
+    for (_, end, topics), (begin, _, others) in zip(parts[:-1], parts[1:], strict=True):
+        apart_s = 1e-9 * (begin - end)
+        if not -PART_S <= apart_s <= PART_S or not topics & others:
+            reader.close()
+            raise ConfigError(f"{files[0].parent}: found {files[0].name} to {files[-1].name}, two of them {apart_s:.1f} s "
+                              f"apart or without a common topic: recordings of their own? type source.path={files[0]}")

@@ -18,7 +18,7 @@ from ..replay_mounts import mount_of
 from ..replay_stamps import cloud_extras, in_order
 from ..replay_tum import Recording
 from .pcd import SUFFIXES, read_cloud
-from .views import Listed, led, numbered, stamps_by_name, truth_of
+from .views import Listed, led, numbered, one_series, stamps_by_name, truth_of
 
 FOLDERS = ("velodyne", "velodyne_points", "lidar", "pcd", "clouds", "points", "data")
 RATE_HZ = 10.0
@@ -33,6 +33,7 @@ def open_clouds(path: Path, settings) -> Recording:
     files = _files(path)
     if not files:
         raise ConfigError(f"{path}: no numbered cloud; expected 000000.pcd, .bin or .ply")
+    one_series(files)
     stamps, timed = stamps_by_name([number for number, _ in files], settings.rate_hz, RATE_HZ)
     kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(files))), Counter())
     found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)

@@ -17,13 +17,13 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
 from ..replay_cameras import chosen_camera
-from ..replay_images import UnreadableImage, check_depth, check_pair, read_color, read_depth, resized, shrunk
+from ..replay_images import UnreadableImage, check_depth, check_pair, hint_scale, read_color, read_depth, resized, shrunk
 from ..replay_mounts import placed_camera
 from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
 from .intrinsics import depth_scale_beside, intrinsics_beside
 from .poses import poses_beside
-from .views import Listed, led, moved, numbered, stamps_by_name, truth_of
+from .views import Listed, led, moved, numbered, one_series, stamps_by_name, truth_of
 
 COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results")
 DEPTHS = ("depth", "depths", "depth_images")
@@ -47,6 +47,7 @@ def is_frames(path: Path) -> bool:
 def open_frames(path: Path, settings) -> Recording:
     """The views of numbered images: colour with depth where there is a folder of depth. Raises ConfigError."""
     colors, depths = _listed(path)
+    one_series(colors)
     if depths and settings.depth_topic != "none":
         return _paired(path, colors, depths, settings)
     if not colors:
@@ -77,6 +78,9 @@ def _paired(path: Path, colors, depths, settings) -> Recording:
         pairs = [(i, depths[j][1]) for i, j in associate(stamps, times, settings.max_difference_s)]
     else:
         by_number = {int(float(number)): file for number, file in depths}
+        if len(by_number) < len(depths):
+            raise ConfigError(f"{path}: {len(depths)} depth images have {len(by_number)} numbers at the end of their names "
+                              f"({depths[0][1].name}, {depths[1][1].name}); expected one each, as 000001.png")
         numbers = [int(float(colors[k][0])) for k in kept]
         pairs = [(i, by_number[number]) for i, number in enumerate(numbers) if number in by_number]
     if not pairs:
@@ -106,6 +110,8 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     deep = files[0][1] is not None
     typed = bool(settings.depth_scale or depth_scale_beside(path))
     smaller = _first_depth(first, files[0][1], scale, typed=typed) if deep else None
+    if deep and not typed:
+        hint_scale([depth for _, depth in files], scale=scale, where=path.name)
     if smaller is not None:
         log.warning("%s: colour of %dx%d is made as small as its depth, %dx%d", path.name, *size, *smaller)
         camera = resized(camera, smaller)
@@ -144,7 +150,7 @@ def _first_depth(color: np.ndarray, file: Path, scale: float, *, typed: bool) ->
     smaller = (deep_width, deep_height) if same_shape and deep_width < width else None
     if smaller is None:
         check_pair(color, depth, file.name)
-    check_depth(depth, scale=scale, where=file.name, typed=typed)
+    check_depth(depth, scale=scale, where=file.name)
     return smaller
 
 

@@ -40,7 +40,7 @@ def read_cloud(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
         short = " ".join(str(error).split())[:120]
         raise UnreadableCloud(f"{path}: found {path.stat().st_size} bytes that are no {path.suffix[1:].lower()} cloud "
                               f"({short}); expected points with x, y, z") from None
-    finite = points[np.isfinite(points[:, :3]).all(axis=1)]
+    finite = points[np.isfinite(points[:, :3]).all(axis=1) & points[:, :3].any(axis=1)]  # at the scanner: met nothing
     some = finite[::16, :3].astype(float)
     if len(some) and (away := float(np.median(np.linalg.norm(some, axis=1)))) > FURTHEST_M:
         raise UnreadableCloud(f"{path}: its points are typically {away:.3g} away; expected metres from the scanner "

@@ -17,7 +17,7 @@ from rhs.api.records import Capture
 
 from ..replay_images import UnreadableImage
 from ..replay_stamps import UNITS_S, read_tum_truth, typed_file
-from ..replay_tum import Recording
+from ..replay_tum import UNREADABLE, Recording
 from .poses import poses_by_line, poses_by_number
 
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
@@ -51,14 +51,14 @@ def led(listed: Listed, settings) -> Recording:
     lost: list[str] = []
 
     def views():
-        index = unreadable = 0
+        index = 0
         before = None
         for i in wanted:
             try:
                 fields = listed.read(i, before)
             except UnreadableImage as error:
-                unreadable += 1
-                lost[:] = [f"{unreadable} of {len(wanted)} views cannot be read, the last: {error}"]
+                listed.rejected[UNREADABLE] += 1
+                lost[:] = [f"{listed.rejected[UNREADABLE]} of {len(wanted)} views cannot be read, the last: {error}"]
                 continue
             yield Capture(index, float(listed.stamps_s[i]), sensed=True, **fields), listed.pose(i)
             index, before = index + 1, i
@@ -71,13 +71,25 @@ def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
     """(number at the end of the name, before `tail`, as it is written, file) in order of the numbers; those without one are
     left out."""
     found = [(match[2], file) for file in files if (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
-    return sorted(found, key=lambda pair: (float(pair[0]), pair[1].name))
+    return sorted(found, key=lambda pair: (float(pair[0]), [*map(int, re.findall(r"\d+", pair[1].stem))], pair[1].name))
+
+
+def one_series(files: Sequence[tuple[str, Path]]) -> None:
+    """Refuse numbered files of which some have one number (left_001.png, right_001.png): two series would be led as one.
+    Where all have the same (scan_2_of_90.pcd) that counts nothing."""
+    of: dict[float, list[Path]] = {}
+    for number, file in files:
+        of.setdefault(float(number), []).append(file)
+    twice = next((same for same in of.values() if len(same) > 1), None)
+    if twice is not None and len(of) > 1:
+        raise ConfigError(f"{twice[0].parent}: found {twice[0].name} and {twice[1].name}, two of one number; expected one "
+                          "series in a folder")
 
 
 def stamps_by_name(numbers: list[str], rate_hz: float, usual_hz: float) -> tuple[np.ndarray, bool]:
     """(N,) seconds of files by the numbers in their names, and whether these are times: seconds with a fraction, or the 10,
-    13, 16 or 19 digits of a Unix time. Else, or where a rate was typed, files come at that rate."""
-    whole = [UNITS_S.get(len(number)) for number in numbers if "." not in number]
+    13, 16 or 19 digits of a Unix time (KITTI's 0000000012 is none). Else, or where a rate was typed, at that rate."""
+    whole = [UNITS_S.get(len(number)) if number[0] != "0" else None for number in numbers if "." not in number]
     if rate_hz == 0.0 and numbers and all(whole):
         return np.array([float(n) * (1.0 if "." in n else UNITS_S[len(n)]) for n in numbers]), True
     return np.arange(len(numbers)) / (rate_hz or usual_hz), False

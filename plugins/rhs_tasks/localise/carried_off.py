@@ -28,6 +28,10 @@ class CarriedOff(Source):
     def lost(self) -> str:  # type: ignore[override]  # grows while a recording is read
         return self._source.lost
 
+    @property
+    def views_lost(self) -> int:  # type: ignore[override]
+        return self._source.views_lost
+
     def lead(self) -> Capture | None:
         capture = self._next()
         self.fresh = self._way_m >= self._every_m

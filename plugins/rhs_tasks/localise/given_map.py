@@ -23,6 +23,7 @@ from rhs.api.records import Features, FeatureSettings, Motion, Observation, Trac
 from rhs.api.trajectory import Trajectory, associate, read_tum
 from rhs.estimation.scans.wall_rays import lift_on_walls
 from rhs.recording.reader import RecordedView, RunHead, read, read_head
+from rhs.worlds.buildings import PICTURES
 from rhs.worlds.maps import load_map, read_yaml
 from rhs.worlds.world import load_world
 
@@ -76,7 +77,10 @@ def read_given(name: str) -> GivenMap:
     path = Path(name).expanduser()
     if path.is_dir():
         return _of_run(path)
-    if path.is_file() and "image" in read_yaml(path):
+    if path.is_file() and path.suffix.lower() in PICTURES:
+        raise ConfigError(f"map={name}: found a {path.suffix}; type map={path.with_suffix('.yaml')}, which says "
+                          "how large a pixel of the picture is and where it lies")
+    if path.is_file() and path.suffix.lower() in (".yaml", ".yml") and "image" in read_yaml(path):
         return GivenMap(load_map(path))
     try:
         return GivenMap(truth_grid(load_world(name)))

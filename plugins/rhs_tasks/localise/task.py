@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +18,10 @@ from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError
 from rhs.api.files import replacing
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, Event, Step
+from rhs.api.records import Belief, Event, Scan, Step
 from rhs.api.task import StepJob, TaskContext
 from rhs.api.validate import check_belief, reach_of
+from rhs.estimation.scans.mount_fit import mount_figures
 from rhs.worlds.maps import save_map
 
 from .carried_off import CarriedOff
@@ -44,6 +45,8 @@ class LocaliseJob(StepJob):
             raise ConfigError(f"{self.parts.who['localiser']} recognises places, and map={settings.map} holds no pictures "
                               "of any; type map=RUN_FOLDER of a survey with recording=full, or "
                               "localiser=particle_filter_scan")
+        self.scans: list[Scan | None] = []  # as measured, and the travel (3,) of the wheels since the view before
+        self.wheels: list[np.ndarray | None] = []
         self.source: Source = self.parts.source
         if settings.kidnap_every_m:
             self.source = self.parts.source = CarriedOff(self.source, settings.kidnap_every_m, settings.kidnap_skip_m)
@@ -55,6 +58,8 @@ class LocaliseJob(StepJob):
         self.write_note()
         led = self.believed(self.context.lead(self.parts))
         yield from self.context.follow(led, PHASE, self.source.views_expected)
+        if "driving" not in self.parts.provides:  # a simulator knows where its laser sits
+            self.write_note(mount_figures(self.scans, self.wheels))
 
     def believed(self, led: Iterator[Step]) -> Iterator[Step]:
         """The steps with the localiser's belief in the place of the sum of the odometry, and with the truth in the map."""
@@ -68,6 +73,8 @@ class LocaliseJob(StepJob):
                 begin, way_m = False, 0.0
             if isinstance(self.source, CarriedOff) and self.source.fresh:
                 events.append(Event.KIDNAPPED)
+            self.scans.append(step.observation.scan)
+            self.wheels.append(None if Event.KIDNAPPED in events else step.observation.wheel)
             clock = time.perf_counter()
             belief = self.parts.localiser.update(step.observation, step.motion)
             belief = check_belief(belief, who=self.parts.who["localiser"], reach_m=reach_of(self.source.facts))
@@ -75,11 +82,11 @@ class LocaliseJob(StepJob):
             truth = None if step.truth is None else self.given.in_map(step.truth)
             yield replace(step, phase=PHASE, belief=belief, truth=truth, events=tuple(events), timings_ms=spent)
 
-    def write_note(self) -> None:
-        """localise.json: which map, and how bent it is by the truth of the survey behind it."""
+    def write_note(self, figures: Mapping[str, float] | None = None) -> None:
+        """localise.json: which map, how bent it is by the truth of the survey behind it; figures: how the laser sits."""
         misfit_m = self.given.misfit_m if np.isfinite(self.given.misfit_m) else None
         with replacing(self.context.folder / "localise.json") as file:
-            file.write(json.dumps({"map": self.settings.map, "map_misfit_m": misfit_m}, indent=1) + "\n")
+            file.write(json.dumps({"map": self.settings.map, "map_misfit_m": misfit_m, **(figures or {})}, indent=1) + "\n")
 
 
 def first_belief(settings: Localise) -> Belief | None:

@@ -22,6 +22,7 @@ from rhs.api.records import Scan
 from rhs.estimation.views.motion_consistency import scan_share
 
 from .planar_poses import between, composed
+from .settings import SEES_AROUND_RAD
 
 TURN_RAD, WAY_M = 0.3, 0.5  # a stretch of the wheels' travel is a turn or a way of so much
 MOST_M = 1.5  # a robot that turns by less on such a way is taken to go straight
@@ -73,6 +74,15 @@ def fit_mount(scans: Sequence[Scan | None], wheels: Sequence[np.ndarray | None])
             best = found
     yaw_deg = (best.yaw_deg + 180.0) % 360.0 - 180.0
     return MountFit(best.upside_down, yaw_deg if abs(yaw_deg) >= LEAST_YAW_DEG else 0.0)
+
+
+def mount_figures(scans: Sequence[Scan | None], wheels: Sequence[np.ndarray | None]) -> dict[str, float]:
+    """`fit_mount` of what a laser measured, as columns; nothing where there are no wheels, or it sees too little at once."""
+    first = next((scan for scan in scans if scan is not None), None)
+    if first is None or np.ptp(first.bearings_rad) < SEES_AROUND_RAD or all(wheel is None for wheel in wheels):
+        return {}
+    fit = fit_mount(scans, wheels)
+    return {} if fit is None else {"mount_roll_off_deg": 180.0 * fit.upside_down, "mount_yaw_off_deg": fit.yaw_deg}
 
 
 def _turned(scans: Seen, stretches: list[Stretch], upside_down: bool) -> _Trial:
