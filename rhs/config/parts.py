@@ -132,7 +132,7 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
         chosen = {**chosen, "source": really_there(chosen["source"], source)}
         check_combination(chosen)
         if DEGRADE in chosen and made is None:
-            built["source"] = source = degraded(source, chosen[DEGRADE], seed=seed, folder=folder, features=features)
+            built["source"] = source = degraded(source, chosen, seed=seed, folder=folder, features=features)
         for kind in (kind for kind in ORDER[1:] if kind in chosen and kind not in built):
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
             built[kind] = build_part(kind, chosen[kind], context)
@@ -160,16 +160,16 @@ def _checked(source: Source, who: str) -> None:
         raise ConfigError(str(error)) from error
 
 
-def degraded(source: Source, chosen: Chosen, *, seed: int, folder: Path, features: FeatureSettings) -> Source:
+def degraded(source: Source, chosen: Mapping[str, Chosen], *, seed: int, folder: Path, features: FeatureSettings) -> Source:
     """The source behind its degradations, each with a generator of its own, the first named first."""
     from .degraded import Degraded
 
-    chain = []
-    for name, settings in zip(names_in(DEGRADE, chosen.name), members_of(chosen.settings), strict=True):
+    chain, typed = [], chosen[DEGRADE]
+    for name, settings in zip(names_in(DEGRADE, typed.name), members_of(typed.settings), strict=True):
         one = Chosen(name, settings)
         context = Context(generator(seed, f"{DEGRADE}.{name}"), source.camera, source.facts, folder, features)
         chain.append((called(DEGRADE, one), build_part(DEGRADE, one, context)))
-    return cast(Source, Degraded(source, chain))
+    return cast(Source, Degraded(source, chain, called("source", chosen["source"])))
 
 
 def called(kind: str, chosen: Chosen) -> str:

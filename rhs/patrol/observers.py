@@ -140,9 +140,9 @@ def plan_row(mission: int, plan: Plan) -> dict[str, Any]:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Written whole or not at all."""
+    """Written whole or not at all; numbers of NumPy as plain ones."""
     with replacing(path) as file:
-        file.write(json.dumps(value, indent=1) + "\n")
+        file.write(json.dumps(value, indent=1, default=np.generic.item) + "\n")
 
 
 def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:

@@ -253,7 +253,7 @@ class Effect:
             return "fails"
         if self.low > MATTERS:
             return "worse"
-        if self.high < -MATTERS or self.won - self.lost >= FAILS:
+        if self.high < -MATTERS:
             return "better"
         return "no effect" if -MATTERS <= self.low and self.high <= MATTERS else "not sure"
 

@@ -2,9 +2,11 @@
 
 import importlib.util
 import json
+import re
 import sys
 
 import pytest
+from installing import FAKES, installed
 
 import rhs
 from rhs.base.errors import PluginError
@@ -12,6 +14,8 @@ from rhs.cli.main import main
 from rhs.config import loose, registry
 from rhs.config.loose import carried, take_over
 from rhs.runfolder.row import read_row
+from rhs.sweeps.kept import ended
+from rhs.sweeps.sweep import plan
 
 SOURCE = '''
 from dataclasses import dataclass
@@ -74,6 +78,29 @@ def test_a_sweep_its_resume_and_its_verification_know_the_file(file, tmp_path, c
     assert main(["verify", str(folder)]) == 2
     assert "add --plugin FILE" in capsys.readouterr().err
     assert main(["verify", str(folder), "--plugin", str(file)]) == 0
+
+
+def test_rows_of_other_code_are_not_those_of_the_part_as_it_is_now(file, tmp_path, capsys):
+    """A part that was edited had the rows of the old one, in sweeps that go on and in what begins again by itself."""
+    words, folder = ["-m", "--plugin", str(file), *SWEEP], tmp_path / "sweep"
+    assert main([*words, f"output={folder}", "--jobs", "1"]) == 0
+    (job,) = [job for job in plan([*SWEEP, f"output={folder}"]).jobs if job.config.planner.name == "direct"]
+    assert ended(job, folder, None)["status"] == "ok"
+    _forget()
+    file.write_text(SOURCE.replace("Straight", "Straighter"))
+    capsys.readouterr()
+    assert main([*words, f"output={folder}", "--resume"]) == 2
+    told = capsys.readouterr().err
+    assert "planner=direct was direct.py (" in told and "take another folder, or type --force" in told
+    assert ended(job, folder, None) is None
+    assert main([*words, f"output={folder}", "--resume", "--force"]) == 0
+
+
+def test_the_code_of_a_package_is_told_in_the_row(tmp_path):
+    with installed(FAKES):
+        registry.forget()
+        (told,) = registry.sources("planning", {"planner": "fake", "odometry": "keyframe"})
+        assert re.fullmatch(r"planner=fake from rhs-fakes 0.1 \([0-9a-f]{12}\)", told)
 
 
 def test_a_registered_class_goes_with_a_sweep_from_python(file, tmp_path):
