@@ -172,7 +172,7 @@ def metrics(task: str = "") -> list[Metric]:
 
 def columns() -> dict[str, Column]:
     """Every column a row can have, by name, in the order of a table."""
-    return _columns(tuple(registry.names("metric")))[0]
+    return _columns(tuple(registry.names("metric")), len(registry.changes))[0]
 
 
 def added(names: Iterable[str]) -> list[str]:
@@ -185,12 +185,13 @@ def added(names: Iterable[str]) -> list[str]:
 
 def rank(name: str) -> int | None:
     """Place of a column in that order; None for one that nobody described."""
-    return _columns(tuple(registry.names("metric")))[1].get(name)
+    return _columns(tuple(registry.names("metric")), len(registry.changes))[1].get(name)
 
 
 @cache
-def _columns(groups: tuple[str, ...]) -> tuple[dict[str, Column], dict[str, int]]:
-    """Columns and their places, for these groups of metrics."""
+def _columns(groups: tuple[str, ...], changes: int) -> tuple[dict[str, Column], dict[str, int]]:
+    """Columns and their places, for these groups of metrics, after so many changes of the registry: in a notebook a metric
+    is registered again under its name."""
     found = [Column(m.name, m.unit, m.meaning, m.source, "word" if m.word else "count" if m.count else "number")
              for m in metrics()]
     known = {column.name: column for column in reversed([*RUN_FIRST, *found, *TASKS, *RUN_LAST])}

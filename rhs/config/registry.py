@@ -75,6 +75,7 @@ def register(kind: str, name: str, cls: type) -> None:
     _by_hand[kind, name] = cls, origin
     load.cache_clear()
     failure.cache_clear()
+    changes.append(name)
 
 
 def _where_it_stands(plugin: Any) -> tuple[str, str]:
@@ -139,8 +140,10 @@ def forget() -> None:
     _on_path.cache_clear()
     load.cache_clear()
     failure.cache_clear()
+    changes.append("")
 
 
+changes: list[str] = []  # what was registered or forgotten; who keeps what follows from it looks at their number
 registered_from: list[Callable[[str, str], None]] = []  # what registers kind=name, if a file of --plugin holds it
 
 

@@ -66,6 +66,7 @@ def words_of(values: Mapping[str, Any]) -> list[Word]:
     for key, value in values.items():
         if key in PLUGIN_KINDS and settings.is_record(value):
             name = known_as(key, type(value))
+            check_dicts(key, settings.plain(value), settings.defaults(type(value)))
             out.append(Word(key, name, f"{key}={name}"))
             out += [Word(f"{key}.{k}", v, f"{key}.{k}={v}") for k, v in settings.plain(value).items()]
         else:
@@ -81,6 +82,17 @@ def check_value(key: str, value: Any) -> None:
     if key in PLUGIN_KINDS and not isinstance(value, str | Mapping | None):
         raise ConfigError(f"{key}: found an object of {type(value).__name__}; expected a name, or an object of a dataclass "
                           f"that has build(context)")
+
+
+def check_dicts(owner: str, values: Mapping[str, Any], base: Mapping[str, Any]) -> None:
+    """Raises ConfigError where a dict of an object lacks keys of its class's default: words can add keys and take none away,
+    so that another object would be built. values, base: the settings of the object, and of its class, as plain values."""
+    for key, default in base.items():
+        if key not in values:
+            raise ConfigError(f"{owner} lacks the key {key} of its class's default, which words cannot take away; give the "
+                              f"setting an empty default")
+        if isinstance(default, Mapping) and isinstance(values[key], Mapping):
+            check_dicts(f"{owner}.{key}", values[key], default)
 
 
 def known_as(kind: str, cls: type) -> str:
