@@ -71,7 +71,7 @@ class Degraded:
     def __init__(self, source: Source, chain: Sequence[tuple[str, Degradation]], who: str = "source") -> None:
         self.source, self.chain, self._who = source, chain, who
         self._previous: np.ndarray | None = None  # true pose at the capture before, where somebody knows it
-        self._begun = False
+        self._begun = self._arrived = False
         self._lost: list[Capture] = []  # since the last view that arrived
         self.camera = source.camera
         for who, one in chain:
@@ -104,9 +104,11 @@ class Degraded:
             spoiled, arrived = self._spoiled(capture)
             if arrived:
                 whole = joined_up([*self._lost, spoiled])
-                self._lost = []
+                self._lost, self._arrived = [], True
                 return whole
             self._lost.append(spoiled)
+        if self._lost and not self._arrived:
+            raise RhsError(f"{' and '.join(who for who, _ in self.chain)}: all {len(self._lost)} views were lost")
         return None
 
     def _spoiled(self, capture: Capture) -> tuple[Capture, bool]:

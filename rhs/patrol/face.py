@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -96,11 +97,17 @@ def check_dicts(owner: str, values: Mapping[str, Any], base: Mapping[str, Any]) 
 
 
 def known_as(kind: str, cls: type) -> str:
-    """The name by which this class is registered; it is registered now if it is not."""
-    for name in registry.names(kind):
+    """The name by which this class is registered; it is registered now if it is not, or if that is what the class was before
+    its cell of a notebook was run again. Nobody else's name is taken."""
+    taken = registry.names(kind)
+    for name in taken:
         if any(origin.value == f"{cls.__module__}:{cls.__qualname__}" for origin in registry.origins(kind, name)):
+            if registry.load(kind, name) is not cls:
+                registry.register(kind, name, cls)
             return name
-    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
+    word = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
+    names = itertools.chain([word], (f"{word}_{k}" for k in itertools.count(2)))
+    name = next(name for name in names if name not in taken)
     registry.register(kind, name, cls)
     return name
 

@@ -11,7 +11,7 @@ import pytest
 from installing import FAKES, installed
 
 import rhs
-from rhs.api.errors import ContractError
+from rhs.api.errors import ContractError, RhsError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.grid import OccupancyGrid
 from rhs.api.metric import Metric
@@ -102,6 +102,30 @@ def test_numbers_of_numpy_are_numbers(tmp_path):
     assert rhs.load_run(tmp_path / "run").json("closure")["edges"][0]["inliers"] == 9
 
 
+@dataclass
+class Source32:
+    """The room, its facts in NumPy's numbers and arrays."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "driving", "command", "wheel"})
+    image_width: int = 32
+    views: int = 3
+    delay_s: float = 0.0
+
+    def build(self, context):
+        from rhs_fakes.room import Room
+
+        room = Room(self, context)
+        room.camera = replace(room.camera, width=np.int64(room.camera.width))
+        room.facts = replace(room.facts, bounds_m=np.array(room.facts.bounds_m, np.float32), robot_radius_m=np.float32(0.2))
+        return room
+
+
+def test_a_source_that_speaks_numpy_is_recorded(tmp_path):
+    words = LIGHT | {"source": Source32(), "recording": "full", "task": "survey", "output": str(tmp_path / "run")}
+    assert rhs.run(words, quiet=True)["status"] == "ok"
+
+
 def test_edges_that_are_none_are_told():
     views = [SimpleNamespace(map_from_body=np.eye(4))]
     with pytest.raises(ContractError, match="x=mine: edges is of type NoneType; expected a tuple of LoopEdge"):
@@ -169,6 +193,14 @@ def test_a_view_that_is_lost_takes_no_touch_and_no_way_with_it():
     arrived = source.lead()
     assert (arrived.index, arrived.travel[0], arrived.contact) == (2, 1.0, True)
     assert ways == [0.0, 0.5, 0.5]  # the truth that was moved on is not the one of before
+
+
+def test_a_degradation_that_loses_every_view_is_named():
+    lost = SimpleNamespace(told=lambda camera: camera, degrade=lambda capture, moved: None)
+    source = Driven()
+    source.lead = iter([Capture(0, 0.0), Capture(1, 1.0), None]).__next__
+    with pytest.raises(RhsError, match="degrade=mine: all 2 views were lost"):
+        Degraded(source, [("degrade=mine", lost)]).lead()
 
 
 class Forges:
