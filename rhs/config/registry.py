@@ -166,6 +166,8 @@ def load(kind: str, name: str) -> type:
     if (kind, name) in _by_hand:
         return _by_hand[kind, name][0]
     if len(several := names_in(kind, name)) > 1:
+        if twice := next((one for one in several if several.count(one) > 1), ""):
+            raise PluginError(f"{kind}={name}: {twice} stands there twice; name it once")
         return joined(kind, {one: load(kind, one) for one in several})
     where = origins(kind, name)
     if not where and in_files(kind, name):

@@ -151,7 +151,7 @@ def _alike(table: pandas.DataFrame, names: Sequence[str]) -> tuple[np.ndarray, n
 
 def independent(table: pandas.DataFrame) -> np.ndarray:
     """(N,) labels; runs that share one are one result: a configuration that gave the same row for every seed drew no
-    random number that mattered."""
+    random number that mattered, and a run that was done twice, in two sweeps, is one."""
     import pandas as pd
 
     apart = {"seed", "config_hash", *(name for name in table.columns if machine_dependent(name))}
@@ -162,7 +162,8 @@ def independent(table: pandas.DataFrame) -> np.ndarray:
         same[chosen[codes != codes[first][chosen]]] = False
         if not same.any():
             break
-    return np.where(same[chosen], first[chosen], np.arange(len(table)))
+    own = _alike(table, ["config_hash"]) if "config_hash" in table.columns and table["config_hash"].notna().all() else None
+    return np.where(same[chosen], first[chosen], np.arange(len(table)) if own is None else own[1][own[0]])
 
 
 def buildings(table: pandas.DataFrame) -> np.ndarray:
