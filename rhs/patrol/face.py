@@ -28,8 +28,10 @@ def run_words(words: Sequence[str] | Mapping[str, Any], *, quiet: bool = False) 
     config = config_of(words)
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, unwatched if quiet else bar)
-        row.pop("_cause", None)
+        cause = row.pop("_cause", None)
         folder = claim.publish()
+        if isinstance(cause, KeyboardInterrupt):  # who stops a loop over runs stops the loop
+            raise cause
         if not quiet:
             show_in_notebook(folder)
         return row | {"folder": str(folder)}

@@ -72,6 +72,14 @@ def test_a_loop_that_is_left_early_is_an_interrupted_run(tmp_path):
     assert rhs.load_run(tmp_path / "run").row["status"] == "interrupted"
 
 
+def test_who_stops_a_run_stops_the_loop_over_runs(tmp_path):
+    """The row was returned, and the next seed began."""
+    words = [*CHOICE, "odometry=faulty", "odometry.how=interrupt", "recording=off", "pictures=off"]
+    with pytest.raises(KeyboardInterrupt):
+        rhs.run([*(word for word in words if word != "odometry=fake"), f"output={tmp_path / 'run'}"], quiet=True)
+    assert rhs.load_run(tmp_path / "run").row["status"] == "interrupted"
+
+
 def test_what_ends_the_loop_is_raised_after_its_row_is_written(tmp_path):
     words = [*(w for w in CHOICE if not w.startswith("odometry")), "odometry=faulty", "odometry.how=raise"]
     with pytest.raises(ValueError, match="fails on purpose"):
