@@ -7,6 +7,7 @@ source could see. Extra modalities (rhs.api.contracts) pass every sensor.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -179,9 +180,10 @@ def called(kind: str, chosen: Chosen) -> str:
 
 
 def build_part(kind: str, chosen: Chosen, context: Context | SourceContext) -> Any:
-    """One part. Raises ConfigError where a package is missing, naming what to install, and where the part lacks a method."""
+    """One part, of a copy of its settings: what it makes of them is its own, and not what the run was asked for. Raises
+    ConfigError where a package is missing, naming what to install, and where the part lacks a method."""
     try:
-        return complete(kind, chosen.settings.build(context))
+        return complete(kind, deepcopy(chosen.settings).build(context))
     except ContractError as error:
         raise ConfigError(f"{called(kind, chosen)}: {error}") from error
     except ModuleNotFoundError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -18,6 +18,7 @@ from rhs.api.metric import Metric
 from rhs.api.records import Belief, Capture, Closure, LoopEdge, Motion, Observation, Path, PlanReason, Tracking
 from rhs.api.validate import check_belief, check_capture, check_closure, check_motion, check_observation
 from rhs.config import registry
+from rhs.config.compose import config_hash, from_plain, read_values
 from rhs.config.degraded import Degraded
 from rhs.metrics.evaluate import evaluate
 from rhs.patrol.mission import MissionSettings
@@ -220,3 +221,33 @@ def test_a_planner_in_a_patrol_is_judged_on_a_map_of_our_own():
     with pytest.raises(ContractError, match="planner=mine: the path is blocked near"):
         planner.plan(np.array([1.05, 2.05]), np.array([3.05, 2.05]), obstacles=np.zeros_like(free),
                      things_m=np.empty((0, 2)))
+
+
+@dataclass
+class Resolves:
+    """A planner that makes up its mind as it is built."""
+
+    limit: float | None = None
+    """of something"""
+    weights: list[float] = field(default_factory=list)
+    """of each"""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        self.limit = self.limit or 7.0
+        self.weights.append(self.limit)
+        return self
+
+    def plan(self, problem):
+        assert (self.limit, self.weights) == (7.0, [7.0])  # built anew for each question of task=planning
+        return Path(PlanReason.DISCONNECTED, [])
+
+
+def test_what_a_part_makes_of_its_settings_is_not_what_it_was_asked_for(tmp_path):
+    """config.yaml said what was left of them: another run, of another hash."""
+    row = rhs.run({"task": "planning", "world": "map1", "planner": Resolves(), "pictures": "off",
+                   "output": str(tmp_path / "run")}, quiet=True)
+    kept = from_plain(read_values(tmp_path / "run"))
+    assert row["status"] == "ok" and row["plan_reason"] == "disconnected"
+    assert (kept.planner.settings, config_hash(kept)) == (Resolves(), row["config_hash"])
