@@ -43,7 +43,7 @@ def run(words: Words = (), *, quiet: bool = False) -> dict[str, Any]:
     words: `key=value` as on the command line, or a mapping of keys to values; a part may be given as the object of its
     settings, `{"planner": MyPlanner(step_m=0.2)}`. quiet: no progress bar. In a notebook the overview picture is shown.
     Raises ConfigError for what is refused before anything runs; a failure later is a row whose `status` is not "ok" and
-    whose `reason` says why.
+    whose `reason` says why. Ctrl-C is raised again when the row is written.
     """
     from rhs.patrol.face import run_words
 

@@ -31,6 +31,17 @@ def freeze(value: Value) -> Value:
     return value
 
 
+def owned(value: Value) -> Value:
+    """The same value; a copy of an array that is a view of memory which somebody may write to again: a camera that fills one
+    buffer over and over would change the views of the past."""
+    below: object = value
+    while isinstance(below, np.ndarray) and below.base is not None:
+        below = below.base
+    if not isinstance(value, np.ndarray) or below is value or isinstance(below, bytes):
+        return value
+    return value.copy()
+
+
 @cache
 def _names(kind: type) -> tuple[str, ...]:
     """The fields of a record; none of what is no record."""

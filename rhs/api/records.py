@@ -74,7 +74,8 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """An ideal view at one instant, before any sensor.
+    """An ideal view at one instant, before any sensor. Arrays that are views of a buffer, which may be filled again, are
+    copied; others are taken as they are, and can no longer be written to.
 
     image (H, W, 3) uint8 RGB or None. depth (H, W) float32, metres along the optical axis, NaN unknown, or None.
     command: what the robot was given since the previous view, or None. travel: (3,) true wheel travel since the previous
@@ -132,7 +133,7 @@ class Motion:
     scan: a scan the odometry believes in without depth (walls seen by one camera), or None.
     scan_measured: each view measured that scan in its picture, so that a robot may drive by it; it is not cast on walls
     believed in.
-    details: numbers for the per-step table (inliers, matches, ...).
+    details: numbers for the per-step table (inliers, matches, ...), none named as what the record says itself.
     replaced: this is not what the odometry said: the gate put the wheels' motion in its place (rhs.patrol.gate).
     """
 

@@ -52,9 +52,19 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
         said = f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
         raise ConfigError(f"{owner or cls.__name__}: {said}") from error
     for key, value in arguments.items():
-        if isinstance(value, float) and not math.isfinite(value) and repr(value) != repr(defaults(cls).get(key)):
-            raise ConfigError(f"{dotted(owner, key)}={_show(value)}: expected a finite number")
+        if not _is_finite(value) and repr(plain(value)) != repr(defaults(cls).get(key)):
+            wanted = "a finite number" if isinstance(value, float) else "finite numbers"
+            raise ConfigError(f"{dotted(owner, key)}={_show(value)}: expected {wanted}")
     return made
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether a number, and every number in lists and dicts, is finite."""
+    if isinstance(value, list | tuple):
+        return all(map(_is_finite, value))
+    if isinstance(value, Mapping):
+        return all(map(_is_finite, value.values()))
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 def _over(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,12 +125,13 @@ def defaults(cls: type) -> dict[str, Any]:
 
 
 def is_dict(cls: type, path: Sequence[str]) -> bool:
-    """Whether a path of names leads to a setting of type dict, or into one, whose keys are anybody's."""
+    """Whether a path of names leads to a setting of type dict, or into one, whose keys are anybody's; or to one that may be
+    a dataclass and is not yet (`Inner | None`), which looks at its keys when it is made."""
     hint = _hints(cls).get(path[0]) if path else None
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return is_dict(hint, path[1:])
     kinds = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
-    return any((typing.get_origin(kind) or kind) is dict for kind in kinds)
+    return any((typing.get_origin(kind) or kind) is dict or dataclasses.is_dataclass(kind) for kind in kinds)
 
 
 def is_record(value: Any) -> bool:
@@ -199,13 +210,22 @@ def _convert(hint: Any, value: Any, key: str) -> Any:
         return _convert_sequence(origin or hint, inner, value, key, hint)
     if origin is dict or hint is dict:
         if isinstance(value, Mapping):
-            return {k: _convert(inner[1] if inner else Any, v, dotted(key, k)) for k, v in value.items()}
+            return {_key(inner[0] if inner else Any, k, key): _convert(inner[1] if inner else Any, v, dotted(key, k))
+                    for k, v in value.items()}
         raise _wrong(key, value, hint)
     if dataclasses.is_dataclass(hint):
         if isinstance(value, Mapping):
             return make(typing.cast(type, hint), value, key)
         raise ConfigError(f"{key}={_show(value)}: {key} is a group of settings; write {key}.NAME=VALUE")
     return _convert_scalar(hint, value, key)
+
+
+def _key(hint: Any, key: Any, owner: str) -> Any:
+    """A key of a dict as its type asks for it; in YAML and on the command line all keys are text."""
+    try:
+        return _convert(hint, hint(key) if hint in (int, float) and isinstance(key, str) else key, owner)
+    except ValueError as error:
+        raise ConfigError(f"{owner}: the key {key!r}: expected {type_name(hint)}") from error
 
 
 def _convert_scalar(hint: Any, value: Any, key: str) -> Any:

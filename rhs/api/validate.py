@@ -1,8 +1,9 @@
 """The one validator of everything parts hand to one another: a bad value never reaches another part or a table.
 
 Every check takes a record and `who`, the part that made it as a person types it ("odometry=mine (my-package 1.0)"), and
-returns the record with frozen copies of its arrays (images and depth are frozen in place: they are large). What breaks
-the contract raises ContractError in one line: who, which field, what was found, what is expected.
+returns the record with frozen copies of its arrays (images, depth and extra modalities, which are large, are frozen in
+place unless they are views of a buffer that somebody may fill again). What breaks the contract
+raises ContractError in one line: who, which field, what was found, what is expected.
 
 Frames and perturbations are those of rhs.api.geometry. Tolerances: rotations are orthonormal to 1e-5, covariances symmetric
 to 1e-6 of the variances, their correlations positive definite to rounding; a path may touch blocked cells to 1e-7 of a cell.
@@ -11,14 +12,13 @@ to 1e-6 of the variances, their correlations positive definite to rounding; a pa
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NoReturn, TypeVar
+from typing import Any
 
 import numpy as np
 
 from .contracts import Blocked
-from .errors import ContractError
 from .frozen import freeze
 from .grid import MOST_CELLS, OccupancyGrid
 from .records import (
@@ -35,27 +35,39 @@ from .records import (
     Revision,
     Scan,
     Tracking,
-    Twist,
     View,
     Wall,
     WorldFacts,
 )
 from .segments import first_blocked, mistaken_ends, with_exact_ends
+from .validate_fields import (
+    _NUMBER,
+    _array,
+    _command,
+    _contact,
+    _det,
+    _details,
+    _extras,
+    _images,
+    _known,
+    _member,
+    _number,
+    _record,
+    _refuse,
+    _short,
+    _text,
+)
 
 FAR_M = 1000.0  # no pose of a building is further from its origin, where nobody says how large it is
 DIAGONALS = 10.0  # ... and nowhere further than so many diagonals of the world's bounds
 ORTHONORMAL = 1e-5  # greatest entry of R R^T - I: float32 poses pass, scaled ones do not
 SYMMETRIC = 1e-6  # greatest asymmetry of a covariance's correlations
 MOST_VARIANCE = 1e12  # m^2 or rad^2
-MOST_REASON = 2000  # characters
-MOST_DETAILS = 1000  # numbers of one step
 MOST_BEAMS = 1_000_000
 MOST_POINTS = 100_000  # of a path
 
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _EYE = np.eye(3)
-_NUMBER = (int, float, np.integer, np.floating, np.bool_)
-Record = TypeVar("Record")
 
 
 def reach_of(facts: WorldFacts) -> float:
@@ -73,7 +85,7 @@ def check_motion(motion: Motion, *, who: str, reach_m: float = FAR_M) -> Motion:
     motion = _record(motion, Motion, who)
     _member(motion.status, Tracking, who, "status")
     _text(motion.reason, who, "reason")
-    _details(motion.details, who)
+    _details(motion.details, who, own=("status", "reason", "replaced"))
     observability = motion.observability
     if observability is not None:
         observability = _array(observability, who, "observability", (6,))
@@ -91,7 +103,7 @@ def check_belief(belief: Belief, *, who: str, reach_m: float = FAR_M) -> Belief:
     _member(belief.status, BeliefStatus, who, "status")
     if not isinstance(belief.probability, _NUMBER) or not 0.0 <= belief.probability <= 1.0:
         _refuse(who, "probability", _short(belief.probability), "a chance in [0, 1]")
-    _details(belief.details, who)
+    _details(belief.details, who, own=("status", "probability"))
     return replace(belief, map_from_body=check_pose(belief.map_from_body, who=who, field="map_from_body", reach_m=reach_m),
                    covariance=check_covariance(belief.covariance, who=who))
 
@@ -124,12 +136,12 @@ def check_capture(capture: Capture, *, who: str, after_s: float = -math.inf) -> 
         _refuse(who, "stamp_s", _short(capture.stamp_s), "finite seconds")
     if capture.stamp_s <= after_s:
         _refuse(who, "stamp_s", f"{capture.stamp_s:.9g} after {after_s:.9g}", "stamps that increase from view to view")
-    _images(capture.image, capture.depth, None, who)
+    image, depth = _images(capture.image, capture.depth, None, who)
     _command(capture.command, who)
     travel = None if capture.travel is None else _array(capture.travel, who, "travel", (3,))
     scan = None if capture.scan is None else check_scan(capture.scan, who=who)
     _contact(capture.contact, who)
-    return replace(capture, travel=travel, scan=scan)
+    return replace(capture, image=image, depth=depth, travel=travel, scan=scan, extras=_extras(capture.extras, who))
 
 
 def check_observation(observation: Observation, capture: Capture, *, who: str) -> Observation:
@@ -139,8 +151,8 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
         _refuse(who, "index and stamp_s", f"{observation.index}, {observation.stamp_s}",
                 f"those of the capture: {capture.index}, {capture.stamp_s}")
     camera = observation.camera
-    _images(observation.image, observation.depth, (camera.height, camera.width), who)
-    freeze((camera.body_from_camera, observation.extras))
+    image, depth = _images(observation.image, observation.depth, (camera.height, camera.width), who)
+    freeze(camera.body_from_camera)
     _command(observation.command, who)
     wheel = None if observation.wheel is None else _array(observation.wheel, who, "wheel", (3,), finite=False)
     scan = None if observation.scan is None else check_scan(observation.scan, who=who)
@@ -148,7 +160,8 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
     _contact(observation.contact, who)
     if not _number(observation.depth_times) or not 0.0 < observation.depth_times < math.inf:
         _refuse(who, "depth_times", _short(observation.depth_times), "a number above 0")
-    return replace(observation, wheel=wheel, scan=scan, obstacle=obstacle)
+    return replace(observation, image=image, depth=depth, wheel=wheel, scan=scan, obstacle=obstacle,
+                   extras=_extras(observation.extras, who))
 
 
 def check_grid(grid: OccupancyGrid, *, who: str) -> OccupancyGrid:
@@ -175,6 +188,8 @@ def check_closure(closure: Closure, views: Sequence[View], *, who: str, reach_m:
     if len(views) and np.abs(poses[0] - views[0].map_from_body).max() > 1e-9:
         own = _short(views[0].map_from_body[:3, 3])
         _refuse(who, "poses[0]", _short(poses[0][:3, 3]), f"the first view's own pose, {own}")
+    if not isinstance(closure.edges, tuple | list):
+        _refuse(who, "edges", f"of type {type(closure.edges).__name__}", "a tuple of LoopEdge, empty where there is none")
     for edge in closure.edges:
         edge = _record(edge, LoopEdge, who)
         if not 0 <= edge.earlier < edge.later < len(views):
@@ -271,130 +286,6 @@ def check_covariance(covariance: Any, *, who: str, field: str = "covariance") ->
     return array
 
 
-# --- fields --------------------------------------------------------------------------------------------------------------
-
 def check_blocked(answer: Any, *, who: str) -> Blocked:
     """What a replan part answered. Raises ContractError."""
     return _record(answer, Blocked, who)
-
-def _refuse(who: str, field: str, found: str, expected: str) -> NoReturn:
-    raise ContractError(" ".join(f"{who}: {field} is {found}; expected {expected}".split()))
-
-
-def _record(value: Any, kind: type[Record], who: str) -> Record:
-    if not isinstance(value, kind):
-        _refuse(who, "what it returned", f"of type {type(value).__name__}",
-                f"{'an' if kind.__name__[0] in 'AO' else 'a'} {kind.__name__}")
-    return value
-
-
-def _member(value: Any, words: type[Tracking] | type[BeliefStatus] | type[PlanReason], who: str, field: str) -> None:
-    if not isinstance(value, words):
-        _refuse(who, field, repr(value)[:60], f"a {words.__name__}: {', '.join(words)}")
-
-
-def _number(value: Any) -> bool:
-    return isinstance(value, _NUMBER)
-
-
-def _text(value: Any, who: str, field: str) -> None:
-    if not isinstance(value, str) or len(value) > MOST_REASON:
-        found = f"{len(value)} characters" if isinstance(value, str) else f"of type {type(value).__name__}"
-        _refuse(who, field, found, f"a text of at most {MOST_REASON} characters")
-
-
-def _details(details: Any, who: str) -> None:
-    if not isinstance(details, Mapping) or len(details) > MOST_DETAILS:
-        _refuse(who, "details", f"of type {type(details).__name__}", f"a mapping of at most {MOST_DETAILS} numbers by name")
-    for name, value in details.items():
-        if not isinstance(name, str) or not isinstance(value, _NUMBER):
-            _refuse(who, f"details[{repr(name)[:60]}]", repr(value)[:60], "a number by a name")
-
-
-def _array(value: Any, who: str, field: str, shape: tuple[int | None, ...], *, finite: bool = True, most: int | None = None,
-           dtype: type | None = np.float64) -> np.ndarray:
-    """A read-only copy of real numbers of this shape (None: any length)."""
-    array = value if isinstance(value, np.ndarray) else _listed(value)
-    array = np.empty([count or 0 for count in shape]) if array.shape == (0,) and shape[0] is None else array  # nothing
-    if array.dtype.kind not in "fiu" or (array.shape != shape and not _fits(array.shape, shape)):
-        found = f"of shape {array.shape} and type {array.dtype}" if isinstance(value, np.ndarray) else _short(value)
-        _refuse(who, field, found, _wanted(shape, finite))
-    if most is not None and len(array) > most:
-        _refuse(who, field, f"{len(array)} long", f"at most {most}")
-    if finite and not np.isfinite(array).all():
-        _refuse(who, field, f"not finite: {_short(array)}", _wanted(shape, finite))
-    copy = np.array(array, dtype)
-    copy.setflags(write=False)
-    return copy
-
-
-_directions: dict[int, np.ndarray] = {}
-
-
-def _known(bearings: np.ndarray) -> np.ndarray:
-    """The same read-only (N,) bearings, of which all scans in a row share one copy: a sensor's beams seldom change."""
-    before = _directions.get(len(bearings))
-    if before is None or not np.array_equal(before, bearings):
-        _directions[len(bearings)] = before = bearings
-    return before
-
-
-def _listed(value: Any) -> np.ndarray:
-    """Numbers written as a list or tuple; of type object when they are none."""
-    try:
-        return np.asarray(value) if isinstance(value, list | tuple) else np.empty((), object)
-    except ValueError:  # rows of different lengths
-        return np.empty((), object)
-
-
-def _wanted(shape: tuple[int | None, ...], finite: bool) -> str:
-    return f"{'finite ' * finite}{'x'.join('N' if n is None else str(n) for n in shape)} numbers"
-
-
-def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
-    return len(shape) == len(wanted) and all(n in (None, have) for n, have in zip(wanted, shape, strict=True))
-
-
-def _images(image: Any, depth: Any, size: tuple[int, int] | None, who: str) -> None:
-    """Shapes and types, and frozen; what the pixels say costs too much to look at in every view."""
-    if image is not None:
-        if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-            _refuse(who, "image", f"of shape {np.shape(image)} and type {getattr(image, 'dtype', type(image).__name__)}",
-                    "(H, W, 3) uint8 RGB")
-        size = _same(freeze(image).shape, size, who, "image")
-    if depth is not None:
-        if not isinstance(depth, np.ndarray) or depth.dtype.kind != "f" or depth.ndim != 2:
-            _refuse(who, "depth", f"of shape {np.shape(depth)} and type {getattr(depth, 'dtype', type(depth).__name__)}",
-                    "(H, W) float32 metres")
-        _same(freeze(depth).shape, size, who, "depth")
-
-
-def _same(shape: tuple[int, ...], size: tuple[int, int] | None, who: str, field: str) -> tuple[int, int]:
-    if size is not None and shape[:2] != size:
-        _refuse(who, field, f"{shape[1]} x {shape[0]} pixels", f"{size[1]} x {size[0]}")
-    return shape[0], shape[1]
-
-
-def _contact(contact: Any, who: str) -> None:
-    if contact is not None and not isinstance(contact, bool | np.bool_):
-        _refuse(who, "contact", _short(contact), "True, False, or None of a robot without a bumper")
-
-
-def _command(command: Twist | None, who: str) -> None:
-    if command is None:
-        return
-    values = (command.forward_mps, command.turn_radps, command.duration_s) if isinstance(command, Twist) else (None,)
-    if not all(_number(v) and math.isfinite(v) for v in values):
-        _refuse(who, "command", _short(values), "a Twist of finite numbers, or None")
-
-
-def _det(rotation: np.ndarray) -> float:
-    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()  # ten times as fast as numpy's for so small a matrix
-    return float(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
-
-
-def _short(value: Any) -> str:
-    """A value in few characters on one line."""
-    text = (np.array2string(value.ravel(), precision=6, threshold=8, edgeitems=3) if isinstance(value, np.ndarray)
-            else repr(value))
-    return " ".join(text.split())[:100]

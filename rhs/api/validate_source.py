@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from numbers import Real
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
-from .errors import ContractError
 from .geometry import Camera
 from .records import WorldFacts
 from .validate import check_pose
+from .validate_fields import _refuse, _short
 
 MOST_RAD = 2.0 * math.pi  # of a heading: more are degrees
 LENSES = (0, 4, 5, 8)  # numbers of distortion: none, OpenCV's with or without k3, its rational model
@@ -81,11 +81,3 @@ def _finite(value: Any) -> bool:
 
 def _numbers(values: Any, count: int) -> bool:
     return isinstance(values, tuple | list | np.ndarray) and len(values) == count and all(map(_finite, values))
-
-
-def _refuse(who: str, field: str, found: str, expected: str) -> NoReturn:
-    raise ContractError(f"{who}: {field} is {found}; expected {expected}")
-
-
-def _short(value: Any) -> str:
-    return " ".join(repr(value).split())[:100]

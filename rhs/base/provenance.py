@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 import subprocess
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pybullet", "ompl", "hydra-core")
 FORKS = {"pybullet": "pybullet-arm64"}  # the same module by another name, where the first has no wheels (pyproject.toml)
+
+CODE = (".py", ".so", ".pyd")
+MOST_FILES = 1000  # of a package whose code is hashed
 
 
 @cache
@@ -32,6 +37,23 @@ def commit() -> str:
         return subprocess.run(words, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return ""
+
+
+@cache
+def code_hash(module: str) -> str:
+    """12 hex digits of the code of the package that a module is of, as its files were when first asked; empty where there
+    is none to read, or too much."""
+    digest = hashlib.sha256()
+    try:
+        spec = find_spec(module.partition(".")[0])
+        roots = [Path(root) for root in (spec and spec.submodule_search_locations) or ()]
+        inside = [path for root in roots for path in sorted(root.rglob("*")) if path.suffix in CODE]
+        files = inside if roots or spec is None or spec.origin is None else [Path(spec.origin)]
+        for path in files[:MOST_FILES]:
+            digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    except (OSError, ValueError, ImportError):
+        return ""
+    return digest.hexdigest()[:12] if 0 < len(files) <= MOST_FILES else ""
 
 
 def _vectors() -> str:

@@ -7,7 +7,8 @@
         --jobs N          processes at a time (one per core)
         output=FOLDER     where the new runs go (a new folder under results/sweeps)
 
-Old and new run have the same world, seed and settings but for the change. Exit codes: 0 better or no worse, 1 worse,
+Old and new run have the same world, seed and settings but for the change. Old runs that broke off (a part raised, time ran
+out) count as such, as new ones do. Exit codes: 0 better or no worse, 1 worse,
 2 refused, 3 needs more runs.
 """
 
@@ -21,6 +22,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError, RhsError
 
 from .arguments import JOBS, Number, limits, parse
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from rhs.reports.gate import Verdict
     from rhs.sweeps.jobs import Job, Limits
 
+OLD = ("ok", "failed", "timeout", "killed")  # how a run of the baseline may have ended: not by somebody's hand
 MEASURES = {"planning": "plan_length_m"}  # of the others: ate_rmse_m
 Row = Mapping[str, object]
 
@@ -45,6 +48,7 @@ def main(words: Sequence[str]) -> int:
         raise ConfigError("gate: expected one folder of runs and a change: python -m rhs gate FOLDER planner=my_planner")
     pairs = _pairs(Path(folders[0]), change, chosen.pairs)
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
+    _check_measure(measure, [row for row, _ in pairs], folders[0])
     within = limits(chosen)
     with claim_sweep(chosen.output) as claim:
         found, broken = _compared(pairs, claim.folder, within, measure, chosen.margin)
@@ -57,24 +61,39 @@ def main(words: Sequence[str]) -> int:
 
 def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:
     """(old row, new job) for the runs of the folder, all composed before any runs. Raises ConfigError."""
-    from rhs.config.compose import config_hash
+    from rhs.config.compose import config_hash, identity
     from rhs.config.overlay import overlaid
     from rhs.config.overrides import Word
     from rhs.sweeps.runs import rows_of, values_of
     from rhs.sweeps.sweep import job_of
 
-    old = [(row, where) for where, row in rows_of([folder]).items() if row.get("status") == "ok"]
+    old = [(row, where) for where, row in rows_of([folder]).items() if row.get("status") in OLD and
+           (row["status"] == "ok" or not where.exists() or (where / "config.yaml").is_file())]
     old.sort(key=lambda one: (str(one[0].get("seed")).zfill(12), str(one[1])))
     if len(old) < 4:
         raise ConfigError(f"gate {folder}: {len(old)} finished runs; expected at least 4 to compare with")
     pairs: list[tuple[Row, Job]] = []
+    met: dict[str, Path] = {}
     values = values_of([where for _, where in old[:most]])
     for row, where in old[:most]:
         config = overlaid(values[where], change)
-        if config_hash(config) == row.get("config_hash"):
+        if config_hash(config) == row.get("config_hash") and identity(config)["plugins"] == (row.get("plugins") or ""):
             raise ConfigError(f"gate: {' '.join(change)} changes nothing in {where}")
-        pairs.append((row, job_of(config, [Word("seed", config.seed, f"seed={config.seed}")], ["seed"])))
+        job = job_of(config, [Word("seed", config.seed, f"seed={config.seed}")], ["seed"])
+        if job.name in met:
+            raise ConfigError(f"gate: {' '.join(change)} makes one run of two, {met[job.name].name} and {where.name}; give "
+                              "a folder with one of them")
+        met[job.name] = where
+        pairs.append((row, job))
     return pairs
+
+
+def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
+    """Raises ConfigError for a measure that no old run has: it could never be compared."""
+    if not any(math.isfinite(measured(row, measure)) for row in old):
+        known = sorted({name for row in old for name in row if math.isfinite(measured(row, name))})
+        raise ConfigError(f"gate --measure {measure}: no run of {folder} has such a figure{nearest(measure, known)}; "
+                          f"python -m rhs table {folder} --rows shows those there are")
 
 
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
@@ -83,7 +102,7 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
     from tqdm import tqdm
 
     from rhs.reports.gate import error_parts, judge, looks
-    from rhs.runfolder.row import number_in, read_row
+    from rhs.runfolder.row import read_row
     from rhs.sweeps.jobs import run_jobs
     from rhs.sweeps.kept import broken_off
 
@@ -100,14 +119,26 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
                     new.append({})
             done = until
             old = [row for row, _ in pairs[:done]]
-            ended = [row.get("status") == "ok" for row in new]  # what broke off went a shorter way, and lost
-            found = judge([number_in(row, measure) for row in old],
-                          [number_in(row, measure) if well else math.nan for row, well in zip(new, ended, strict=True)],
-                          [(a.get("success") == 1.0 or not well, b.get("success") == 1.0)
-                           for a, b, well in zip(old, new, ended, strict=True)], margin=margin, level=level)
+            ranks = [(rank(a), rank(b)) for a, b in zip(old, new, strict=True)]
+            found = judge([measured(row, measure) for row in old], [measured(row, measure) for row in new],
+                          [(before > after, after > before) for before, after in ranks], margin=margin, level=level)
             if found.word != "needs more runs":
                 break
     return found, broken_off(new)
+
+
+def rank(row: Row) -> int:
+    """2: achieved what it was asked for, 1: came to its end, 0: broke off."""
+    return 0 if row.get("status") != "ok" else 2 if row.get("success") == 1.0 else 1
+
+
+def measured(row: Row, measure: str) -> float:
+    """The measure of a run; NaN where it broke off, and went a shorter way, and where it is that of successes alone."""
+    from rhs.reports.observations import of_successes
+    from rhs.runfolder.row import number_in
+
+    counts = rank(row) and (row.get("success") != 0.0 or not of_successes(measure))
+    return number_in(row, measure) if counts else math.nan
 
 
 def in_words(found: Verdict, measure: str, margin: float) -> str:

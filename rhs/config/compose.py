@@ -294,4 +294,4 @@ def identity(config: RunConfig) -> dict[str, Any]:
     idle = OF_A_DRIVE if "source" in config.parts and "planner" in config.parts and not config.driving else ()
     names = {kind: chosen.name for kind, chosen in config.parts.items() if kind not in idle}
     return {"task": config.task.name, "world": config.world, **names, "seed": config.seed,
-            "config_hash": config_hash(config), "plugins": registry.loose(config.task.name, names)}
+            "config_hash": config_hash(config), "plugins": " ".join(registry.sources(config.task.name, names))}

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from rhs.api.contracts import DEGRADE, Degradation, Source
-from rhs.api.frozen import freeze
 from rhs.api.geometry import Camera, inverse, planar, se2
 from rhs.api.records import Capture, Twist
 from rhs.api.settings import nearest
-from rhs.api.validate import check_capture
+from rhs.api.validate import check_capture, check_pose
 from rhs.api.validate_source import check_camera
 from rhs.base.errors import ConfigError, ContractError, RhsError
 
@@ -67,12 +66,12 @@ def fault_of(settings: Any) -> str:
 class Degraded:
     """A source behind its degradations. The truth, the facts and the floor pass by; so does whatever else it offers.
 
-    chain: (name, degradation), the first of them sees the source's own captures."""
+    chain: (name, degradation), the first of them sees the source's own captures. who: what to call the source in errors."""
 
-    def __init__(self, source: Source, chain: Sequence[tuple[str, Degradation]]) -> None:
-        self.source, self.chain = source, chain
+    def __init__(self, source: Source, chain: Sequence[tuple[str, Degradation]], who: str = "source") -> None:
+        self.source, self.chain, self._who = source, chain, who
         self._previous: np.ndarray | None = None  # true pose at the capture before, where somebody knows it
-        self._begun = False
+        self._begun = self._arrived = False
         self._lost: list[Capture] = []  # since the last view that arrived
         self._kept_back = 0
         self.camera = source.camera
@@ -111,16 +110,18 @@ class Degraded:
             spoiled, arrived = self._spoiled(capture)
             if arrived:
                 whole = joined_up([*self._lost, spoiled])
-                self._lost = []
+                self._lost, self._arrived = [], True
                 return whole
             self._lost.append(spoiled)
             self._kept_back += 1
+        if self._lost and not self._arrived:
+            raise RhsError(f"{' and '.join(who for who, _ in self.chain)}: all {len(self._lost)} views were lost")
         return None
 
     def _spoiled(self, capture: Capture) -> tuple[Capture, bool]:
         """The capture as the last degradation leaves it, and whether it arrives."""
+        capture = check_capture(capture, who=self._who)
         moved = self._moved(capture)
-        freeze(capture)
         for who, one in self.chain:
             spoiled = one.degrade(capture, moved)
             if spoiled is None:
@@ -131,6 +132,7 @@ class Degraded:
     def _moved(self, capture: Capture) -> np.ndarray | None:
         """True previous_from_body; by the wheels where there is no truth."""
         truth, previous = self.source.truth(), self._previous
+        truth = None if truth is None else check_pose(truth, who=self._who, field="truth()")  # a copy: it may be moved on
         self._previous, begun = truth, self._begun
         self._begun = True
         if not begun:
@@ -169,7 +171,8 @@ def _kept(spoiled: Capture, capture: Capture, who: str) -> Capture:
 
 
 def joined_up(captures: Sequence[Capture]) -> Capture:
-    """The last of these captures, with the travel and the mean command of all of them."""
+    """The last of these captures, with the travel and the mean command of all of them, and whether the bumper was pressed in
+    any of them."""
     last = captures[-1]
     if len(captures) == 1:
         return last
@@ -181,6 +184,7 @@ def joined_up(captures: Sequence[Capture]) -> Capture:
     duration_s = sum(command.duration_s for command in commands)
     return dataclasses.replace(
         last, travel=planar(whole) if travels else None,
+        contact=None if last.contact is None else any(capture.contact for capture in captures),
         command=_mean(commands, duration_s) if duration_s > 0 else last.command)
 
 

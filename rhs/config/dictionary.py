@@ -48,7 +48,7 @@ RUN = _rows(
     ("degrade", "", "what spoiled the captures between source and sensor, joined by +; not there: nothing"),
     ("seed", "", "seed of every random number"),
     ("config_hash", "", "10 hex digits of task, kinds it needs, their settings, world and seed"),
-    ("plugins", "", "plugins registered by hand, with their files' names and hashes"),
+    ("plugins", "", "plugins that are not rhs's own: their files or packages, and a hash of their code"),
     ("commit", "", "git commit of the checkout, + with changes"),
     ("versions", "", "versions of Python and of the libraries that can change a number; vectors: the processor's"),
     ("renderer", "", "what drew the views of a simulated run"),
@@ -157,18 +157,23 @@ GROUPS = ("cause", "blame", "patrol", "moving", "localise", "calibration", "surv
           "planning", "stages")
 
 
-def metrics(task: str = "") -> list[Metric]:
-    """The metrics of a task's rows (empty: of any), ours first and then everybody's. Those of a plugin that cannot be
-    imported are left out; `metric_failures` says so."""
+def metrics_by_group(task: str = "") -> dict[str, list[Metric]]:
+    """Group -> its metrics of a task's rows (empty: of any), ours first and then everybody's. Those of a plugin that cannot
+    be imported are left out; `metric_failures` says so."""
     groups = sorted(registry.names("metric"), key=lambda name: (GROUPS.index(name) if name in GROUPS else len(GROUPS), name))
-    found = [metric for name in groups if registry.failure("metric", name) is None
-             for metric in registry.load("metric", name)]  # type: ignore[attr-defined]
-    return [metric for metric in found if not task or not metric.tasks or task in metric.tasks]
+    return {group: [metric for metric in registry.load("metric", group)  # type: ignore[attr-defined]
+                    if not task or not metric.tasks or task in metric.tasks]
+            for group in groups if registry.failure("metric", group) is None}
+
+
+def metrics(task: str = "") -> list[Metric]:
+    """The same in one list."""
+    return [metric for group in metrics_by_group(task).values() for metric in group]
 
 
 def columns() -> dict[str, Column]:
     """Every column a row can have, by name, in the order of a table."""
-    return _columns(tuple(registry.names("metric")))[0]
+    return _columns(tuple(registry.names("metric")), len(registry.changes))[0]
 
 
 def added(names: Iterable[str]) -> list[str]:
@@ -181,12 +186,13 @@ def added(names: Iterable[str]) -> list[str]:
 
 def rank(name: str) -> int | None:
     """Place of a column in that order; None for one that nobody described."""
-    return _columns(tuple(registry.names("metric")))[1].get(name)
+    return _columns(tuple(registry.names("metric")), len(registry.changes))[1].get(name)
 
 
 @cache
-def _columns(groups: tuple[str, ...]) -> tuple[dict[str, Column], dict[str, int]]:
-    """Columns and their places, for these groups of metrics."""
+def _columns(groups: tuple[str, ...], changes: int) -> tuple[dict[str, Column], dict[str, int]]:
+    """Columns and their places, for these groups of metrics, after so many changes of the registry: in a notebook a metric
+    is registered again under its name."""
     found = [Column(m.name, m.unit, m.meaning, m.source, "word" if m.word else "count" if m.count else "number")
              for m in metrics()]
     known = {column.name: column for column in reversed([*RUN_FIRST, *found, *TASKS, *RUN_LAST])}

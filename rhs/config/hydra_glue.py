@@ -31,7 +31,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from rhs.api import settings
-from rhs.api.contracts import CHOICES, KINDS
+from rhs.api.contracts import CHOICES, DEGRADE, KINDS, SLAM
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
@@ -163,8 +163,9 @@ def _check_key(config: DictConfig, word: Word) -> None:
 
 def _is_free(config: DictConfig, owner: Sequence[str]) -> bool:
     """Whether it is a setting of a part whose keys are anybody's: a dict."""
-    return (len(owner) > 1 and owner[0] in KINDS
-            and settings.is_dict(registry.load(owner[0], str(config[owner[0]].name)), owner[1:]))
+    if owner and owner[0] in (*KINDS, SLAM, DEGRADE):
+        return len(owner) > 1 and settings.is_dict(registry.load(owner[0], str(config[owner[0]].name)), owner[1:])
+    return bool(owner) and settings.is_dict(registry.load("task", str(config.task)), owner)
 
 
 def _options(group: str) -> list[str]:

@@ -8,6 +8,7 @@ are used.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import importlib
 import importlib.util
 import re
@@ -67,8 +68,7 @@ def _found(one: Mapping[str, str]) -> Any:
     module_name, _, qualname = one["class"].partition(":")
     if not Path(one["file"]).is_file():
         raise _nowhere(one, qualname)
-    here = sys.modules.get(module_name) if module_name != "__main__" else None
-    found: Any = here or (_load(Path(one["file"])) if module_name == "__main__" else _imported(module_name, one["file"]))
+    found: Any = _imported(module_name, one["file"])
     for part in qualname.split("."):
         found = getattr(found, part, None)
     if found is None and not _known(one):
@@ -82,25 +82,36 @@ def _nowhere(one: Mapping[str, str], qualname: str) -> PluginError:
 
 
 def _imported(name: str, file: str) -> ModuleType:
+    """The module of this name, if it is of this file; else the file is run."""
     try:
-        return importlib.import_module(name)
+        found = None if name == "__main__" else importlib.import_module(name)
     except ModuleNotFoundError:
-        return _load(Path(file))
+        found = None
+    return found if found is not None and _is_of(found.__file__, Path(file)) else _load(Path(file))
 
 
 def load_files(files: Sequence[str], words: Sequence[str]) -> None:
     """Run these files and register the plugins that the words ask for. Raises PluginError in one line."""
     _silent.clear()
-    for file in files:
-        before = len(registry.by_hand())
+    for file in {Path(file).expanduser().resolve(): file for file in files}.values():
+        before = registry.by_hand()
         module = _load(Path(file).expanduser())
-        if len(registry.by_hand()) == before:
+        _check_none_replaced(before)
+        if len(registry.by_hand()) == len(before):
             _silent.append(module)
             for name, value in vars(module).copy().items():
                 if metrics := _metrics(value, f"{file}: {name}"):
                     registry.register("metric", f"{module.__name__}_{name}".lower(), metrics)  # type: ignore[arg-type]
     registry.registered_from[:] = [_match] if _silent else []
     match(words)
+
+
+def _check_none_replaced(before: Sequence[registry.Origin]) -> None:
+    """Raises PluginError where a file registered anew what another file had."""
+    now = {(one.kind, one.name): one.file for one in registry.by_hand()}
+    for one in before:
+        if (other := now[one.kind, one.name]) != one.file:
+            raise PluginError(f"{one.kind}={one.name}: {one.file} and {other} both register it; rename it in one of them")
 
 
 def _metrics(value: Any, where: str) -> tuple[Metric, ...]:
@@ -123,7 +134,11 @@ def match(words: Sequence[str]) -> None:
 
 def _match(kind: str, name: str) -> None:
     """Under this name, the class of the files whose name it is, or the only one there is."""
-    found = {name: cls for module in _silent for name, cls in vars(module).items() if _is_plugin(cls, module)}
+    held = [(called, module) for module in _silent for called, cls in vars(module).items() if _is_plugin(cls, module)]
+    found = {called: vars(module)[called] for called, module in held}
+    twice = [str(module.__file__) for called, module in held if called == class_name(name)]
+    if len(twice) > 1:
+        raise PluginError(f"{kind}={name}: {' and '.join(twice)} both hold {class_name(name)}; rename one of them")
     cls = found.get(class_name(name)) or (next(iter(found.values())) if len(found) == 1 else None)
     if cls is None:
         raise PluginError(f"{kind}={name}: {_instead(kind, name, list(found))}")
@@ -164,7 +179,7 @@ def check_not_being_read() -> None:
 def _load(path: Path) -> ModuleType:
     if not path.is_file():
         raise PluginError(f"--plugin {path}: there is no such file")
-    name = re.sub(r"\W", "_", path.stem)
+    name = _module_name(path)
     spec = importlib.util.spec_from_file_location(name, path.resolve())
     if spec is None or spec.loader is None:
         raise PluginError(f"--plugin {path}: expected a Python file, my_plugin.py")
@@ -180,6 +195,22 @@ def _load(path: Path) -> ModuleType:
     finally:
         _being_read.pop()
     return module
+
+
+def _module_name(path: Path) -> str:
+    """What the module of a file is called: as the file; with a hash of where it stands, where another module has that name:
+    `numpy.py` takes nobody's NumPy away, and of two files `my.py` neither is taken for the other."""
+    name = re.sub(r"\W", "_", path.stem)
+    try:
+        there = sys.modules[name].__spec__ if name in sys.modules else importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        there = None
+    free = _is_of(there.origin, path) if there is not None else name not in sys.modules
+    return name if free else f"{name}_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
+
+
+def _is_of(origin: str | None, path: Path) -> bool:
+    return origin is not None and Path(origin).resolve() == path.resolve()
 
 
 def class_name(name: str) -> str:

@@ -7,6 +7,7 @@ source could see. Extra modalities (rhs.api.contracts) pass every sensor.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -132,7 +133,7 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
         chosen = {**chosen, "source": really_there(chosen["source"], source)}
         check_combination(chosen)
         if DEGRADE in chosen and made is None:
-            built["source"] = source = degraded(source, chosen[DEGRADE], seed=seed, folder=folder, features=features)
+            built["source"] = source = degraded(source, chosen, seed=seed, folder=folder, features=features)
         for kind in (kind for kind in ORDER[1:] if kind in chosen and kind not in built):
             context = Context(generator(seed, kind), source.camera, source.facts, folder, features)
             built[kind] = build_part(kind, chosen[kind], context)
@@ -160,16 +161,16 @@ def _checked(source: Source, who: str) -> None:
         raise ConfigError(str(error)) from error
 
 
-def degraded(source: Source, chosen: Chosen, *, seed: int, folder: Path, features: FeatureSettings) -> Source:
+def degraded(source: Source, chosen: Mapping[str, Chosen], *, seed: int, folder: Path, features: FeatureSettings) -> Source:
     """The source behind its degradations, each with a generator of its own, the first named first."""
     from .degraded import Degraded
 
-    chain = []
-    for name, settings in zip(names_in(DEGRADE, chosen.name), members_of(chosen.settings), strict=True):
+    chain, typed = [], chosen[DEGRADE]
+    for name, settings in zip(names_in(DEGRADE, typed.name), members_of(typed.settings), strict=True):
         one = Chosen(name, settings)
         context = Context(generator(seed, f"{DEGRADE}.{name}"), source.camera, source.facts, folder, features)
         chain.append((called(DEGRADE, one), build_part(DEGRADE, one, context)))
-    return cast(Source, Degraded(source, chain))
+    return cast(Source, Degraded(source, chain, called("source", chosen["source"])))
 
 
 def called(kind: str, chosen: Chosen) -> str:
@@ -179,9 +180,10 @@ def called(kind: str, chosen: Chosen) -> str:
 
 
 def build_part(kind: str, chosen: Chosen, context: Context | SourceContext) -> Any:
-    """One part. Raises ConfigError where a package is missing, naming what to install, and where the part lacks a method."""
+    """One part, of a copy of its settings: what it makes of them is its own, and not what the run was asked for. Raises
+    ConfigError where a package is missing, naming what to install, and where the part lacks a method."""
     try:
-        return complete(kind, chosen.settings.build(context))
+        return complete(kind, deepcopy(chosen.settings).build(context))
     except ContractError as error:
         raise ConfigError(f"{called(kind, chosen)}: {error}") from error
     except ModuleNotFoundError as error:

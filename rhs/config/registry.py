@@ -31,10 +31,12 @@ from rhs.api.contracts import API_VERSION, DEGRADE, PLUGIN_KINDS
 from rhs.api.metric import Metric
 from rhs.api.settings import RESERVED, nearest, unknown_key, unusable
 from rhs.base.errors import ConfigError, PluginError
+from rhs.base.provenance import code_hash
 
 JOINED = "+"  # between degradations: `degrade=blur+low_light` is one part whose settings stand side by side
 REQUIRED = re.compile(r"[A-Za-z_]\w*(\.\w+)*(:.+)?")  # a module, and what pip calls its package where that differs
 IMPORT_S = 10.0  # for a plugin that is only listed
+OURS = "rhs"  # the distribution
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ def register(kind: str, name: str, cls: type) -> None:
     _by_hand[kind, name] = cls, origin
     load.cache_clear()
     failure.cache_clear()
+    changes.append(name)
 
 
 def _where_it_stands(plugin: Any) -> tuple[str, str]:
@@ -85,10 +88,13 @@ def _where_it_stands(plugin: Any) -> tuple[str, str]:
     return module, next((name for name, value in there.items() if value is plugin), "?")
 
 
-def loose(task: str, names: Mapping[str, str]) -> str:
-    """Which of the chosen plugins were registered by hand, with their files' names and hashes; for the row."""
+def sources(task: str, names: Mapping[str, str]) -> list[str]:
+    """`kind=name from ...` of the chosen plugins that are not ours: a file, or a distribution, and the hash of its code."""
     chosen = [(kind, one) for kind, name in {"task": task, **names}.items() for one in names_in(kind, name)]
-    return " ".join(f"{k}={n} from {_by_hand[k, n][1].distribution}" for k, n in chosen if (k, n) in _by_hand)
+    known = [(kind, one, origins(kind, one)[0]) for kind, one in chosen if origins(kind, one)]
+    return [f"{kind}={one} from {origin.distribution}" if origin.file else
+            f"{kind}={one} from {origin.distribution} ({code_hash(origin.value.partition(':')[0])})"
+            for kind, one, origin in known if origin.file or origin.distribution.partition(" ")[0] != OURS]
 
 
 def by_hand() -> list[Origin]:
@@ -134,8 +140,10 @@ def forget() -> None:
     _on_path.cache_clear()
     load.cache_clear()
     failure.cache_clear()
+    changes.append("")
 
 
+changes: list[str] = []  # what was registered or forgotten; who keeps what follows from it looks at their number
 registered_from: list[Callable[[str, str], None]] = []  # what registers kind=name, if a file of --plugin holds it
 
 
@@ -158,6 +166,8 @@ def load(kind: str, name: str) -> type:
     if (kind, name) in _by_hand:
         return _by_hand[kind, name][0]
     if len(several := names_in(kind, name)) > 1:
+        if twice := next((one for one in several if several.count(one) > 1), ""):
+            raise PluginError(f"{kind}={name}: {twice} stands there twice; name it once")
         return joined(kind, {one: load(kind, one) for one in several})
     where = origins(kind, name)
     if not where and in_files(kind, name):

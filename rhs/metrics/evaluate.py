@@ -11,12 +11,15 @@ from pathlib import Path
 from rhs.api.trajectory import ALIGNMENTS, read_tum
 from rhs.base.errors import ConfigError, check_choice, check_range
 from rhs.config import registry
-from rhs.config.dictionary import RUN, metrics
+from rhs.config.dictionary import GROUPS, RUN, TASKS, metrics_by_group
+from rhs.runfolder.row import plain_value
 from rhs.runfolder.run import Run
 
 from .relations import LOG_WAY, read_relations, relation_values
 from .survey import TOLERANCE_S, Values, trajectory_values
 from .trajectory_forms import read_trajectory
+
+LONGEST_FAULT = 300  # characters of what one metric raised, of all that went wrong
 
 
 def evaluate_folder(folder: Path) -> Values:
@@ -44,21 +47,24 @@ def evaluate_relations(estimate: Path, relations: Path) -> Values:
 
 
 def evaluate(folder: Path, task: str = "patrol") -> Values:
-    """All columns that follow from the files of one run folder of a task."""
-    run, values = Run(folder), Values()
+    """All columns that follow from the files of one run folder of a task. Each package of somebody else reads the files for
+    itself: what its metrics do to what they read changes nobody's figures."""
+    ours, values = Run(folder), Values()
     failures = [why for why in (registry.failure("metric", name) for name in registry.names("metric")) if why]
-    taken = {column.name for column in RUN}
-    for metric in metrics(task):
-        if metric.name in taken or metric.name in values:
-            failures.append(f"{metric.name} of {metric.source}: there is a column of that name already; rename it")
-            continue
-        try:
-            values[metric.name] = metric.function(run)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # a plugin may raise anything, even exit
-            values[metric.name] = metric.unknown
-            failures.append(f"{metric.name}: {type(error).__name__}: {error}{_where(error)}")
+    for group, members in metrics_by_group(task).items():
+        run, known = (ours, RUN) if group in GROUPS else (Run(folder), (*RUN, *TASKS))
+        taken = {column.name for column in known}
+        for metric in members:
+            if metric.name in taken or metric.name in values:
+                failures.append(f"{metric.name} of {metric.source}: there is a column of that name already; rename it")
+                continue
+            try:
+                values[metric.name] = plain_value(metric.name, metric.function(run))  # type: ignore[assignment]
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # a plugin may raise anything, even exit
+                values[metric.name] = metric.unknown
+                failures.append(f"{metric.name}: {type(error).__name__}: {str(error)[:LONGEST_FAULT]}{_where(error)}")
     return values | {"metric_failures": "; ".join(failures)[:2000]} if failures else values
 
 

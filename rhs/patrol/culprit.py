@@ -32,14 +32,16 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
 def raised_in(error: BaseException, config: RunConfig, parts: Mapping[str, object]) -> tuple[str, str]:
     """The part in which an error was raised, as a person chose it, and the file and line of its own package; or nothing."""
     chosen = {"task": config.task, **config.parts}
-    who = {id(part): kind for kind, part in parts.items()} | {id(one.settings): kind for kind, one in chosen.items()}
+    who = {id(part): kind for kind, part in parts.items()}
+    classes = {type(one.settings): kind for kind, one in chosen.items()}
     homes = {kind: _package(type(one.settings).__module__) for kind, one in config.parts.items()}
     alone = {home: kind for kind, home in homes.items() if list(homes.values()).count(home) == 1}  # its plain functions
     kind, package, where = "", "", ("", 0)
     for frame, line in traceback.walk_tb(error.__traceback__):
         first = frame.f_code.co_varnames[0] if frame.f_code.co_argcount else ""  # mostly `self`
         module = _package(str(frame.f_globals.get("__name__", "")))
-        found = who.get(id(frame.f_locals[first])) if first in frame.f_locals else None
+        self = frame.f_locals.get(first)
+        found = who.get(id(self)) or classes.get(type(self)) if first in frame.f_locals else None
         if found is None and kind in ("", "task"):
             found = alone.get(module)
         if found and module != "rhs":  # a task's frames stand outside those of the part it asks

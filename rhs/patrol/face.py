@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,8 +28,10 @@ def run_words(words: Sequence[str] | Mapping[str, Any], *, quiet: bool = False) 
     config = config_of(words)
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = run_config(config, claim.folder, unwatched if quiet else bar)
-        row.pop("_cause", None)
+        cause = row.pop("_cause", None)
         folder = claim.publish()
+        if isinstance(cause, KeyboardInterrupt):  # who stops a loop over runs stops the loop
+            raise cause
         if not quiet:
             show_in_notebook(folder)
         return row | {"folder": str(folder)}
@@ -66,6 +69,7 @@ def words_of(values: Mapping[str, Any]) -> list[Word]:
     for key, value in values.items():
         if key in PLUGIN_KINDS and settings.is_record(value):
             name = known_as(key, type(value))
+            check_dicts(key, settings.plain(value), settings.defaults(type(value)))
             out.append(Word(key, name, f"{key}={name}"))
             out += [Word(f"{key}.{k}", v, f"{key}.{k}={v}") for k, v in settings.plain(value).items()]
         else:
@@ -83,12 +87,29 @@ def check_value(key: str, value: Any) -> None:
                           f"that has build(context)")
 
 
+def check_dicts(owner: str, values: Mapping[str, Any], base: Mapping[str, Any]) -> None:
+    """Raises ConfigError where a dict of an object lacks keys of its class's default: words can add keys and take none away,
+    so that another object would be built. values, base: the settings of the object, and of its class, as plain values."""
+    for key, default in base.items():
+        if key not in values:
+            raise ConfigError(f"{owner} lacks the key {key} of its class's default, which words cannot take away; give the "
+                              f"setting an empty default")
+        if isinstance(default, Mapping) and isinstance(values[key], Mapping):
+            check_dicts(f"{owner}.{key}", values[key], default)
+
+
 def known_as(kind: str, cls: type) -> str:
-    """The name by which this class is registered; it is registered now if it is not."""
-    for name in registry.names(kind):
+    """The name by which this class is registered; it is registered now if it is not, or if that is what the class was before
+    its cell of a notebook was run again. Nobody else's name is taken."""
+    taken = registry.names(kind)
+    for name in taken:
         if any(origin.value == f"{cls.__module__}:{cls.__qualname__}" for origin in registry.origins(kind, name)):
+            if registry.load(kind, name) is not cls:
+                registry.register(kind, name, cls)
             return name
-    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
+    word = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
+    names = itertools.chain([word], (f"{word}_{k}" for k in itertools.count(2)))
+    name = next(name for name in names if name not in taken)
     registry.register(kind, name, cls)
     return name
 

@@ -22,7 +22,8 @@ import numpy as np
 from rhs.api.contracts import Odometry
 from rhs.api.geometry import exp_se3, inverse, log_se3, planar, se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
-from rhs.api.validate import MOST_REASON, check_motion
+from rhs.api.validate import check_motion
+from rhs.api.validate_fields import MOST_REASON
 from rhs.estimation.filters.kalman import gate as chi_square
 from rhs.estimation.views.motion_consistency import scan_share
 

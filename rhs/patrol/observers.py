@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -141,9 +142,9 @@ def plan_row(mission: int, plan: Plan) -> dict[str, Any]:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Written whole or not at all."""
+    """Written whole or not at all; numbers and arrays of NumPy as plain ones."""
     with replacing(path) as file:
-        file.write(json.dumps(value, indent=1) + "\n")
+        file.write(json.dumps(value, indent=1, default=methodcaller("tolist")) + "\n")
 
 
 def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -176,7 +177,7 @@ class RunContext:
 
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
         """Build the task's job and run it; the columns that the task knows."""
-        job = self.config.task.settings.build(self)
+        job = deepcopy(self.config.task.settings).build(self)
         if not callable(getattr(job, "run", None)):
             raise ConfigError(f"{self.who('task')}: {type(job).__name__}, which build() returned, has no run()")
         self._parts["task"] = job

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -108,8 +109,8 @@ def head_note(camera: Camera, world_facts: Any, *, config: dict[str, Any] | None
               timed: bool = True) -> dict[str, str]:
     """The metadata record `rhs` at the beginning of a recording."""
     facts = dataclasses.asdict(world_facts) if dataclasses.is_dataclass(world_facts) else world_facts or {}  # type: ignore
-    return {"camera": json.dumps(camera_to_plain(camera)), "world": json.dumps(facts),
-            "config": json.dumps(config or {}), "level": level} | ({} if timed else {"timed": "false"})
+    return {"camera": _json(camera_to_plain(camera)), "world": _json(facts),
+            "config": _json(config or {}), "level": level} | ({} if timed else {"timed": "false"})
 
 
 def camera_to_plain(camera: Camera) -> dict[str, Any]:
@@ -129,7 +130,7 @@ def put_view(writer: McapWriter, camera: Camera, seen: Observation | Capture, *,
     holds = [name for name in PARTS if parts[name] is not None]
     extras = {name: np.asarray(array) for name, array in sorted(seen.extras.items())} if images else {}
     kinds = {name: [array.dtype.str, list(array.shape)] for name, array in extras.items()}
-    writer.put(STEP, ros.text(json.dumps(plain | {"holds": holds} | ({"extras": kinds} if kinds else {}))), t)
+    writer.put(STEP, ros.text(_json(plain | {"holds": holds} | ({"extras": kinds} if kinds else {}))), t)
     if image is not None or depth is not None:
         writer.put("/camera/camera_info", ros.camera_info(camera, t, "camera"), t)
     if image is not None:
@@ -169,3 +170,8 @@ def _twist(command: Twist | None) -> list[float] | None:
     if command is None:
         return None
     return [float(command.forward_mps), float(command.turn_radps), float(command.duration_s)]
+
+
+def _json(value: Any) -> str:
+    """A text of plain values, and of numbers and arrays of NumPy as such."""
+    return json.dumps(value, default=methodcaller("tolist"))

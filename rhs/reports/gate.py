@@ -16,6 +16,7 @@ import numpy as np
 
 LEAST_PAIRS = 4
 ERROR = 0.05  # of all looks together
+ROUNDING = 1e-9  # of a ratio: sums in another order
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,9 @@ def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, 
 
     lost = sum(before and not after for before, after in won)
     gained = sum(after and not before for before, after in won)
-    ratio = np.array([math.log(b / a) for a, b in zip(old, new, strict=True) if a > 0 and b > 0])  # NaN is neither
+    known = [(a, b) for a, b in zip(old, new, strict=True) if 0 < a < math.inf and 0 < b < math.inf]  # NaN is neither
+    ratio = np.array([math.log(b / a) for a, b in known])
+    ratio[np.abs(ratio) < ROUNDING] = 0.0
     n = len(ratio)
     middle = float(ratio.mean()) if n else math.nan
     half = math.inf

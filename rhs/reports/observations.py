@@ -73,7 +73,7 @@ def judged(table: pandas.DataFrame) -> pandas.DataFrame:
     empty = [name for name in ("spl", "bucket") if not out[name].notna().any()]
     failed = done == 0.0
     for name in out.columns if failed.any() else ():
-        if name == "path_length_m" or (name.startswith("plan_") and name not in KEPT_OF_FAILURES):
+        if of_successes(name):
             if out[name].dtype.kind in "fiu":
                 out[name] = out[name].astype("Float64").mask(failed).astype("float64")
     broken_off = table["status"] != "ok" if "status" in table.columns else np.zeros(len(table), bool)
@@ -83,6 +83,11 @@ def judged(table: pandas.DataFrame) -> pandas.DataFrame:
     if "plan_success" in out.columns and planned(table).any():
         out["plan_success"] = out["plan_success"].mask(failed & planned(table), 0)
     return out.drop(columns=empty)
+
+
+def of_successes(name: str) -> bool:
+    """Whether a column says nothing of a run that failed: the length of a way that leads through a wall, or half-way."""
+    return name == "path_length_m" or (name.startswith("plan_") and name not in KEPT_OF_FAILURES)
 
 
 def planned(table: pandas.DataFrame) -> np.ndarray:
@@ -146,7 +151,7 @@ def _alike(table: pandas.DataFrame, names: Sequence[str]) -> tuple[np.ndarray, n
 
 def independent(table: pandas.DataFrame) -> np.ndarray:
     """(N,) labels; runs that share one are one result: a configuration that gave the same row for every seed drew no
-    random number that mattered."""
+    random number that mattered, and a run that was done twice, in two sweeps, is one."""
     import pandas as pd
 
     apart = {"seed", "config_hash", *(name for name in table.columns if machine_dependent(name))}
@@ -157,7 +162,8 @@ def independent(table: pandas.DataFrame) -> np.ndarray:
         same[chosen[codes != codes[first][chosen]]] = False
         if not same.any():
             break
-    return np.where(same[chosen], first[chosen], np.arange(len(table)))
+    own = _alike(table, ["config_hash"]) if "config_hash" in table.columns and table["config_hash"].notna().all() else None
+    return np.where(same[chosen], first[chosen], np.arange(len(table)) if own is None else own[1][own[0]])
 
 
 def buildings(table: pandas.DataFrame) -> np.ndarray:

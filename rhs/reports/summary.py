@@ -81,7 +81,8 @@ def _notes(table: pandas.DataFrame, view: pandas.DataFrame, scored: pandas.DataF
     text = " ".join(map(str, view.to_numpy().ravel()))
     notes = legend(text)
     if (view["independent"] < view["runs"]).any():
-        notes.append("independent: runs that give the same row for every seed count once and have no interval")
+        notes.append("independent: runs that give the same row for every seed count once and have no interval; so do runs "
+                     "done twice")
     if "par2_ms" in view.columns:
         notes.append("par2_ms: a failure counts twice the longest time that any run of its problem took")
     return [*notes, failures_told(table)]

@@ -53,6 +53,7 @@ def sound(columns: Mapping[str, object]) -> dict[str, object]:
         if isinstance(value, str) and len(value) > LONGEST_TEXT:
             value = f"{value[:LONGEST_TEXT]}... ({len(value)} characters)"
         try:
+            value = plain_value(str(name), value)
             _encode(str(name), value)
             good[str(name)] = value
         except Exception as error:
@@ -95,6 +96,18 @@ def read_row(path: Path) -> dict[str, object]:
     if row["status"] == RUNNING and not is_in_use(path.parent):
         row |= {"status": KILLED, "reason": f"its process ended without a word; python -m rhs recover {path.parent}"}
     return row
+
+
+def plain_value(name: str, value: object) -> object:
+    """The value as a row holds it under this name: a number of NumPy as a plain one, true and false as 1 and 0 where a
+    number is due. Raises RhsError for one that whoever reads the row would refuse, and with it the row."""
+    if isinstance(value, np.generic | np.ndarray) and np.ndim(value) == 0:
+        value = value.item()
+    if isinstance(value, bool) and kind_of(name) in ("count", "number"):
+        value = int(value)
+    if not isinstance(value, float) or value == value:
+        checked_value(name, value)
+    return value
 
 
 def checked_value(name: str, value: object) -> object:

@@ -32,7 +32,7 @@ from rhs.runfolder.shards import Line, read_lines, shards, words_key
 from .break_point import Plan, Search, account, learn, next_job, plan
 from .jobs import Job, Limits, asked_for, run_jobs
 from .keep import Keeper
-from .kept import MISSING, Row, any_row
+from .kept import MISSING, Row, any_row, same_code
 from .worker import COMPILING
 
 KEYS = {"words": list, "runs": int, "seed": int, "combinations": dict, "dials": list}
@@ -131,8 +131,9 @@ def key_of(found: Plan, search: Search) -> str:
 def _recalled(found: Plan, search: Search, known: Sequence[Line], runs: int, tell: Tell) -> list[int]:
     """Learn what was tried before; the seeds that are left."""
     left, key = list(range(found.first_seed, found.first_seed + runs)), key_of(found, search)
+    _, some = next_job(found, search, 0.0, found.first_seed)
     for line in known:
-        if line.set.get("atlas") == key and (seed := int(line.set["atlas_seed"])) in left:
+        if line.set.get("atlas") == key and same_code(line.row, some) and (seed := int(line.set["atlas_seed"])) in left:
             left.remove(seed)
             learn(search, found.dial.level(float(line.set[found.dial.key])), line.row, line.run)
             tell(line.run, str(line.row["status"]))

@@ -17,7 +17,7 @@ from typing import Any
 from rhs.base.errors import ConfigError, RhsError
 from rhs.config.compose import Composer, RunConfig, to_plain
 from rhs.config.overrides import Word, parse, sweep_words, swept_keys
-from rhs.metrics.threshold import Dial, Posterior, Threshold, dial_between, in_words
+from rhs.metrics.threshold import LEVELS, Dial, Posterior, Threshold, dial_between, in_words
 
 from .jobs import Job, Limits, asked_for, run_jobs
 from .kept import MISSING, any_row
@@ -64,7 +64,7 @@ def dial_of(words: Sequence[str]) -> tuple[Dial, list[str]]:
 
 
 def plan(words: Sequence[str]) -> Plan:
-    """Compose every combination at both ends of the dial before anything runs. Raises ConfigError in one line."""
+    """Compose every combination at every level of the dial before anything runs. Raises ConfigError in one line."""
     dial, rest = dial_of(words)
     overrides = parse(rest)
     swept = swept_keys(overrides)
@@ -78,11 +78,21 @@ def plan(words: Sequence[str]) -> Plan:
             low = int(dial.low) if dial.low.is_integer() else dial.low  # the setting may take whole numbers only
             config = composer.config([*combination, _word(dial.key, low)])  # or says which setting was meant
         dial = replace(dial, whole=_is_whole(config, dial.key))
-        for level in (0.0, 1.0):
-            composer.config([*combination, _word(dial.key, dial.value(level))])
+        _check_values(dial, composer, combination)
         searches.append(Search(name, combination))
         output, seed = config.output, config.seed
     return Plan(dial, searches, composer, output, seed)
+
+
+def _check_values(dial: Dial, composer: Composer, combination: Sequence[Word]) -> None:
+    """Raises ConfigError for a value of the dial that the part refuses: both ends first, then what lies between."""
+    ends = [dial.value(0.0), dial.value(1.0)]
+    for value in dict.fromkeys([*ends, *(dial.value(float(level)) for level in LEVELS)]):
+        try:
+            composer.config([*combination, _word(dial.key, value)])
+        except ConfigError as error:
+            more = "" if value in ends else "; a dial takes every value between its ends"
+            raise ConfigError(f"{error}{more}") from error
 
 
 def _setting(config: RunConfig, key: str) -> Any:

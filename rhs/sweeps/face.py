@@ -13,7 +13,7 @@ from rhs.base.errors import ConfigError, check_range
 from rhs.config import registry
 from rhs.config.loose import check_in_files
 from rhs.config.overrides import parse, quoted
-from rhs.patrol.face import check_value, check_words, known_as
+from rhs.patrol.face import check_dicts, check_value, check_words, known_as
 from rhs.runfolder.folders import claim_sweep
 
 from . import running, sweep
@@ -55,13 +55,20 @@ def _words(key: str, value: Any) -> Iterator[str]:
     if key not in PLUGIN_KINDS or not any(map(settings.is_record, items)):
         yield _as_typed(key, value) if isinstance(value, str) else f"{key}={_typed(value)}"
         return
-    changed = {name: now for item in items if settings.is_record(item) for name, now in _flat(settings.plain(item)).items()
-               if now != _flat(settings.defaults(type(item)))[name]}
+    changed = {name: now for item in items if settings.is_record(item) for name, now in _changed(key, item).items()}
     if changed and len(items) > 1:
         one = next(iter(changed))
         raise ConfigError(f"{key}: objects in a list have their defaults; combine settings by {{'{key}.{one}': [...]}}")
     yield f"{key}={','.join(known_as(key, type(item)) if settings.is_record(item) else _typed(item) for item in items)}"
     yield from (f"{key}.{name}={_literal(now)}" for name, now in changed.items())
+
+
+def _changed(kind: str, part: Any) -> dict[str, Any]:
+    """The settings of an object that are not at their defaults, by their dotted names."""
+    now, base = settings.plain(part), settings.defaults(type(part))
+    check_dicts(kind, now, base)
+    before = _flat(base)
+    return {name: value for name, value in _flat(now).items() if name not in before or value != before[name]}
 
 
 def _as_typed(key: str, text: str) -> str:

@@ -1,4 +1,5 @@
-"""Jobs whose rows are kept: what has ended is not run again, whoever asks and however the last asking was stopped."""
+"""Jobs whose rows are kept: what has ended is not run again, whoever asks and however the last asking was stopped; but where
+the code of somebody's part has changed since."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rhs.base.errors import RhsError
+from rhs.config.compose import identity
 from rhs.runfolder.row import read_row
 from rhs.runfolder.shards import Line, read_lines, shards, words_key
 
@@ -26,7 +28,7 @@ def kept_rows(jobs: Sequence[Job], folder: Path, limits: Limits, *, tell: Callab
     status `missing`. tell(job, status): after each, those that were there already first. keep: whose folders stay; of the
     others the rows do, in shards."""
     lines = read_lines(shards(folder), []) if keep != "all" else {}
-    outcomes = {job.name: ended(folder / job.name, lines.get(words_key(job.words))) for job in jobs}
+    outcomes = {job.name: ended(job, folder, lines.get(words_key(job.words))) for job in jobs}
     found = {name: row for name, row in outcomes.items() if row is not None}
     for job in jobs:
         if job.name in found:
@@ -56,10 +58,16 @@ def broken_off(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"{whys.total()} of {len(rows)} broke off, most by: {whys.most_common(1)[0][0][:200]}" if whys else ""
 
 
-def ended(folder: Path, line: Line | None) -> Row | None:
-    """The row of a run that ended by itself, from its folder or its line in a shard; None where there is none."""
-    rows = [any_row(folder), *([] if line is None else [dict(line.row)])]
-    return next((row for row in rows if row["status"] in ENDED), None)
+def ended(job: Job, folder: Path, line: Line | None) -> Row | None:
+    """The row of a job that ended by itself, from its folder or its line in a shard; None where there is none, or only one
+    of other code."""
+    rows = [any_row(folder / job.name), *([] if line is None else [dict(line.row)])]
+    return next((row for row in rows if row["status"] in ENDED and same_code(row, job)), None)
+
+
+def same_code(row: Mapping[str, Any], job: Job) -> bool:
+    """Whether a row is of the plugins as they are now."""
+    return (row.get("plugins") or "") == identity(job.config)["plugins"]
 
 
 def any_row(folder: Path) -> Row:

@@ -183,6 +183,9 @@ def changes_of(kind: str, config: RunConfig, only: Sequence[str] = ()) -> tuple[
                 changes.append(Change(key, before, value, factor))
     tried = {change.key for change in changes}
     missed = [one for one in only if one not in met]
+    if not (missed or changes) and left_out:
+        key, why = next(iter(left_out.items()))
+        raise ConfigError(f"sensitivity: nothing to try: {key} {why}")
     if missed or not changes:
         raise ConfigError(f"sensitivity: {kind}={getattr(config, kind).name} has no such numeric setting"
                           + (f" as {', '.join(missed or only)}" if only else ""))
@@ -253,7 +256,7 @@ class Effect:
             return "fails"
         if self.low > MATTERS:
             return "worse"
-        if self.high < -MATTERS or self.won - self.lost >= FAILS:
+        if self.high < -MATTERS:
             return "better"
         return "no effect" if -MATTERS <= self.low and self.high <= MATTERS else "not sure"
 

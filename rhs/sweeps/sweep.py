@@ -23,6 +23,7 @@ from typing import Any
 
 from rhs.api.files import replacing
 from rhs.base.errors import ConfigError, RhsError
+from rhs.config import registry
 from rhs.config.compose import Composer, RunConfig, config_hash, to_plain
 from rhs.config.loose import loose_names
 from rhs.config.overrides import Combinations, Word, parse, sweep_words, swept_keys
@@ -142,7 +143,7 @@ def remember(plan: Plan, folder: Path) -> None:
     set_aside(folder, ([] if plan.lazy else others) + [path.parent for path in _shards_of_others(plan, folder)[:1]])
     with replacing(folder / "sweep.json") as file:
         file.write(json.dumps({"rhs": version("rhs"), "words": plan.words, "conf": [str(path) for path in plan.conf],
-                               "plugins": loose_names(), "count": len(plan.combinations),
+                               "plugins": loose_names(), "sources": _sources(plan), "count": len(plan.combinations),
                                "jobs": {} if plan.lazy else {job.name: job.words for job in plan.first},
                                "example_words": plan.first[0].words, "example": to_plain(plan.first[0].config)},
                               indent=1) + "\n")
@@ -173,11 +174,31 @@ def check_same(plan: Plan, folder: Path, before: dict[str, Any]) -> None:
     if before.get("rhs") != version("rhs"):
         raise ConfigError(f"{folder} was made by rhs {before.get('rhs')}, this is {version('rhs')}; take another folder "
                           f"or type --force")
+    _check_sources(_sources(plan), before.get("sources", []), folder)
     if _same_jobs(plan, folder, before):
         return
     differing = _differences(before.get("example", {}), to_plain(plan.first[0].config))
     raise ConfigError(f"{folder} holds jobs of another configuration: {', '.join(differing[:3]) or 'other values'}; "
                       f"take another folder or type --force")
+
+
+def _sources(plan: Plan) -> list[str]:
+    """`kind=name from ...` of the parts and metrics that are not ours, with the hash of their code."""
+    found = {text for job in plan.first for text in registry.sources(job.config.task.name, {
+        kind: chosen.name for kind, chosen in job.config.parts.items()})}
+    return sorted(found | {text for text in loose_names() if text.startswith("metric=")})
+
+
+def _check_sources(now: Sequence[str], before: Sequence[str], folder: Path) -> None:
+    """Refuse to mix rows of one code with those of another."""
+    have = {text.partition(" from ")[0]: text for text in now}
+    for text in before:
+        name, _, was = text.partition(" from ")
+        if name.startswith("metric=") and name not in have:
+            raise ConfigError(f"the sweep has {text}: add --plugin FILE")
+        if have.get(name, text) != text:
+            raise ConfigError(f"{name} was {was}, is {have[name].partition(' from ')[2]} now; take another folder, or type "
+                              f"--force to keep the old rows of {folder}")
 
 
 def _same_jobs(plan: Plan, folder: Path, before: dict[str, Any]) -> bool:

@@ -13,6 +13,7 @@ import rhs
 from rhs.api.records import Path, PlanReason
 from rhs.base.errors import ConfigError, PluginError
 from rhs.config import registry
+from rhs.patrol.face import config_of
 
 PLANNING = {"task": "planning", "world": "map1"}
 
@@ -71,6 +72,14 @@ def test_a_loop_that_is_left_early_is_an_interrupted_run(tmp_path):
     assert rhs.load_run(tmp_path / "run").row["status"] == "interrupted"
 
 
+def test_who_stops_a_run_stops_the_loop_over_runs(tmp_path):
+    """The row was returned, and the next seed began."""
+    words = [*CHOICE, "odometry=faulty", "odometry.how=interrupt", "recording=off", "pictures=off"]
+    with pytest.raises(KeyboardInterrupt):
+        rhs.run([*(word for word in words if word != "odometry=fake"), f"output={tmp_path / 'run'}"], quiet=True)
+    assert rhs.load_run(tmp_path / "run").row["status"] == "interrupted"
+
+
 def test_what_ends_the_loop_is_raised_after_its_row_is_written(tmp_path):
     words = [*(w for w in CHOICE if not w.startswith("odometry")), "odometry=faulty", "odometry.how=raise"]
     with pytest.raises(ValueError, match="fails on purpose"):
@@ -117,6 +126,22 @@ def test_a_part_may_be_an_object_and_the_row_names_its_file(tmp_path):
     assert (row["status"], row["planner"], row["places_visited"]) == ("ok", "direct", 2)
     assert "planner=direct from test_face.py (" in row["plugins"]
     assert "bend_m: 0.1" in (tmp_path / "run" / "config.yaml").read_text()
+
+
+def test_a_class_whose_cell_was_run_again_is_the_new_one():
+    """The name went on to stand for the class of before: an edited part was never run."""
+    for step_m in (1.0, 2.0):
+        again = dataclass(type("Direct", (Direct,), {"__module__": __name__, "__annotations__": {"reach_m": float},
+                                                     "reach_m": step_m, "__qualname__": "Direct"}))
+        config = config_of({"task": "planning", "world": "map1", "planner": again()})
+        assert type(config.planner.settings) is again and config.planner.settings.reach_m == step_m
+
+
+def test_an_object_takes_nobody_elses_name():
+    own = dataclass(type("Prm", (Direct,), {"__module__": __name__, "__qualname__": "Prm"}))
+    config = config_of({"task": "planning", "world": "map1", "planner": own()})
+    assert config.planner.name == "prm_2" and type(config.planner.settings) is own
+    assert registry.load("planner", "prm").__module__ == "rhs_planners.prm_config"
 
 
 def test_a_registered_plugin_is_chosen_by_its_word():

@@ -226,6 +226,11 @@ def test_what_makes_no_sense_is_refused_in_one_line(words, says):
         compose_config(words)
 
 
+def test_a_degradation_that_is_named_twice_is_refused():
+    with pytest.raises(ConfigError, match="degrade=blur.blur: blur stands there twice"):
+        compose_config(["degrade=blur+blur"])
+
+
 def test_two_degradations_with_one_setting_name_are_refused_together(monkeypatch):
     blur = registry.load("degrade", "blur")
     monkeypatch.setattr(registry, "_by_hand", dict(registry._by_hand))

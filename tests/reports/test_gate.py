@@ -48,6 +48,12 @@ def test_equal_runs_are_no_worse_at_the_first_look():
     assert (found.word, found.change, found.pairs, found.exit_code) == ("no worse", 0.0, 4, 0)
 
 
+def test_a_sum_in_another_order_is_no_change():
+    """A planner without randomness gives one length for every seed, and its interval has no width."""
+    assert verdict([1.0 - 1e-15] * 6).word == verdict([1.0 + 1e-15] * 6).word == "no worse"
+    assert verdict([np.inf, 1.0, 1.0, 1.0, 1.0]).pairs == 4
+
+
 def test_four_ratios_by_hand():
     """Mean log 0.1, standard error 0, so worse by exp(0.1) - 1."""
     found = verdict([np.exp(0.1)] * 4)

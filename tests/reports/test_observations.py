@@ -41,6 +41,14 @@ def test_runs_of_other_problems_or_settings_are_not_repetitions():
     assert len(set(independent(table(plan(0), plan(1, 13.0), plan(2))))) == 3  # one differs: it draws random numbers
 
 
+def test_a_run_done_twice_is_one():
+    """Of the same five runs in two sweeps the interval was that of ten."""
+    once = [plan(seed, 12.0 + seed, planner="prm", config_hash=f"hash{seed}") for seed in range(5)]
+    one, two = (summarise(table(*rows), columns=["plan_length_m"]).iloc[0] for rows in (once, once + once))
+    assert (two["runs"], two["independent"]) == (10, 5)
+    assert (two["complete"], two["plan_length_m"]) == (one["complete"], one["plan_length_m"])
+
+
 def test_spl_by_hand():
     """Anderson et al. 2018: 10 / 12, 0 for a failure, 1 at the optimum and below it (an optimum is never beaten)."""
     found = table(plan(0), plan(1, 10.0), plan(2, 9.0), plan(3, None, plan_success=0, plan_valid=None, plan_reason="no"),

@@ -1,14 +1,19 @@
 """`python -m rhs break`: refused before anything runs, and a search that ends with its files."""
 
 import json
+from dataclasses import dataclass
+from typing import ClassVar
 
 import pytest
 
+import rhs
 from rhs.base.errors import ConfigError
 from rhs.cli.main import main
+from rhs.config import registry
 from rhs.metrics.threshold import Dial
 from rhs.runfolder.row import read_row
 from rhs.sweeps.break_point import Search, account, dial_of, learn, plan
+from rhs.sweeps.sensitivity import ask
 
 PLANNING = ["task=planning", "world=map1"]
 
@@ -23,6 +28,33 @@ PLANNING = ["task=planning", "world=map1"]
 def test_what_is_no_dial_is_refused(words, says):
     with pytest.raises(ConfigError, match=says):
         plan([*PLANNING, *words])
+
+
+@dataclass
+class Odd:
+    """A planner that takes odd numbers."""
+
+    kernel: int = 3
+    """cells"""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self):
+        if self.kernel % 2 == 0:
+            raise ConfigError(f"kernel={self.kernel}: expected an odd number")
+
+    def build(self, context):
+        return self
+
+
+def test_a_value_that_is_refused_within_the_dial_is_refused_before_anything_runs():
+    rhs.register("planner", "odd", Odd)
+    with pytest.raises(ConfigError, match="planner.kernel=4: expected an odd number; a dial takes every value between"):
+        plan([*PLANNING, "planner=odd", "planner.kernel=3..7"])
+    with pytest.raises(ConfigError, match="nothing to try: planner.kernel .*expected an odd number"):
+        ask(["planner=odd"])
+    registry._by_hand.clear()
+    registry.forget()
 
 
 def test_a_dial_is_one_word_with_two_ends():

@@ -2,9 +2,11 @@
 
 import importlib.util
 import json
+import re
 import sys
 
 import pytest
+from installing import FAKES, installed
 
 import rhs
 from rhs.base.errors import PluginError
@@ -12,6 +14,8 @@ from rhs.cli.main import main
 from rhs.config import loose, registry
 from rhs.config.loose import carried, take_over
 from rhs.runfolder.row import read_row
+from rhs.sweeps.kept import ended
+from rhs.sweeps.sweep import plan
 
 SOURCE = '''
 from dataclasses import dataclass
@@ -74,6 +78,64 @@ def test_a_sweep_its_resume_and_its_verification_know_the_file(file, tmp_path, c
     assert main(["verify", str(folder)]) == 2
     assert "add --plugin FILE" in capsys.readouterr().err
     assert main(["verify", str(folder), "--plugin", str(file)]) == 0
+
+
+def test_rows_of_other_code_are_not_those_of_the_part_as_it_is_now(file, tmp_path, capsys):
+    """A part that was edited had the rows of the old one, in sweeps that go on and in what begins again by itself."""
+    words, folder = ["-m", "--plugin", str(file), *SWEEP], tmp_path / "sweep"
+    assert main([*words, f"output={folder}", "--jobs", "1"]) == 0
+    (job,) = [job for job in plan([*SWEEP, f"output={folder}"]).jobs if job.config.planner.name == "direct"]
+    assert ended(job, folder, None)["status"] == "ok"
+    _forget()
+    file.write_text(SOURCE.replace("Straight", "Straighter"))
+    capsys.readouterr()
+    assert main([*words, f"output={folder}", "--resume"]) == 2
+    told = capsys.readouterr().err
+    assert "planner=direct was direct.py (" in told and "take another folder, or type --force" in told
+    assert ended(job, folder, None) is None
+    assert main([*words, f"output={folder}", "--resume", "--force"]) == 0
+
+
+def test_two_files_of_one_name_are_two(tmp_path):
+    """The second took the place of the first: its row named the other's code, and a sweep ran the other's class."""
+    for folder, name in (("a", "Direct"), ("b", "Other")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.py").write_text(SOURCE.replace("Direct", name))
+    files = [str(tmp_path / folder / "mine.py") for folder in ("a", "b")]
+    loose.load_files(files, ["planner=direct,other"])
+    told = registry.sources("planning", {"planner": "direct"}) + registry.sources("planning", {"planner": "other"})
+    assert len({text.partition(" from ")[2] for text in told}) == 2
+    sent = carried([("planner", "direct"), ("planner", "other")])
+    _forget()
+    take_over(sent)
+    assert [registry.load("planner", name).__name__ for name in ("direct", "other")] == ["Direct", "Other"]
+
+
+def test_a_file_takes_no_library_away(tmp_path):
+    import json as before
+
+    (tmp_path / "json.py").write_text(SOURCE)
+    loose.load_files([str(tmp_path / "json.py")], ["planner=direct"])
+    assert sys.modules["json"] is before and registry.load("planner", "direct").__name__ == "Direct"
+
+
+@pytest.mark.parametrize("more", ["", "import rhs\nrhs.register('planner', 'direct', Direct)\n"])
+def test_one_name_in_two_files_is_refused(tmp_path, more):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.py").write_text(SOURCE + more)
+    first = str(tmp_path / "a/mine.py")
+    with pytest.raises(PluginError, match="planner=direct: .*a/mine.py and .*b/mine.py both .*rename"):
+        loose.load_files([first, str(tmp_path / "b/mine.py")], ["planner=direct"])
+    _forget()
+    loose.load_files([first, first], ["planner=direct"])
+
+
+def test_the_code_of_a_package_is_told_in_the_row(tmp_path):
+    with installed(FAKES):
+        registry.forget()
+        (told,) = registry.sources("planning", {"planner": "fake", "odometry": "keyframe"})
+        assert re.fullmatch(r"planner=fake from rhs-fakes 0.1 \([0-9a-f]{12}\)", told)
 
 
 def test_a_registered_class_goes_with_a_sweep_from_python(file, tmp_path):

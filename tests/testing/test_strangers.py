@@ -29,6 +29,7 @@ from rhs.card import card
 from rhs.config import loose, registry
 from rhs.config.compose import compose_config
 from rhs.metrics.evaluate import evaluate
+from rhs.patrol.face import config_of
 from rhs.sweeps.face import _words
 from rhs.testing import check_plugin
 from rhs.testing.planners import empty, problem
@@ -302,6 +303,52 @@ def test_what_is_no_key_of_a_dict_is_refused(word, says):
     rhs.register("planner", "tables", Tables)
     with pytest.raises(ConfigError, match=says.replace("{", "\\{")):
         compose_config(["planner=tables", word])
+
+
+@dataclass
+class Inner:
+    share: float = 0.5
+    """of a whole"""
+
+
+@dataclass
+class Kept(Tables):
+    """A dataclass that may be left out, keys that are numbers, lists of numbers."""
+
+    inner: Inner | None = None
+    """more of it"""
+    floors: dict[int, float] = field(default_factory=dict)
+    """heights by number, metres"""
+    weights: list[float] = field(default_factory=list)
+    """of each"""
+
+
+@pytest.mark.parametrize(("word", "name", "value"), [
+    ("planner.inner.share=0.25", "inner", Inner(0.25)), ("planner.inner={share:0.25}", "inner", Inner(0.25)),
+    ("planner.inner=null", "inner", None), ("planner.floors={2:3.5}", "floors", {2: 3.5}),
+    ("planner.floors.2=3.5", "floors", {2: 3.5})])
+def test_a_dataclass_that_may_be_left_out_and_keys_that_are_numbers_are_typed(word, name, value):
+    rhs.register("planner", "kept", Kept)
+    assert getattr(compose_config(["planner=kept", word]).planner.settings, name) == value
+
+
+@pytest.mark.parametrize(("word", "says"), [
+    ("planner.weights=[1,nan]", "expected finite numbers"), ("planner.prices={turn:inf}", "expected finite numbers"),
+    ("planner.floors.cellar=3", "the key 'cellar': expected int"), ("planner.inner.shore=1", "expected Inner | null")])
+def test_what_is_inside_lists_and_dicts_is_checked_too(word, says):
+    rhs.register("planner", "kept", Kept)
+    with pytest.raises(ConfigError, match=says.replace("|", "[|]")):
+        compose_config(["planner=kept", word])
+
+
+def test_an_object_is_built_as_it_is_or_refused():
+    """Its dict was merged with its class's default."""
+    whole = Kept(prices={"turn": 2.0, "stop": 1.0}, floors={2: 3.5}, inner=Inner(0.25))
+    assert config_of({"planner": whole}).planner.settings == whole
+    assert "planner.floors.2=3.5" in list(_words("planner", whole))
+    for take in (lambda less: config_of({"planner": less}), lambda less: list(_words("planner", less))):
+        with pytest.raises(ConfigError, match="planner.prices lacks the key turn of its class's default"):
+            take(Kept(prices={"stop": 1.0}))
 
 
 @pytest.mark.parametrize(("word", "says"), [
