@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
@@ -62,7 +63,8 @@ class Sentinel(Barred):
         """Plan and watch on this map from now on."""
         self.grid, self.free = grid, known_free(grid, self.views, self.radius_m)
         self.watch = ObstacleWatch(grid, self.free, tolerance_m=self.settings.wall_tolerance_m,
-                                   votes=self.settings.advanced.guard.votes, changed=self.changed)
+                                   votes=self.settings.advanced.guard.votes, changed=self.changed,
+                                   hides_m=self.settings.advanced.guard.hides_m)
         self._drive_on(self.free)
 
     def _drive_on(self, free: np.ndarray) -> None:
@@ -103,6 +105,9 @@ class Sentinel(Barred):
             self.trails.note(in_map(around.came_now(), pose))
         self.guard.touched_m = in_body(self.watch.touched_m, pose) if sure else NOTHING
         self.guard.known_m = self.watch.known_near(pose) if sure and around.one_eye else NOTHING
+        self.guard.shaded_m = self.watch.hidden_near(pose) if sure else NOTHING
+        if sure and around.one_eye:
+            self.watch.shade(belief.map_from_body, scan, self.radius_m)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -229,12 +234,16 @@ class Sentinel(Barred):
             kept_from = [np.concatenate([near, wide]), near] if len(wide) else [near]
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        for things in kept_from:
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
+        cells = self.watch.cells
+        kept_off = [cells | self.watch.hidden, cells] if one_eye else [cells]  # nor does it see a thing's other side in time
+        for obstacles, things in product(kept_off, kept_from):
+            plan = self.roads.plan(pose[:2], goal_m, obstacles=obstacles, things_m=things, squeeze=self.guard.sees,
                                    seen_m=seen)
             if plan.found:
                 break
-        self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
+        self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m,
+                           shaded=plan.found and obstacles is not cells)
+        self.guard.shaded_m = self.watch.hidden_near(pose)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
