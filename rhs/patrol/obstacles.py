@@ -85,7 +85,7 @@ class ObstacleWatch:
         self.seen_s = np.full((2, *grid.shape), -np.inf)
         self.since_s = np.full((2, *grid.shape), np.inf)  # when it first saw what stands there, also if forgotten since
         self._behind = np.zeros(grid.shape, bool)  # what a thing that the map does not know hid, when it was seen
-        self.shaded = False  # the way now driven keeps from `hidden`
+        self.shaded_m = 0.0  # how deep things are taken to be by the way now driven
 
     def watch_on(self, free: np.ndarray) -> None:
         """Tell things on these cells (H, W) from the map's walls, and take no notice of others."""
@@ -107,17 +107,17 @@ class ObstacleWatch:
         """(K, 2) metres in the map: where the robot ran into something and nobody has looked through since."""
         return self.grid.centres(np.argwhere(self._touched))
 
-    def planned(self, *, squeezed: bool, shaded: bool = False) -> None:
-        """A way was planned past what is known now; squeezed: nearer to it than its margin, on purpose; shaded: and past
-        what it hides."""
+    def planned(self, *, squeezed: bool, shaded_m: float = 0.0) -> None:
+        """A way was planned past what is known now; squeezed: nearer to it than its margin, on purpose; shaded_m:
+        and past what it hides so deep."""
         self._passed = inflate(self.cells, PASSED_CELLS) if squeezed else None
-        self.shaded = shaded
+        self.shaded_m = shaded_m
 
     def on_way(self, way_m: np.ndarray, near_m: float) -> np.ndarray:
         """(K, 2) metres in the map: middles of the cells where something stands within near_m of the way (M, 2), unless the
         way squeezes past it."""
         cells = self.cells if self._passed is None else self.cells & ~self._passed
-        cells = cells | self.hidden if self.shaded else cells
+        cells = cells | self.hidden(self.shaded_m)
         where = self.grid.centres(np.argwhere(cells))
         if not len(where):
             return where
@@ -198,16 +198,17 @@ class ObstacleWatch:
             self._behind[cells[:, 0], cells[:, 1]] = True
         self._behind &= ~self.near(map_from_body[:2, 3], radius_m)
 
-    @property
-    def hidden(self) -> np.ndarray:
-        """(H, W) bool: behind things that the map does not know, where no view of this patrol saw anything yet."""
-        near = inflate(self.cells, self.hides_m / self.grid.resolution_m)
-        hidden: np.ndarray = self._behind & near & np.isneginf(self.seen_s).all(axis=0)
+    def hidden(self, depth_m: float) -> np.ndarray:
+        """(H, W) bool: behind things that the map does not know, so near to them, where no view of this patrol saw anything."""
+        if depth_m <= 0.0:
+            return np.zeros(self.grid.shape, bool)
+        near = inflate(self.cells, depth_m / self.grid.resolution_m)
+        hidden: np.ndarray = self._behind & near & np.isneginf(self.seen_s[0])
         return hidden
 
     def hidden_near(self, pose: np.ndarray, within_m: float = 1.0) -> np.ndarray:
         """(K, 2) what the way now driven keeps from of it, so near to the pose (3,), in its body frame."""
-        hidden_m = in_body(self.grid.centres(np.argwhere(self.hidden)), pose) if self.shaded else np.zeros((0, 2))
+        hidden_m = in_body(self.grid.centres(np.argwhere(self.hidden(self.shaded_m))), pose)
         return hidden_m[np.hypot(*hidden_m.T) < within_m]
 
     def _unknown(self, map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
@@ -234,6 +235,8 @@ class ObstacleWatch:
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.seen_s[1, cells[:, 0], cells[:, 1]] = np.inf
         self.since_s[1, cells[:, 0], cells[:, 1]] = -np.inf
+        for at_m in points:
+            self._behind |= self.near(at_m, self.hides_m)
 
     def known_near(self, pose: np.ndarray) -> np.ndarray:
         """(K, 2) what the map or this watch knows near the pose (3,), in its body frame."""

@@ -29,6 +29,7 @@ from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
 from .surroundings import NEAR_M, NOTHING, SURE
 
+DEPTHS = (1.0, 0.5, 0.0)  # shares of how deep a thing may be, tried in this order
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -234,15 +235,14 @@ class Sentinel(Barred):
             kept_from = [np.concatenate([near, wide]), near] if len(wide) else [near]
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        cells = self.watch.cells
-        kept_off = [cells | self.watch.hidden, cells] if one_eye else [cells]  # nor does it see a thing's other side in time
-        for obstacles, things in product(kept_off, kept_from):
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=obstacles, things_m=things, squeeze=self.guard.sees,
-                                   seen_m=seen)
+        depths_m = np.array(DEPTHS) * self.settings.advanced.guard.hides_m if one_eye else [0.0]  # of what it saw one face of
+        for depth_m, things in product(depths_m, kept_from):
+            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells | self.watch.hidden(depth_m), things_m=things,
+                                   squeeze=self.guard.sees, seen_m=seen)
             if plan.found:
                 break
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m,
-                           shaded=plan.found and obstacles is not cells)
+                           shaded_m=depth_m if plan.found else 0.0)
         self.guard.shaded_m = self.watch.hidden_near(pose)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))

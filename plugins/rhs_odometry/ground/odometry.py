@@ -69,7 +69,7 @@ class GroundOdometry(Odometry):
         self._drift = Drift(settings)
         self._measured: deque[int] = deque(maxlen=settings.advanced.measured_views)
         self._before: TrackFrame | None = None
-        self._surveyed = False
+        self._surveyed = 0  # views of the survey, when it is over
 
     def update(self, observation: Observation) -> Motion:
         frame = self._front.track(observation)
@@ -85,7 +85,8 @@ class GroundOdometry(Odometry):
         self._measured.append(tally.on_walls + tally.free)
         self._stixels.add(observation.image)
         if self._surveyed:
-            self._stixels.forget(len(self._poses) - self._settings.advanced.stixels.oldest)
+            # what came since the survey is on none of its pictures
+            self._stixels.forget(max(len(self._poses) - self._settings.advanced.stixels.oldest, self._surveyed))
         scan = self._stixels.scan(len(self._poses) - 1, self._poses)
         if before is None:
             self._ledger.motion(clones[-1], self._filter.state.pose_covariance()[:3, :3])
@@ -102,7 +103,7 @@ class GroundOdometry(Odometry):
         """Poses as they left the window, and the scans that all views together give."""
         if not len(self._poses):
             return None
-        self._surveyed = True
+        self._surveyed = len(self._poses)
         poses = np.stack([se2(*pose) for pose in self._poses])
         poses[0] = self._start
         return Revision(poses, tuple(scans_of(self._stixels, self._poses)))
