@@ -84,7 +84,7 @@ class Guard:
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
         self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
         self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; for one eye
-        self.shaded_m = NOTHING  # (K, 2) what its way keeps from as the unseen rest of things, in the body frame; for one eye
+        self.shaded_m = NOTHING  # (K, 2) unseen rest of things that its way keeps from, in the body frame; for one eye
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 

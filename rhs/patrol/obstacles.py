@@ -199,7 +199,7 @@ class ObstacleWatch:
         self._behind &= ~self.near(map_from_body[:2, 3], radius_m)
 
     def hidden(self, depth_m: float) -> np.ndarray:
-        """(H, W) bool: behind things that the map does not know, so near to them, where no view of this patrol saw anything."""
+        """(H, W) bool: behind things that the map does not know, so near to them, where no view of it saw anything."""
         if depth_m <= 0.0:
             return np.zeros(self.grid.shape, bool)
         near = inflate(self.cells, depth_m / self.grid.resolution_m)

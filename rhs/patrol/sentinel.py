@@ -29,7 +29,7 @@ from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
 from .surroundings import NEAR_M, NOTHING, SURE
 
-DEPTHS = (1.0, 0.5, 0.0)  # shares of how deep a thing may be, tried in this order
+DEPTHS = (1.0, 0.5)  # shares of how deep a thing may be, tried in this order; then none of it
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -235,10 +235,11 @@ class Sentinel(Barred):
             kept_from = [np.concatenate([near, wide]), near] if len(wide) else [near]
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        depths_m = np.array(DEPTHS) * self.settings.advanced.guard.hides_m if one_eye else [0.0]  # of what it saw one face of
-        for depth_m, things in product(depths_m, kept_from):
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells | self.watch.hidden(depth_m), things_m=things,
-                                   squeeze=self.guard.sees, seen_m=seen)
+        deepest_m = self.settings.advanced.guard.hides_m if one_eye else 0.0  # what it saw one face of may be
+        depths_m = [share * deepest_m for share in DEPTHS if self.watch.hidden(share * deepest_m).any()]
+        for depth_m, things in product([*depths_m, 0.0], kept_from):
+            bars = self.watch.cells | self.watch.hidden(depth_m)
+            plan = self.roads.plan(pose[:2], goal_m, obstacles=bars, things_m=things, squeeze=self.guard.sees, seen_m=seen)
             if plan.found:
                 break
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m,
