@@ -117,7 +117,6 @@ class ObstacleWatch:
         """(K, 2) metres in the map: middles of the cells where something stands within near_m of the way (M, 2), unless the
         way squeezes past it."""
         cells = self.cells if self._passed is None else self.cells & ~self._passed
-        cells = cells | self.hidden(self.shaded_m)
         where = self.grid.centres(np.argwhere(cells))
         if not len(where):
             return where
@@ -236,7 +235,7 @@ class ObstacleWatch:
         self.seen_s[1, cells[:, 0], cells[:, 1]] = np.inf
         self.since_s[1, cells[:, 0], cells[:, 1]] = -np.inf
         for at_m in points:
-            self._behind |= self.near(at_m, self.hides_m)
+            self._behind |= self.near(at_m, 0.5 * self.hides_m)
 
     def known_near(self, pose: np.ndarray) -> np.ndarray:
         """(K, 2) what the map or this watch knows near the pose (3,), in its body frame."""

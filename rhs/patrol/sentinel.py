@@ -29,7 +29,7 @@ from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
 from .surroundings import NEAR_M, NOTHING, SURE
 
-DEPTHS = (1.0, 0.5)  # shares of how deep a thing may be, tried in this order; then none of it
+DEPTHS = (1.0, 0.5)  # shares of how deep a thing may be, tried in this order
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -237,7 +237,7 @@ class Sentinel(Barred):
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
         deepest_m = self.settings.advanced.guard.hides_m if one_eye else 0.0  # what it saw one face of may be
         depths_m = [share * deepest_m for share in DEPTHS if self.watch.hidden(share * deepest_m).any()]
-        for depth_m, things in product([*depths_m, 0.0], kept_from):
+        for depth_m, things in product(depths_m or [0.0], kept_from):
             bars = self.watch.cells | self.watch.hidden(depth_m)
             plan = self.roads.plan(pose[:2], goal_m, obstacles=bars, things_m=things, squeeze=self.guard.sees, seen_m=seen)
             if plan.found:
