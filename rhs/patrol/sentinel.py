@@ -256,7 +256,8 @@ class Sentinel(Barred):
         self.book.close(status, reason)
         events.append(Event(status))
         grid = self.watch.redrawn() if self.slam is None else check_grid(self.slam.grid(), who=self.who["localiser"])
-        self.watch.forget()
+        if not self.keeps_seen:
+            self.watch.forget()
         if grid is not None:
             touched_m = self.watch.touched_m
             self._take_map(grid)
@@ -264,6 +265,11 @@ class Sentinel(Barred):
         elif self.ventured:
             self._drive_on(self.free)
         self._begin_place()
+
+    @property
+    def keeps_seen(self) -> bool:
+        """Whether what stands in the way is known for the next place too: to one eye, which may not see it again."""
+        return self.guard.around.one_eye and self.settings.advanced.guard.hides_m > 0.0
 
     def _near(self, pose: np.ndarray) -> bool:
         return bool(np.linalg.norm(pose[:2] - self.book.missions[-1].goal_m) <= self.settings.arrive_m)
