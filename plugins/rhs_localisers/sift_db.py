@@ -177,7 +177,7 @@ class PlaceLocaliser:
             return
         laid, odds = self._round.odds(state.guesses)
         state = replace(state, guesses=tuple(laid))
-        sure = likelier(carried(state, self._advanced.continuity.carried, self._trust), odds, self._trust)
+        sure = likelier(state, odds, self._trust, elsewhere=self._advanced.continuity.carried)
         if sure.best is not None and sure.best.weight >= self._advanced.panorama.sure and self._fits(scan, sure.best):
             self._resume(sure)
         else:

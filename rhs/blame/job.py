@@ -35,7 +35,7 @@ from rhs.runfolder.run import Run
 
 from .oracles import Watched
 from .settings import MOST_EXACT, Blame
-from .trials import SURVEYED, Chain, Trials, label, spoiling
+from .trials import SURVEYED, TRACEBACK, Chain, Trials, label, spoiling
 
 
 class BlameJob:
@@ -73,10 +73,14 @@ class BlameJob:
         chain.folder.mkdir()
         columns = self._driven(Trials(chain, settings.processes or processors()))
         shutil.rmtree(chain.folder)
+        tracebacks = {known: found.pop(TRACEBACK, "") for known, found in columns.items()}
         write_table(folder / "counterfactuals.csv", columns)
         for known, found in columns.items():
             if found["status"] != "ok":
-                raise RhsError(f"the patrol with {label(known)} replaced by the truth: {found['status']}: {found['reason']}")
+                said = f"{found['status']}: {found['reason']}"
+                failed = RhsError(f"the patrol with {label(known)} replaced by the truth: {said}")
+                failed.add_note(tracebacks[known])
+                raise failed
         write_json(folder / "blame.json", self._account(columns, off_since(Run(folder).steps)))
         return {}
 

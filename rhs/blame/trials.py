@@ -12,6 +12,7 @@ import json
 import multiprocessing
 import sys
 import time
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,7 @@ from rhs.config.parts import Chosen, build, build_part
 from rhs.config.registry import members_of
 from rhs.estimation.survey import ViewCollector
 from rhs.metrics.evaluate import evaluate
+from rhs.patrol.culprit import in_one_line
 from rhs.patrol.gate import gated
 from rhs.patrol.job import collect, patrol, settle
 from rhs.patrol.observers import RunLog, open_log, unwatched
@@ -38,6 +40,7 @@ from .oracles import TrueClosing, TrueDrive, TrueLocaliser, TrueMap, TrueOdometr
 from .settings import Blame
 
 SURVEYED = ("sense", "odometry")  # links that the survey's estimate depends on; drive where wheels are spoiled
+TRACEBACK = "traceback"  # of columns: what no table holds
 KILLED = {"status": "killed", "reason": "its process was killed"}
 # Compiled code that every patrol loads: once, before they are forked
 COMMON = ("rhs.estimation.paths.shorten", "rhs.estimation.scans.votes", "rhs.metrics.judge_kernels")
@@ -137,7 +140,7 @@ def _survey(chain: Chain, state: frozenset[str], queue: Any, at_once: Any) -> No
         wanted = queue.get() if wanted is None else wanted
         while wanted is not None:
             for links in wanted:
-                _write(chain, links, {"status": "failed", "reason": f"{type(error).__name__}: {error}"})
+                _write(chain, links, _failed(chain, error))
             wanted = queue.get()
     else:
         log.table.close()
@@ -157,10 +160,16 @@ def _patrol(chain: Chain, parts: Parts, collected: ViewCollector, led: RunLog, l
         log.table.close()
         columns: dict[str, Any] = {"status": "ok", **evaluate(folder, "patrol")}
     except BaseException as error:
-        columns = {"status": "failed", "reason": f"{type(error).__name__}: {error}"}
+        columns = _failed(chain, error)
     finally:
         at_once.release()
     _write(chain, links, columns)
+
+
+def _failed(chain: Chain, error: BaseException) -> dict[str, Any]:
+    """What became of a patrol that an error ended; its traceback for whoever mends it."""
+    reason = in_one_line(error, "", chain.context.config, vars(chain.parts))
+    return {"status": "failed", "reason": reason, TRACEBACK: "".join(traceback.format_exception(error))}
 
 
 def _estimating(chain: Chain, state: frozenset[str]) -> Parts:

@@ -233,6 +233,9 @@ def test_a_counterfactual_that_fails_is_named(tmp_path):
     words = [word for word in CHOICE if not word.startswith("localiser=")]
     row = rhs.run(["task=blame", *words, "localiser=raises", f"output={tmp_path / 'run'}"], quiet=True)
     assert row["status"] == "failed" and "nothing replaced" in row["reason"] and "out of luck" in row["reason"]
+    assert "localiser=raises" in row["reason"]
+    assert 'raise ValueError("out of luck")' in (tmp_path / "run" / "traceback.txt").read_text()
+    assert "Traceback" not in (tmp_path / "run" / "counterfactuals.csv").read_text()
     assert read_row(tmp_path / "run" / "row.json")["status"] == "failed"
 
 

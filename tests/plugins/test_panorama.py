@@ -11,7 +11,7 @@ from painted_survey import SMALL, context, look, ring, survey
 from rhs.api.geometry import planar, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Motion, Scan, Tracking
-from rhs.estimation.filters.pose_hypotheses import Hypothesis
+from rhs.estimation.filters.pose_hypotheses import Hypotheses, Hypothesis, Trust, carried, likelier
 from rhs.estimation.scans.rays import cast
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.survey import FURNITURE, at_eye_level
@@ -87,6 +87,15 @@ def test_the_map_is_asked_again_when_more_was_seen_and_what_it_said_does_not_cou
     assert 2 <= len(said) <= 4
     whole = Whereabouts(grid, USUAL).odds(all_round(grid, pose), pose[None])[0]
     assert sum(said) == pytest.approx(whole, abs=2.0)
+
+
+def test_a_guess_too_light_once_carried_off_is_likely_for_the_rule_is_weighed_all_the_same():
+    trust = Trust(floor=0.05)
+    state = Hypotheses((Hypothesis(se2(1.0, 1.0, 0.0), SMALL, 0.84), Hypothesis(se2(3.0, 1.0, 0.0), SMALL, 0.06)), 0.1)
+    assert len(carried(state, 0.5, trust).guesses) == 1
+    after = likelier(state, np.log([1.0, 100.0]), trust, elsewhere=0.5)  # 0.84, 6 and 0.9 parts
+    assert [g.weight for g in after.guesses] == pytest.approx([6.0 / 7.74, 0.84 / 7.74])
+    assert after.elsewhere == pytest.approx(0.9 / 7.74)
 
 
 def test_things_lower_than_the_camera_are_free_at_its_level():

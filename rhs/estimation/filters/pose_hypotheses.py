@@ -117,11 +117,12 @@ def silent(state: Hypotheses, ratio: float, trust: Trust) -> Hypotheses:
     return _normalised(list(state.guesses), state.elsewhere * ratio, trust)
 
 
-def likelier(state: Hypotheses, odds: np.ndarray, trust: Trust) -> Hypotheses:
-    """Something was seen that is likelier from each guess than from anywhere else by so much: logarithms, one a guess."""
-    gain = np.exp(np.clip(odds, -50.0, 50.0))
-    return _normalised([replace(g, weight=g.weight * k) for g, k in zip(state.guesses, gain, strict=True)], state.elsewhere,
-                       trust)
+def likelier(state: Hypotheses, odds: np.ndarray, trust: Trust, *, elsewhere: float = 0.0) -> Hypotheses:
+    """Something was seen that is likelier from each guess than from anywhere else by so much: logarithms, one a guess.
+    elsewhere: at least so likely that was before."""
+    before = max(elsewhere, state.elsewhere)
+    gain = np.exp(np.clip(odds, -50.0, 50.0)) * (1.0 - before) / max(1.0 - state.elsewhere, 1e-12)
+    return _normalised([replace(g, weight=g.weight * k) for g, k in zip(state.guesses, gain, strict=True)], before, trust)
 
 
 def added(state: Hypotheses, other: Hypotheses | None, share: float, trust: Trust) -> Hypotheses:
