@@ -38,9 +38,6 @@ class GuardSettings:
     pictured_m: float = 0.05
     """and so much further from what one eye read off pictures and the map does not know, metres; so do its plans. Such
     readings erred by 5 cm at 1.5 to 2 m (rms, a patrol of random:non_manhattan/710)"""
-    hides_m: float = 0.5
-    """what one eye sees and the map does not know may be so deep, metres: its way keeps from the ground behind that nobody
-    has seen, where there is another; 0: what was not seen is free"""
     look_s: float = 15.0
     """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in.
     What is low and was out of view for so long, while something moves, is not counted on either"""
@@ -64,7 +61,7 @@ class GuardSettings:
     votes: VoteSettings = field(default_factory=VoteSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, side_m=(0.0, 2.0), pictured_m=(0.0, 2.0), hides_m=(0.0, 5.0), look_s=(0.1, 1e6),
+        check_ranges("", self, side_m=(0.0, 2.0), pictured_m=(0.0, 2.0), look_s=(0.1, 1e6),
                      look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
                      brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
 
@@ -84,7 +81,6 @@ class Guard:
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
         self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
         self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; for one eye
-        self.shaded_m = NOTHING  # (K, 2) unseen rest of things that its way keeps from, in the body frame; for one eye
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 
@@ -241,7 +237,7 @@ class Guard:
 
     def _free_m(self, command: Twist, up_to_m: float, turned_rad: float = 0.0) -> float:
         least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
-        walls_m = np.concatenate([self._hidden_m, self.shaded_m, self._told_m])
+        walls_m = np.concatenate([self._hidden_m, self._told_m])
         return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=walls_m, least=least, turned_rad=turned_rad)
 
     def _look(self) -> Twist | None:

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from rhs.api.geometry import planar
@@ -63,15 +61,12 @@ class ObstacleWatch:
     """
 
     def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, confirm: int = 2,
-                 within_m: float = 4.0, votes: VoteSettings | None = None, changed: ChangedMap | None = None,
-                 hides_m: float = 0.0) -> None:
-        """hides_m: a thing that one eye sees may be so deep."""
+                 within_m: float = 4.0, votes: VoteSettings | None = None, changed: ChangedMap | None = None) -> None:
         from scipy.ndimage import distance_transform_edt
 
         from rhs.estimation.scans.votes import Votes  # compiled code, half a second to load
 
         self.grid, self.within_m, self.tolerance_m, self.changed = grid, within_m, tolerance_m, changed
-        self.hides_m = hides_m
         settings = votes or VoteSettings()
         self.least_votes = confirm - settings.clear
         self._passed: np.ndarray | None = None  # (H, W) bool: what the way now driven squeezes past
@@ -84,8 +79,6 @@ class ObstacleWatch:
         # of each: when a beam of it last passed a cell or ended there; one at eye height says nothing of what lies lower
         self.seen_s = np.full((2, *grid.shape), -np.inf)
         self.since_s = np.full((2, *grid.shape), np.inf)  # when it first saw what stands there, also if forgotten since
-        self._behind = np.zeros(grid.shape, bool)  # what a thing that the map does not know hid, when it was seen
-        self.shaded_m = 0.0  # how deep things are taken to be by the way now driven
 
     def watch_on(self, free: np.ndarray) -> None:
         """Tell things on these cells (H, W) from the map's walls, and take no notice of others."""
@@ -107,11 +100,9 @@ class ObstacleWatch:
         """(K, 2) metres in the map: where the robot ran into something and nobody has looked through since."""
         return self.grid.centres(np.argwhere(self._touched))
 
-    def planned(self, *, squeezed: bool, shaded_m: float = 0.0) -> None:
-        """A way was planned past what is known now; squeezed: nearer to it than its margin, on purpose; shaded_m:
-        and past what it hides so deep."""
+    def planned(self, *, squeezed: bool) -> None:
+        """A way was planned past what is known now; squeezed: nearer to it than its margin, on purpose."""
         self._passed = inflate(self.cells, PASSED_CELLS) if squeezed else None
-        self.shaded_m = shaded_m
 
     def on_way(self, way_m: np.ndarray, near_m: float) -> np.ndarray:
         """(K, 2) metres in the map: middles of the cells where something stands within near_m of the way (M, 2), unless the
@@ -188,28 +179,6 @@ class ObstacleWatch:
         self.since_s[number, rows, columns] = np.where(stands, np.minimum(since_s, now_s), np.inf)
         self.seen_s[number, rows, columns] = now_s
 
-    def shade(self, map_from_body: np.ndarray, scan: Scan, radius_m: float) -> None:
-        """Note the ground behind what the map does not know: the rest of it may stand there. Not where the robot stands."""
-        hits = self._unknown(map_from_body, scan)
-        for by_m in np.arange(self.grid.resolution_m, self.hides_m, self.grid.resolution_m):
-            points = scan_points(map_from_body, replace(scan, ranges_m=np.where(hits, scan.ranges_m + by_m, np.nan)))
-            cells = self.grid.cells(points[self.unknown(points, 0.0)])
-            self._behind[cells[:, 0], cells[:, 1]] = True
-        self._behind &= ~self.near(map_from_body[:2, 3], radius_m)
-
-    def hidden(self, depth_m: float) -> np.ndarray:
-        """(H, W) bool: behind things that the map does not know, so near to them, where no view of it saw anything."""
-        if depth_m <= 0.0:
-            return np.zeros(self.grid.shape, bool)
-        near = inflate(self.cells, depth_m / self.grid.resolution_m)
-        hidden: np.ndarray = self._behind & near & np.isneginf(self.seen_s[0])
-        return hidden
-
-    def hidden_near(self, pose: np.ndarray, within_m: float = 1.0) -> np.ndarray:
-        """(K, 2) what the way now driven keeps from of it, so near to the pose (3,), in its body frame."""
-        hidden_m = in_body(self.grid.centres(np.argwhere(self.hidden(self.shaded_m))), pose)
-        return hidden_m[np.hypot(*hidden_m.T) < within_m]
-
     def _unknown(self, map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
         """(N,) bool: the beam ends where the map knows of nothing."""
         near_m = np.minimum(self.tolerance_m, NEAR_WALL_M + NEAR_WALL_PER_M * scan.ranges_m)
@@ -234,8 +203,6 @@ class ObstacleWatch:
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.seen_s[1, cells[:, 0], cells[:, 1]] = np.inf
         self.since_s[1, cells[:, 0], cells[:, 1]] = -np.inf
-        for at_m in points:
-            self._behind |= self.near(at_m, 0.5 * self.hides_m)
 
     def known_near(self, pose: np.ndarray) -> np.ndarray:
         """(K, 2) what the map or this watch knows near the pose (3,), in its body frame."""

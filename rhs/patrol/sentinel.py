@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 
@@ -29,7 +28,6 @@ from .planning import RoomyPlanner
 from .relocate import Search, cut_to_room
 from .surroundings import NEAR_M, NOTHING, SURE
 
-DEPTHS = (1.0, 0.5)  # shares of how deep a thing may be, tried in this order
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -64,8 +62,7 @@ class Sentinel(Barred):
         """Plan and watch on this map from now on."""
         self.grid, self.free = grid, known_free(grid, self.views, self.radius_m)
         self.watch = ObstacleWatch(grid, self.free, tolerance_m=self.settings.wall_tolerance_m,
-                                   votes=self.settings.advanced.guard.votes, changed=self.changed,
-                                   hides_m=self.settings.advanced.guard.hides_m)
+                                   votes=self.settings.advanced.guard.votes, changed=self.changed)
         self._drive_on(self.free)
 
     def _drive_on(self, free: np.ndarray) -> None:
@@ -106,9 +103,6 @@ class Sentinel(Barred):
             self.trails.note(in_map(around.came_now(), pose))
         self.guard.touched_m = in_body(self.watch.touched_m, pose) if sure else NOTHING
         self.guard.known_m = self.watch.known_near(pose) if sure and around.one_eye else NOTHING
-        self.guard.shaded_m = self.watch.hidden_near(pose) if sure else NOTHING
-        if sure and around.one_eye:
-            self.watch.shade(belief.map_from_body, scan, self.radius_m)
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -235,16 +229,12 @@ class Sentinel(Barred):
             kept_from = [np.concatenate([near, wide]), near] if len(wide) else [near]
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        deepest_m = self.settings.advanced.guard.hides_m if one_eye else 0.0  # what it saw one face of may be
-        depths_m = [share * deepest_m for share in DEPTHS if self.watch.hidden(share * deepest_m).any()]
-        for depth_m, things in product(depths_m or [0.0], kept_from):
-            bars = self.watch.cells | self.watch.hidden(depth_m)
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=bars, things_m=things, squeeze=self.guard.sees, seen_m=seen)
+        for things in kept_from:
+            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
+                                   seen_m=seen)
             if plan.found:
                 break
-        self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m,
-                           shaded_m=depth_m if plan.found else 0.0)
-        self.guard.shaded_m = self.watch.hidden_near(pose)
+        self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
         self.path = plan if plan.found and len(plan.points_m) >= 2 else None
@@ -256,8 +246,7 @@ class Sentinel(Barred):
         self.book.close(status, reason)
         events.append(Event(status))
         grid = self.watch.redrawn() if self.slam is None else check_grid(self.slam.grid(), who=self.who["localiser"])
-        if not self.keeps_seen:
-            self.watch.forget()
+        self.watch.forget()
         if grid is not None:
             touched_m = self.watch.touched_m
             self._take_map(grid)
@@ -265,11 +254,6 @@ class Sentinel(Barred):
         elif self.ventured:
             self._drive_on(self.free)
         self._begin_place()
-
-    @property
-    def keeps_seen(self) -> bool:
-        """Whether what stands in the way is known for the next place too: to one eye, which may not see it again."""
-        return self.guard.around.one_eye and self.settings.advanced.guard.hides_m > 0.0
 
     def _near(self, pose: np.ndarray) -> bool:
         return bool(np.linalg.norm(pose[:2] - self.book.missions[-1].goal_m) <= self.settings.arrive_m)

@@ -148,27 +148,3 @@ def test_one_eye_that_has_no_way_past_what_it_saw_near_walls_goes_by_the_map() -
         assert sentinel.guard.forget_seen() == (stays == 0)
         assert len(around.things()) == stays
         assert len(sentinel.guard._told_m) == len(walls)
-
-
-def test_one_eye_keeps_from_the_unseen_depth_of_a_thing_and_from_no_ground_that_it_has_seen() -> None:
-    """A face 0.6 m wide, 1.5 m ahead of (1, 1), with a way to each side; the robot has only looked at it from the front."""
-    grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
-    watched = ObstacleWatch(grid, grid.free(), tolerance_m=0.3, hides_m=0.5)
-    face = Scan(BEARINGS, np.where(np.abs(BEARINGS) < 0.2, 1.5 / np.cos(BEARINGS), 2.8), 6.0)
-
-    def hidden(x_m: float, y_m: float) -> bool:
-        return bool(watched.hidden(0.5)[tuple(grid.cells(np.array([[x_m, y_m]]))[0])])
-
-    for _ in range(3):
-        watched.look(HERE, face, face)
-        watched.shade(HERE, face, 0.2)
-    assert hidden(2.75, 1.05) and not hidden(2.05, 1.05) and not hidden(2.75, 1.75)
-    assert not hidden(3.25, 1.05), "deeper than any such thing"
-    assert not len(watched.hidden_near(np.array([2.3, 1.0, 0.0]))), "no way keeps from it yet"
-    watched.planned(squeezed=False, shaded_m=0.5)
-    near_m = watched.hidden_near(np.array([2.3, 1.0, 0.0]))
-    assert len(near_m) and near_m[:, 0].min() > 0.2
-    watched.look(se2(2.75, 0.5, np.pi / 2), Scan(BEARINGS, np.full(len(BEARINGS), 3.0), 6.0))
-    assert not hidden(2.75, 1.05), "looked through from the side"
-    watched.forget()
-    assert not watched.hidden(0.5).any()
