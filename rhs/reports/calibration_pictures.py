@@ -53,7 +53,8 @@ def draw_kidnaps(axes: Axes, happened: Sequence[Kidnap], *, what: str = "kidnap"
     axes.set_ylabel("error of the believed position [m]")
     found = sum(np.isfinite(one.metres) for one in happened)
     words = f"{found} recovered" if what == "kidnap" else f"found after {found}"
-    axes.set_title(f"{len(happened)} {what}{'s' * (len(happened) != 1)}, {words} (red: 0.25 m; blue: says tracking)", fontsize=9)
+    several = "s" * (len(happened) != 1)
+    axes.set_title(f"{len(happened)} {what}{several}, {words} (red: 0.25 m; blue: says tracking)", fontsize=9)
 
 
 def draw_reliability(axes: Axes, curves: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> None:

@@ -32,7 +32,8 @@ def title(row: dict[str, Any]) -> str:
     numbers = [_number(row, "ate_rmse_m", "ATE {:.3f} m"), _number(row, "end_error_m", "end error {:.3f} m"),
                _number(row, "found_share", "found after {:.0%} of the starts"),
                _number(row, "belief_wrong_sure_share", "wrong and sure {:.1%}"),
-               _number(row, "map_agreement", "map agreement {:.1%}"), _number(row, "collisions", "1 collision" if row.get("collisions") == 1 else "{:.0f} collisions")]
+               _number(row, "map_agreement", "map agreement {:.1%}"),
+               _number(row, "collisions", "1 collision" if row.get("collisions") == 1 else "{:.0f} collisions")]
     if row.get("places_total") and row.get("patrol_steps") != 0:  # rows of old said so of a survey too
         numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
     if row.get("status") not in (None, "ok"):
