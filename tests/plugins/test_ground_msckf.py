@@ -86,6 +86,33 @@ def test_identical_pictures_mean_no_motion_whatever_was_commanded() -> None:
     assert np.abs(core.state.clones[-1, :3]).max() < 1e-9
 
 
+def test_a_robot_that_touched_something_did_not_go_as_far_as_it_was_told(tmp_path: Path) -> None:
+    """Ten steps of 0.1 m as told, then one of 2 cm of 12 told, with and without a pressed bumper."""
+    room, ways = paintings(), np.array([*0.1 * np.arange(10), 0.92])
+    off_m = {}
+    for contact in (False, True):
+        odometry = GroundMsckf().build(replace(context(tmp_path), camera=CAMERA))
+        for way_m, told_m in zip(ways, [0.0, *[0.1] * 9, 0.12], strict=True):
+            seen = observe(CAMERA, se2(-1.2 + way_m, -0.5, 0.0), room, room=FURNISHED)
+            ends = contact and way_m == ways[-1]
+            motion = odometry.update(replace(seen, command=Twist(told_m / 0.25, 0.0, 0.25), contact=ends))
+        off_m[contact] = abs(motion.previous_from_body[0, 3] - 0.02)
+    assert off_m[True] < 0.5 * off_m[False] and off_m[True] < 0.02
+
+
+def test_views_of_a_patrol_are_compared_with_none_of_the_survey(tmp_path: Path) -> None:
+    """Something may have been put there since; 0.1 m from the last view of the survey, nothing is known yet."""
+    known = []
+    for surveyed in (False, True):
+        odometry, room = GroundMsckf().build(replace(context(tmp_path), camera=CAMERA)), paintings()
+        for k in range(8):
+            if surveyed and k == 6:
+                odometry.revise()
+            motion = odometry.update(observe(CAMERA, se2(-1.2 + 0.1 * k, -0.5, 0.0), room, room=FURNISHED))
+            known.append(np.isfinite(motion.scan.ranges_m).any())
+    assert known[6:8] == [True, True] and known[14] == np.False_ and known[5] and known[13]
+
+
 def test_what_is_lost_in_a_step_grows_with_way_and_turn_and_most_on_the_spot() -> None:
     drift = Drift(replace(GroundMsckf(), drift_rad_per_rad=0.0, drift_rad_per_m=0.01, drift_m_per_m=0.02, drift_spot=0.1))
     on, arc, spot = (drift.covariance(se2(*motion)) for motion in ((0.1, 0, 0), (0.1, 0, 0.2), (0, 0, 0.2)))

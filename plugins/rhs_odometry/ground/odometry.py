@@ -69,7 +69,7 @@ class GroundOdometry(Odometry):
         self._drift = Drift(settings)
         self._measured: deque[int] = deque(maxlen=settings.advanced.measured_views)
         self._before: TrackFrame | None = None
-        self._surveyed = False
+        self._surveyed = 0  # views of the survey, when it is over
 
     def update(self, observation: Observation) -> Motion:
         frame = self._front.track(observation)
@@ -77,14 +77,16 @@ class GroundOdometry(Odometry):
         followed = 0 if before is None else len(common(before, frame)[0])
         stands = before is not None and standing(before, frame, self._camera, self._settings.advanced)
         pose = self._pose()
-        self._filter.step(halted(frame) if stands else frame)
+        touches = bool(observation.contact)  # and was stopped somewhere on the way it was told
+        self._filter.step(halted(frame) if stands else untold(frame) if touches else frame)
         clones = self._filter.state.clones[:, :3]
         self._poses = np.vstack([self._poses[: self._filter.viewed - len(clones)], clones])
         tally = self._filter.tally
         self._measured.append(tally.on_walls + tally.free)
         self._stixels.add(observation.image)
         if self._surveyed:
-            self._stixels.forget(len(self._poses) - self._settings.advanced.stixels.oldest)
+            # what came since the survey is on none of its pictures
+            self._stixels.forget(max(len(self._poses) - self._settings.advanced.stixels.oldest, self._surveyed))
         scan = self._stixels.scan(len(self._poses) - 1, self._poses)
         if before is None:
             self._ledger.motion(clones[-1], self._filter.state.pose_covariance()[:3, :3])
@@ -101,7 +103,7 @@ class GroundOdometry(Odometry):
         """Poses as they left the window, and the scans that all views together give."""
         if not len(self._poses):
             return None
-        self._surveyed = True
+        self._surveyed = len(self._poses)
         poses = np.stack([se2(*pose) for pose in self._poses])
         poses[0] = self._start
         return Revision(poses, tuple(scans_of(self._stixels, self._poses)))
@@ -161,3 +163,6 @@ def halted(frame: TrackFrame) -> TrackFrame:
     return replace(frame, command=np.array([0.0, 0.0, 0.0]), wheel=np.zeros(3))
 
 
+def untold(frame: TrackFrame) -> TrackFrame:
+    """The view of a camera of which nobody knows what it did."""
+    return replace(frame, command=np.array([np.nan, np.nan, frame.command[2]]), wheel=np.full(3, np.nan))
