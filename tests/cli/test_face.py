@@ -1,5 +1,6 @@
 """The public face: what a person in a notebook types."""
 
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -75,8 +76,12 @@ def test_a_loop_that_is_left_early_is_an_interrupted_run(tmp_path):
 def test_who_stops_a_run_stops_the_loop_over_runs(tmp_path):
     """The row was returned, and the next seed began."""
     words = [*CHOICE, "odometry=faulty", "odometry.how=interrupt", "recording=off", "pictures=off"]
-    with pytest.raises(KeyboardInterrupt):
-        rhs.run([*(word for word in words if word != "odometry=fake"), f"output={tmp_path / 'run'}"], quiet=True)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            rhs.run([*(word for word in words if word != "odometry=fake"), f"output={tmp_path / 'run'}"], quiet=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert rhs.load_run(tmp_path / "run").row["status"] == "interrupted"
 
 

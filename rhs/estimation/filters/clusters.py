@@ -49,7 +49,7 @@ def reweighted_by_clusters(
     if not np.isfinite(peak_log).any():
         return even(cloud.states), -np.inf
     safe = np.where(np.isfinite(peak_log), peak_log, 0.0)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # clusters that weighed nothing, before or after
         after = safe + np.log(np.bincount(labels, weights=np.exp(total - safe[labels]), minlength=count))
         gain = after - np.log(before)
         best = float(gain[before > 0].max())
