@@ -69,10 +69,12 @@ def test_the_process_begins_once_and_ends_with_the_run(tmp_path):
     started = run.stdout.readline().split()
     assert len(started) == 1
     beside = Path(f"/proc/{started[0]}")
-    assert b"compile_ahead" in (beside / "cmdline").read_bytes()
+    waited_until = time.monotonic() + 20.0
+    while not (words := (beside / "cmdline").read_bytes()):  # noted after its pipes are closed
+        assert time.monotonic() < waited_until
+    assert b"compile_ahead" in words
     run.kill()
     run.wait()
-    waited_until = time.monotonic() + 20.0
     while beside.exists() and (beside / "stat").read_text().rpartition(")")[2].split()[0] != "Z":
         assert time.monotonic() < waited_until
         time.sleep(0.05)
