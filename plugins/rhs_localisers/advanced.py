@@ -261,9 +261,11 @@ class SearchSettings:
 class FitSettings:
     """Whether the map explains what is seen; see scan_fit.py."""
 
-    of_rival: float = 0.96
-    """a belief from which the map explains so large a part of what it explains from the best rival place (the best of many)
-    is as likely right as wrong"""
+    expected: float = 0.65
+    """share of a scan's ends in mapped ground that lie on walls, at which a right pose is as likely
+    as the best wrong one"""
+    rival_weight: float = 0.65
+    """how far the share from the best rival place on the map moves `expected` to itself (0: not at all)"""
     rivals_m: float = 1.0
     """way between two searches for rivals, metres"""
     apart_m: float = 1.0
@@ -300,7 +302,7 @@ class FitSettings:
     """... over so much way, is not trusted: at the end of the map it stays where the walls still look alike"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, of_rival=(0.0, 10.0), rivals_m=(0.0, 1000.0), apart_m=(0.0, 1000.0),
+        check_ranges("", self, expected=(0.0, 1.0), rival_weight=(0.0, 1.0), rivals_m=(0.0, 1000.0), apart_m=(0.0, 1000.0),
                      rivals=(1, 10_000), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
                      most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4), reach_m=(0.01, 10.0),
                      range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), mapped=(0.0, 1.0),

@@ -70,7 +70,6 @@ class ParticleLocaliser:
         self._fit: FitWatch | None = None  # of scans alone
         self._fresh = 1.0  # how much of this view is new ...
         self._unsearched = 0.0  # ... and of the views since the map was searched
-        self._climbed: np.ndarray | None = None  # (K, 3) states that this view's search climbed to
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
@@ -133,9 +132,8 @@ class ParticleLocaliser:
         fit.follow(self._expected, believed, way_m)
         if scan is not None and fit.rivals_due(way_m):
             score = partial(self._field.log_likelihood, scan=scan)
-            if (found := self._climbed) is None:
-                thrown = self._field.anywhere(throws(self._field.area_m2, a.search), self._rng)
-                found = summits(thrown, score(thrown), score, self._rng, a.search).states
+            thrown = self._field.anywhere(throws(self._field.area_m2, a.search), self._rng)
+            found = summits(thrown, score(thrown), score, self._rng, a.search).states
             fit.compare(scan, rivals(found, score(found), believed, a.fit.apart_m, a.fit.rivals))
         fit.look(scan, believed, self._fresh)
 
@@ -153,7 +151,7 @@ class ParticleLocaliser:
             self._sure_views = 0
             self._elsewhere = max(self._elsewhere, self._advanced.continuity.carried)
             if self._fit is not None:
-                self._fit.start()
+                self._fit.begin()
 
     def _move(self, motion: Motion) -> None:
         travel = planar(motion.previous_from_body)
@@ -178,7 +176,6 @@ class ParticleLocaliser:
         scouts = even(self._field.anywhere(count, self._rng))
         evidence = self._evidence(np.concatenate([self._cloud.states, scouts.states]), observation, motion)
         here, there = evidence[: len(self._cloud)], evidence[len(self._cloud) :]
-        self._climbed = None
         labels = cluster_labels(self._cloud.states, a.clusters)
         self._cloud, gain = reweighted_by_clusters(self._cloud, here, labels, a.clusters)
         weighed, gain_elsewhere = reweighted(scouts, there)
@@ -187,7 +184,6 @@ class ParticleLocaliser:
             if search is not None:
                 score = partial(self._evidence, observation=observation, motion=motion)
                 weighed = summits(scouts.states, there, score, self._rng, search)
-                self._climbed = weighed.states if self._fresh > 0.0 else None
             joining = 0.5 * self._elsewhere
             self._cloud = merged(self._cloud, 1.0 - self._elsewhere, weighed, joining)
             self._elsewhere -= joining

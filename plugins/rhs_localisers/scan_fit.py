@@ -6,8 +6,8 @@ is wrong: of the scan's ends in mapped ground, how many lie on a wall that the b
 is mapped say nothing, unless they are many. How large a share a right pose has depends on the building, on what was moved
 since, and on the scanner; how large a one a wrong pose can have is seen in the map itself: every metre of way the whole map
 is searched for the best rival elsewhere. A robot off the map has one that fits as well as its belief or better. The
-evidence of one scan is a log-odds in proportion to how much more is explained from the belief than from that rival, and
-views taken a short way apart count as one: they share their errors.
+evidence of one scan is a log-odds in proportion to the share above or below the mean of FitSettings.expected and the share
+from there, and views taken a short way apart count as one: they share their errors.
 """
 
 from __future__ import annotations
@@ -37,9 +37,13 @@ class FitWatch:
         self.start()
 
     def start(self, chance: float | None = None) -> None:
-        """A robot that begins, or a new belief, of which only this is known; its rivals are not known yet."""
+        """A robot that begins, of whose belief only this is known."""
         self.rival = float("nan")  # largest share from a place that is not believed in, at the last search
         self._unrivalled_m = np.inf
+        self.begin(chance)
+
+    def begin(self, chance: float | None = None) -> None:
+        """A new belief, of which only this is known."""
         prior = self._s.prior if chance is None else min(max(chance, self._s.prior), self._s.most)
         self._odds = self._log_odds(prior)
         self.share = float("nan")
@@ -61,7 +65,7 @@ class FitWatch:
             return
         off = planar(inverse(se2(*expected)) @ se2(*believed))
         if np.hypot(off[0], off[1]) > self._s.jump_m or abs(off[2]) > np.radians(self._s.jump_deg):
-            self.start()
+            self.begin()
             return
         if not self._pulls or self._pulls[-1][0] > 0.05 * self._s.slip_over_m:
             self._pulls.append((0.0, np.zeros(2)))
@@ -75,20 +79,21 @@ class FitWatch:
     def rivals_due(self, way_m: float) -> bool:
         """Whether the map is to be searched for rivals, after so much more way."""
         self._unrivalled_m += way_m
-        return self._unrivalled_m >= self._s.rivals_m
+        return self._s.rival_weight > 0 and self._unrivalled_m >= self._s.rivals_m
 
     def compare(self, scan: Scan | None, rivals: np.ndarray) -> None:
-        """Take over what the map explains of a scan from the best of rival poses (K, 3); without any, nothing."""
+        """Take over what the map explains of a scan from the best of rival poses (K, 3)."""
         self._unrivalled_m = 0.0
-        shares = np.array([self.explained(scan, rival) for rival in rivals] or [0.0])
+        shares = np.array([self.explained(scan, rival) for rival in rivals])
         self.rival = float(np.nanmax(shares)) if np.isfinite(shares).any() else float("nan")
 
     def look(self, scan: Scan | None, believed: np.ndarray, fresh: float) -> None:
         """Take the evidence of a scan seen from a pose (3,). fresh: 0..1, how much of it is new."""
         s = self._s
         self.share = self.explained(scan, believed)
-        if np.isfinite(self.share) and np.isfinite(self.rival):
-            evidence = float(np.clip(s.slope * (self.share - s.of_rival * self.rival), -s.step, s.step))
+        if np.isfinite(self.share):
+            expected = s.expected if np.isnan(self.rival) else s.expected + s.rival_weight * (self.rival - s.expected)
+            evidence = float(np.clip(s.slope * (self.share - expected), -s.step, s.step))
             most = self._log_odds(s.most)
             self._odds = float(np.clip(self._odds + fresh * evidence, -most, most))
 

@@ -26,13 +26,6 @@ def scan(*ranges: float) -> Scan:
     return Scan(np.linspace(0.0, np.pi / 2, len(ranges)), np.array(ranges), 10.0)
 
 
-def unrivalled(seen: Scan, **settings: float) -> FitWatch:
-    """In the room, with nowhere else to be."""
-    watch = FitWatch(room(), FitSettings(least_beams=2, **settings))
-    watch.compare(seen, np.empty((0, 3)))
-    return watch
-
-
 def test_ends_on_walls_are_explained_those_in_the_open_and_behind_walls_are_not():
     watch = FitWatch(room(), FitSettings(least_beams=2))
     assert watch.explained(scan(1.95, 1.95), np.array([2.0, 2.5, 0.0])) == 0.5  # ahead the wall, to the left 0.5 m too far
@@ -63,15 +56,12 @@ def test_too_few_beams_say_nothing():
 
 
 def test_the_chance_grows_with_new_scans_that_fit_and_falls_with_others():
+    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.1))
     fits, fits_not, at = scan(1.95, 1.45), scan(1.0, 1.0), np.array([2.0, 2.5, 0.0])
-    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.1, of_rival=0.7))
-    watch.look(fits, at, 1.0)
-    assert watch.chance == pytest.approx(0.1)  # nobody has looked for a rival yet
-    watch.compare(fits, np.array([at]))  # one that explains everything
     watch.look(fits, at, 0.0)
     assert watch.chance == pytest.approx(0.1)  # nothing new
     watch.look(fits, at, 1.0)
-    assert watch.chance == pytest.approx(1.0 / (1.0 + 9.0 * np.exp(-1.2)))  # odds 1:9, and 4 * (1 - 0.7)
+    assert watch.chance == pytest.approx(1.0 / (1.0 + 9.0 * np.exp(-1.4)))  # odds 1:9, and 4 * (1 - 0.65)
     for _ in range(20):
         watch.look(fits, at, 1.0)
     assert watch.chance == pytest.approx(0.9995)
@@ -82,19 +72,16 @@ def test_the_chance_grows_with_new_scans_that_fit_and_falls_with_others():
 
 def test_a_belief_that_leaps_off_its_motion_begins_anew():
     watch = FitWatch(room(), FitSettings(prior=0.1))
-    watch.start(0.99)
+    watch.begin(0.99)
     watch.follow(np.array([1.0, 1.0, 0.0]), np.array([1.2, 1.0, 0.1]), 0.1)
     assert watch.chance == pytest.approx(0.99)
-    watch.compare(scan(1.0), np.empty((0, 3)))
-    assert not watch.rivals_due(0.1)
     watch.follow(np.array([1.0, 1.0, 0.0]), np.array([2.0, 1.0, 0.0]), 0.1)
-    assert watch.chance == pytest.approx(0.1) and watch.rivals_due(0.0)  # the old one's rival is none of its
+    assert watch.chance == pytest.approx(0.1)
 
 
 def test_a_belief_that_stays_behind_its_motion_is_not_trusted_until_it_follows_again():
     watch = FitWatch(room(), FitSettings(prior=0.1, slip_m=0.5, slip_over_m=3.0, least_beams=2))
-    watch.start(0.99)
-    watch.compare(scan(1.95, 1.45), np.empty((0, 3)))
+    watch.begin(0.99)
     for _ in range(20):  # 0.2 m behind in 2 m
         watch.follow(np.array([1.1, 1.0, 0.0]), np.array([1.09, 1.0, 0.0]), 0.1)
     assert watch.chance == pytest.approx(0.99)
@@ -111,26 +98,19 @@ def test_a_belief_that_stays_behind_its_motion_is_not_trusted_until_it_follows_a
 
 
 def test_a_rival_that_explains_as_much_takes_the_worth_of_a_scan():
-    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, of_rival=0.9, slope=2.0, rivals_m=1.0))
+    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, expected=0.7, rival_weight=0.5, slope=2.0, rivals_m=1.0))
     at, twin, wrong, seen = (2.0, 2.5, 0.0), (2.0, 2.5, 0.0), (2.0, 1.0, 0.0), scan(1.95, 1.45)
     assert watch.rivals_due(0.0)  # none is known yet
     watch.compare(seen, np.array([twin, wrong]))
     assert watch.rival == 1.0 and not watch.rivals_due(0.9) and watch.rivals_due(0.1)
     watch.look(seen, np.array(at), 1.0)
-    assert watch.chance == pytest.approx(1.0 / (1.0 + 4.0 * np.exp(-2.0 * (1.0 - 0.9))))
+    assert watch.chance == pytest.approx(1.0 / (1.0 + 4.0 * np.exp(-2.0 * (1.0 - 0.85))))  # expected: (0.7 + 1) / 2
     watch.start()
     assert np.isnan(watch.rival) and watch.rivals_due(0.0)  # a new start knows no rival
-    alone = unrivalled(seen, prior=0.2, slope=1.0)
+    alone = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, expected=0.7, rival_weight=0.5, slope=2.0))
+    alone.compare(seen, np.empty((0, 3)))
     alone.look(seen, np.array(at), 1.0)
-    assert alone.chance == pytest.approx(1.0 / (1.0 + 4.0 * np.exp(-1.0)))
-
-
-def test_where_the_map_explains_nothing_from_anywhere_nobody_gets_surer():
-    watch = FitWatch(OccupancyGrid(np.zeros((40, 40), np.float32), 0.1, (0.0, 0.0)), FitSettings(least_beams=2))
-    watch.compare(scan(1.0, 1.0), np.array([[1.0, 1.0, 0.0]]))
-    for _ in range(10):
-        watch.look(scan(1.0, 1.0), np.array([2.0, 2.0, 0.0]), 1.0)
-    assert watch.share == watch.rival == 0.0 and watch.chance == pytest.approx(FitSettings().prior)
+    assert alone.chance == pytest.approx(1.0 / (1.0 + 4.0 * np.exp(-2.0 * (1.0 - 0.7))))
 
 
 def test_what_is_new_in_a_scan_goes_with_the_way():
