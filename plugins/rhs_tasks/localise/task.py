@@ -8,6 +8,7 @@ follow from them (rhs.metrics.localise); true poses are moved into the frame of 
 from __future__ import annotations
 
 import json
+import logging
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -28,6 +29,7 @@ from .carried_off import CarriedOff
 from .given_map import read_given, surveyed
 from .settings import Localise
 
+log = logging.getLogger("rhs.localise")
 PHASE = "localise"
 
 
@@ -45,6 +47,9 @@ class LocaliseJob(StepJob):
             raise ConfigError(f"{self.parts.who['localiser']} recognises places, and map={settings.map} holds no pictures "
                               "of any; type map=RUN_FOLDER of a survey with recording=full, or "
                               "localiser=particle_filter_scan")
+        if not context.settings("localiser").needs and first_belief(settings) is None:
+            log.warning("%s looks at nothing, so it cannot find itself from start=unknown; type "
+                        "localiser=particle_filter_scan, or start=[x_m,y_m,yaw_deg]", self.parts.who["localiser"])
         self.scans: list[Scan | None] = []  # as measured, and the travel (3,) of the wheels since the view before
         self.wheels: list[np.ndarray | None] = []
         self.source: Source = self.parts.source
