@@ -18,18 +18,18 @@ from rhs.api.records import Capture
 from . import replay_bag_messages as ros
 from .carmen.log import NO_CAMERA, end_of_range
 from .folders.bag_files import opened
+from .folders.bag_wheels import beside_wheels, odometry_in_tf, readings_in_tf
 from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair
-from .replay_mounts import Mounts, fixed_links, mount_of, mounted, optical, tf_topics
+from .replay_mounts import Mounts, links_of, mount_of, mounted, optical, tf_topics
 from .replay_register import DepthCamera, typed_depth_camera
-from .replay_stamps import between, cloud_extras
+from .replay_stamps import cloud_extras
 from .replay_tum import UNREADABLE, Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
-SAME_CLOCK_S = 1.0  # a view that is older than all wheels by less was taken as they began
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
 
 
@@ -44,11 +44,13 @@ class Topics:
     scan: str = ""
     wheel: str = ""
     depth_info: str = ""
+    tf: str = ""
+    odometry: tuple[str, str] = ("", "")  # parent and child of the wheels' link in tf, where no topic has them
 
     def provide(self) -> frozenset[str]:
         """What the views will hold, in the words of a part's needs."""
         held = {"image": self.color, "gray": self.color, "depth": self.depth or (self.cloud if self.color else ""),
-                "scan": self.scan, "wheel": self.wheel, "cloud": self.around}
+                "scan": self.scan, "wheel": self.wheel or self.tf, "cloud": self.around}
         return frozenset(word for word, topic in held.items() if topic)
 
     @property
@@ -56,8 +58,13 @@ class Topics:
         """The topic of a lidar: clouds that no camera goes with."""
         return "" if self.color else self.cloud
 
+    @property
+    def sees(self) -> str:
+        """The topic whose messages are the views."""
+        return self.color or self.around or self.scan
+
     def used(self) -> set[str]:
-        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel) if t}
+        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel, self.tf) if t}
 
 
 def open_bag(path: Path, settings) -> Recording:
@@ -67,13 +74,15 @@ def open_bag(path: Path, settings) -> Recording:
         counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
         found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
         topics = choose_topics(found, settings, str(path))
-        placed = _placed(reader, topics, settings)
+        links, moving = links_of(_transforms(reader, topics.sees))
+        topics = _with_wheels(reader, topics, settings, moving)
+        placed = _placed(reader, topics, settings, links)
         camera = NO_CAMERA
         if topics.color:
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
-        sees = topics.color or topics.around or topics.scan
+        sees = topics.sees
         truth = read_truth(reader, found, settings, sees=(sees, _frame(reader, sees)), body_from_frame=placed.frame
                            if topics.color else placed.cloud if topics.around else placed.scan)
     except BaseException:
@@ -82,7 +91,8 @@ def open_bag(path: Path, settings) -> Recording:
     counts: Counter = Counter()
     lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
-    views = islice(_views(reader, topics, settings, (camera, placed), counts, lost), settings.start, stop, settings.stride)
+    found_views = _views(reader, topics, settings, (camera, placed), counts, lost)
+    views = islice(beside_wheels(found_views, waits="wheel" in topics.provide()), settings.start, stop, settings.stride)
 
     def captures():
         wheel_before = None
@@ -213,15 +223,22 @@ def _most_m(reader, topic: str) -> float:
     return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
 
 
-def _placed(reader, topics: Topics, settings) -> Placed:
+def _with_wheels(reader, topics: Topics, settings, moving: dict[str, str]) -> Topics:
+    """The topics, with the wheels that only tf tells of."""
+    link = None if topics.wheel or settings.wheel_topic else odometry_in_tf(moving, settings.truth_frame)
+    if link is None:
+        return topics
+    return replace(topics, tf=next(t for t, static in tf_topics(reader.topics, topics.sees) if not static), odometry=link)
+
+
+def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
     """As typed, else by the tf tree; a frame that was typed as the body's must be in it."""
     typed_scan, typed_camera = (mount_of(getattr(settings, name), name) for name in ("scan_mount", "camera_mount"))
     for typed, name, topic in ((typed_scan, "scan_mount", topics.scan or topics.around),
                                (typed_camera, "camera_mount", topics.color)):
         if typed is not None and not topic:
             raise ConfigError(f"source.{name}: {settings.path} holds nothing that is mounted so; leave it out")
-    links = fixed_links(_transforms(reader, topics.color or topics.scan or topics.around))
-    tree = Mounts(links, settings.body_frame, wheels=_frame(reader, topics.wheel, moved=True))
+    tree = Mounts(links, settings.body_frame, wheels=_frame(reader, topics.wheel, moved=True) or topics.odometry[1])
 
     def of(topic: str) -> np.ndarray | None:
         frame = _frame(reader, topic)
@@ -273,15 +290,17 @@ def _frame(reader, topic: str, *, moved: bool = False) -> str:
 
 def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], counts: Counter,
            lost: list[str]) -> Iterator:
-    """(Capture without number, wheel pose or None) as soon as all of a view is there; those whose images cannot be read are
-    left out and said to be lost."""
+    """(Capture without number, None) as soon as all of a view is there, and (None, (stamp, pose)) of the wheels; views whose
+    images cannot be read are left out and said to be lost."""
     camera, placed = seen_by
     last: dict[str, float] = {}
     frames: dict[str, str] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
     scan = None
-    wheels: deque = deque(maxlen=WAITING)  # (stamp, pose)
     for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used()), lost):
+        if topic == topics.tf:
+            yield from ((None, reading) for reading in readings_in_tf(message, topics.odometry, topic))
+            continue
         if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
             counts["other_frame"] += 1  # a second sensor on one topic
             continue
@@ -292,16 +311,15 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["jump"] += 1
         last[topic] = stamp
         if topic == topics.wheel:
-            wheels.append((stamp, ros.pose_of(message, topic)))
+            yield None, (stamp, ros.pose_of(message, topic))
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
             if not topics.color and not topics.around:
-                yield Capture(0, stamp, scan=scan, sensed=True), _wheel_at(wheels, stamp)
+                yield Capture(0, stamp, scan=scan, sensed=True), None
         elif topic == topics.around:
-            yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), _wheel_at(
-                wheels, stamp)
+            yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), None
         else:
             waiting[topic].append((stamp, message))
             for pair in _paired(waiting, topics, settings, counts):
@@ -311,19 +329,7 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
                     counts[UNREADABLE] += 1
                     lost[:1] = [f"{counts[UNREADABLE]} views cannot be read, the last: {error}"]
                     continue
-                yield seen, _wheel_at(wheels, seen.stamp_s)
-
-
-def _wheel_at(wheels: deque, stamp_s: float) -> np.ndarray | None:
-    """The pose of the wheels when a view was taken, which arrives later than they do; the last one where its stamp is not
-    among theirs (another clock); None before the first."""
-    if not wheels:
-        return None
-    after = next((k for k, (stamp, _) in enumerate(wheels) if stamp >= stamp_s), 0)
-    if after == 0:
-        return wheels[0][1] if 0.0 <= wheels[0][0] - stamp_s < SAME_CLOCK_S else wheels[-1][1]
-    (begin, first), (end, second) = wheels[after - 1], wheels[after]
-    return between(first, second, (stamp_s - begin) / (end - begin))
+                yield seen, None
 
 
 def _as_far_as_it_goes(messages: Iterator, lost: list[str]) -> Iterator:

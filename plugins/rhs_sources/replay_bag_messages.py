@@ -71,12 +71,13 @@ def _begins_at_zero(reader, connection) -> bool:
 def color_of(message, topic: str) -> np.ndarray:
     """(H, W, 3) uint8 RGB of an Image or CompressedImage."""
     if hasattr(message, "format"):
-        return _decoded(message.data, topic, color=True)
+        encoding = message.format.split(";")[0].strip()
+        if encoding not in BAYER:
+            return _decoded(message.data, topic, color=True)
+        mosaic = _decoded(message.data, topic, color=False)  # image_transport packs it as it is, unless it made colour of it
+        return _of_mosaic(mosaic, encoding) if mosaic.ndim == 2 else _decoded(message.data, topic, color=True)
     if message.encoding in BAYER:
-        import cv2
-
-        mosaic = np.ascontiguousarray(_rows(message, np.dtype("u1"), 1, topic)[:, :, 0])
-        return cv2.cvtColor(mosaic, getattr(cv2, f"COLOR_{BAYER[message.encoding]}"))
+        return _of_mosaic(_rows(message, np.dtype("u1"), 1, topic)[:, :, 0], message.encoding)
     if message.encoding in YUV:
         import cv2
 
@@ -89,6 +90,13 @@ def color_of(message, topic: str) -> np.ndarray:
     channels, order = COLOR[message.encoding]
     image = _rows(message, np.dtype("u1"), channels, topic)
     return np.ascontiguousarray(image if order is None else image[:, :, list(order)])
+
+
+def _of_mosaic(mosaic: np.ndarray, encoding: str) -> np.ndarray:
+    """(H, W, 3) uint8 RGB of the (H, W) uint8 behind a Bayer filter."""
+    import cv2
+
+    return cv2.cvtColor(np.ascontiguousarray(mosaic), getattr(cv2, f"COLOR_{BAYER[encoding]}"))
 
 
 def depth_of(message, topic: str, *, scale: float, max_depth_m: float) -> np.ndarray:

@@ -119,9 +119,10 @@ def tf_topics(topics: Iterable[str], sensor: str) -> list[tuple[str, bool]]:
     return [(topic, topic.endswith("static")) for topic in found if topic]
 
 
-def fixed_links(transforms) -> dict[str, tuple[str, np.ndarray]]:
-    """Of (child, parent, pose, is static), the static ones first: those that never move. A static one stands whatever else
-    is said of its child (motion capture sees it under a parent of its own)."""
+def links_of(transforms) -> tuple[dict[str, tuple[str, np.ndarray]], dict[str, str]]:
+    """Of (child, parent, pose, is static), the static ones first: those that never move (child -> parent, pose), and those
+    that do (child -> first parent). A static one stands whatever else is said of its child (motion capture sees it under a
+    parent of its own)."""
     links: dict[str, tuple[str, np.ndarray]] = {}
     moving: set[str] = set()
     stands: set[str] = set()
@@ -135,7 +136,8 @@ def fixed_links(transforms) -> dict[str, tuple[str, np.ndarray]]:
         if child not in stands and (np.linalg.norm(off[:3, 3]) > STILL_M or np.linalg.norm(log_so3(off[:3, :3])) > STILL_RAD
                            or parent != links[child][0]):
             moving.add(child)
-    return {child: link for child, link in links.items() if child not in moving}
+    fixed = {child: link for child, link in links.items() if child not in moving}
+    return fixed, {child: links[child][0] for child in moving}
 
 
 def mounted(scan: Scan, body_from_scanner: np.ndarray | None, where: str) -> Scan:

@@ -84,7 +84,8 @@ class Sentinel(Barred):
     def locate(self, observation: Observation, motion: Motion) -> Belief:
         self.guard.observe(observation, motion)
         self.obstacle = observation.obstacle
-        belief = check_belief(self.localiser.update(observation, motion), who=self.who["localiser"])
+        belief = check_belief(self.localiser.update(observation, motion), who=self.who["localiser"],
+                              reach_m=np.inf)  # how far away it may be the loop knows
         self.expected = self.expected @ motion.previous_from_body
         if belief.status is BeliefStatus.TRACKING:
             off = planar(inverse(self.expected) @ belief.map_from_body)

@@ -6,6 +6,7 @@ trinary: above occupied_thresh occupied, below free_thresh free, anything else u
 scale: the same ends, a linear ramp between them, transparent pixels unknown;
 raw: pixel values 0..100 are percent, above 100 unknown; negate is ignored.
 One key is ours, which map_server leaves alone: `marks_m`, the size below which a mark that touches no wall is writing.
+White is what a PGM says it is; an alpha channel that is opaque everywhere says nothing and is left out.
 The first row of the image is the highest y. Strict inequalities matter: unknown is written as grey 205, whose
 occupancy 50/255 = 0.19608 is just above the written free_thresh of 0.196. Nav2's map_saver writes free_thresh: 0.25 beside
 the same greys, by which its own map_server reads the unknown as free; here it stays unknown in such a map, and that is said.
@@ -14,6 +15,7 @@ the same greys, by which its own map_server reads the unknown as free; here it s
 from __future__ import annotations
 
 import logging
+import re
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
@@ -35,6 +37,7 @@ READ = "PGM, PNG, BMP, JPEG, WebP, TIFF or GIF"
 SHADED = 0.2  # share of a picture in greys between wall and floor from which it is taken for a photograph
 _LOOKED_AT = 1_000_000  # pixels of a picture from which is told what is wrong with it
 _BAND_CELLS = 1_000_000  # of a map that are turned at a time
+_MAXVAL = re.compile(rb"P([2356])(?:(?:\s|#[^\n]*\n)+\d{1,9}){2}(?:\s|#[^\n]*\n)+(\d{1,5})\s")
 _FLAGS = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}  # as map_server reads `negate: no`
 
 
@@ -205,7 +208,16 @@ def _read_image(path: FilePath, most: int = MOST_CELLS) -> np.ndarray:
                           "8 or 16 bits")
     step = int(np.ceil(np.sqrt(size[0] * size[1] / most)))
     image = (image[:, :, None] if image.ndim == 2 else image)[::step, ::step]
-    return image / float(np.iinfo(np.dtype(image.dtype.name)).max)
+    if image.shape[2] in (2, 4) and (image[:, :, -1] == np.iinfo(np.dtype(image.dtype.name)).max).all():
+        image = image[:, :, :-1]  # an editor's, which says nothing, and by which grey 205 would be free
+    return np.minimum(image / _white(path, image.dtype), 1.0)
+
+
+def _white(path: FilePath, kind: np.dtype) -> float:
+    """The value of white: what a binary PGM or PPM says (of text OpenCV has stretched 8 bits), else the largest there is."""
+    largest = float(np.iinfo(np.dtype(kind.name)).max)
+    said = _MAXVAL.match(head_of(path))
+    return largest if said is None or (said[1] in b"23" and largest == 255.0) else float(said[2])
 
 
 def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:

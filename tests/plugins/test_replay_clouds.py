@@ -16,6 +16,7 @@ from rhs.testing.room import FURNISHED, Room, cloud_of, context
 from rhs_odometry.lidar.config import KissIcpLidar, VgicpLidar
 from rhs_sensors.lidar import Lidar
 from rhs_sources.folders.pcd import read_cloud, unpacked_lzf
+from rhs_sources.replay import open_recording
 from rhs_sources.replay_config import Replay
 
 POINTS = np.array([[1.0, 2.0, 3.0], [-4.0, 0.5, 0.25], [np.nan, 0.0, 0.0]])
@@ -76,6 +77,35 @@ def test_a_cloud_in_millimetres_or_in_a_countrys_coordinates_is_refused(tmp_path
         return
     with pytest.raises(ConfigError, match="its points are typically .* away; expected metres from the scanner"):
         read_cloud(tmp_path / "a.ply")
+
+
+@pytest.mark.parametrize("names", [
+    ["cloud_1583836591_982590976", "cloud_1583836592_82590976", "cloud_1583836592_182590976"],  # Newer College
+    ["1583836591-982590", "1583836592-082590", "1583836592-182590"]])
+def test_names_in_seconds_and_their_fraction_are_one_time(tmp_path, names):
+    """By the fraction alone the last cloud of a second came after all of the next."""
+    for k, name in enumerate(names):
+        (tmp_path / f"{name}.bin").write_bytes(np.tile([k + 1.0, 1.0, 1.0, 0.0], (20, 1)).astype("<f4").tobytes())
+    recording = open_recording(Replay(path=str(tmp_path)))
+    views = [(capture.stamp_s, capture.extras["cloud"][0, 0]) for capture, _ in recording.views]
+    np.testing.assert_allclose(views, [(1583836591.98259, 1.0), (1583836592.08259, 2.0), (1583836592.18259, 3.0)], atol=2e-6)
+    assert recording.timed
+
+
+@pytest.mark.parametrize(("moved", "refused"), [(True, True), (False, False)])
+def test_clouds_that_were_moved_into_one_world_are_refused(tmp_path, moved, refused):
+    """VIEWPOINT tells where the scanner was; whether the points are round it or round 0 the points tell."""
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        points = rng.uniform(-8.0, 8.0, (300, 3)) + [10.0 * k * moved, 0.0, 0.0]
+        head = ("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 300\nHEIGHT 1\n"
+                f"VIEWPOINT {10 * k} 0 0 1 0 0 0\nPOINTS 300\nDATA binary\n")
+        (tmp_path / f"{k:06d}.pcd").write_bytes(head.encode() + points.astype("<f4").tobytes())
+    if refused:
+        with pytest.raises(ConfigError, match="its points lie round its VIEWPOINT .* moved into one world"):
+            open_recording(Replay(path=str(tmp_path)))
+    else:
+        assert len(list(open_recording(Replay(path=str(tmp_path))).views)) == 3
 
 
 def test_lzf_copies_from_behind_and_over_itself():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -56,6 +57,17 @@ def test_two_pixels_that_share_their_colour_are_red_and_half_as_bright(encoding,
     message.width = 1
     with pytest.raises(ConfigError, match="expected an even number"):
         color_of(message, "/image")
+
+
+@pytest.mark.parametrize("form", ["bayer_rggb8; png compressed ", "bayer_rggb8; jpeg compressed "])
+def test_a_mosaic_that_was_compressed_as_it_is_becomes_colour(form):
+    """image_transport packs a mosaic without making colour of it: orange was a grey chequerboard."""
+    mosaic = np.tile(np.array([[200, 100], [100, 20]], np.uint8), (16, 16))
+    data = cv2.imencode(".png" if "png" in form else ".jpg", mosaic)[1].ravel()
+    image = color_of(SimpleNamespace(format=form, data=data), "/image/compressed")
+    np.testing.assert_allclose(image[8:24, 8:24], np.full((16, 16, 3), [200, 100, 20]), atol=5)
+    coloured = cv2.imencode(".png", np.full((8, 8, 3), [20, 100, 200], np.uint8))[1].ravel()  # by whoever did
+    assert color_of(SimpleNamespace(format=form, data=coloured), "/image/compressed")[4, 4].tolist() == [200, 100, 20]
 
 
 def test_rvl_gives_every_pixel_back():

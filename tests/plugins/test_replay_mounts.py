@@ -10,7 +10,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, se2
 from rhs.api.records import Scan
 from rhs_sources.replay_config import Replay
-from rhs_sources.replay_mounts import Mounts, fixed_links, mount_of, mounted
+from rhs_sources.replay_mounts import Mounts, links_of, mount_of, mounted
 
 ALL_KINDS = pytest.mark.parametrize("kind", KINDS)
 AHEAD = Scan(np.array([-1.0, 0.0, 1.0]), np.array([2.0, 3.0, np.inf]), 10.0)
@@ -60,7 +60,7 @@ def test_links_are_followed_to_the_body_and_across_it(tmp_path):
 
 
 def test_a_link_that_moves_is_no_mount():
-    links = fixed_links([("a", "odom", se2(0.0, 0.0, 0.0), False), ("a", "odom", se2(0.5, 0.0, 0.0), False),
+    links, _ = links_of([("a", "odom", se2(0.0, 0.0, 0.0), False), ("a", "odom", se2(0.5, 0.0, 0.0), False),
                          ("b", "a", se2(0.1, 0.0, 0.0), False), ("b", "a", se2(0.1, 0.0, 0.0), False)])
     assert set(links) == {"b"}
     assert Mounts({}).of("laser") is None

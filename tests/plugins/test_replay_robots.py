@@ -54,7 +54,7 @@ def test_topics_that_were_listed_and_never_heard_are_none(tmp_path, kind):
             bag.connections[topic] = bag.writer.add_connection(topic, said, typestore=bag.store)
         robot(bag, "", 0.0)
     recording = opened(bag.path)
-    assert recording.provides == {"scan"} and len(list(recording.views)) == 2
+    assert recording.provides == {"scan", "wheel"} and len(list(recording.views)) == 2  # the wheels are tf's
 
 
 def test_two_scanners_on_one_topic_are_not_one(tmp_path):

@@ -75,6 +75,25 @@ def test_scale_takes_transparent_as_unknown(tmp_path):
     assert grid.probability[0, 0] == 1.0 and np.isnan(grid.probability[0, 1])
 
 
+@pytest.mark.parametrize(("form", "most", "kind"), [
+    ("P5", 100, "u1"), ("P2", 100, "u1"), ("P5", 1, "u1"), ("P5", 2000, ">u2"), ("P2", 2000, ">u2"), ("P5", 65535, ">u2")])
+def test_white_is_what_a_pgm_says_it_is(tmp_path, form, most, kind):
+    """Of a map whose white is 100 all that is free was a wall; netpbm writes such."""
+    pixels = np.round(np.array([1.0, 0.5, 0.0]) * most).astype(kind)
+    body = pixels.tobytes() if form == "P5" else (" ".join(map(str, pixels)) + "\n").encode()
+    (tmp_path / "m.pgm").write_bytes(f"{form}\n# by hand\n3 1\n{most}\n".encode() + body)
+    (tmp_path / "m.yaml").write_text("image: m.pgm\nresolution: 0.5\norigin: [0, 0, 0]\n")
+    middle = 1.0 if most == 1 else np.nan  # half of one is rounded down
+    np.testing.assert_array_equal(load_map(tmp_path / "m.yaml").probability[0], [0.0, middle, 1.0])
+
+
+def test_an_alpha_channel_that_is_opaque_changes_nothing(tmp_path):
+    """As brightness it made the unknown free: (3 * 205 + 255) / 4 is 85 % bright."""
+    rgba = np.full((1, 3, 4), 255)
+    rgba[0, :, :3] = np.array([254, 205, 0])[:, None]
+    assert np.array_equal(load_map(write_map(tmp_path, rgba)).probability[0], [0.0, np.nan, 1.0], equal_nan=True)
+
+
 def test_raw_is_percent_up_to_100_and_unknown_above(tmp_path):
     grid = load_map(write_map(tmp_path, [[0, 37, 100, 101, 255]], mode="raw"))
     assert np.allclose(grid.probability[0], [0, 0.37, 1.0, np.nan, np.nan], equal_nan=True)

@@ -17,11 +17,12 @@ from ..carmen.log import NO_CAMERA
 from ..replay_mounts import mount_of
 from ..replay_stamps import cloud_extras, in_order
 from ..replay_tum import Recording
-from .pcd import SUFFIXES, read_cloud
+from .pcd import SUFFIXES, read_cloud, viewpoint_of
 from .views import Listed, led, numbered, one_series, stamps_by_name, truth_of
 
 FOLDERS = ("velodyne", "velodyne_points", "lidar", "pcd", "clouds", "points", "data")
 RATE_HZ = 10.0
+MOVED_M = 3.0  # a viewpoint nearer by is where the scanner sits on its robot
 
 
 def is_clouds(path: Path) -> bool:
@@ -34,6 +35,7 @@ def open_clouds(path: Path, settings) -> Recording:
     if not files:
         raise ConfigError(f"{path}: no numbered cloud; expected 000000.pcd, .bin or .ply")
     one_series(files)
+    _check_frame([file for _, file in files])
     stamps, timed = stamps_by_name([number for number, _ in files], settings.rate_hz, RATE_HZ)
     kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(files))), Counter())
     found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)
@@ -49,6 +51,20 @@ def open_clouds(path: Path, settings) -> Recording:
     provides = frozenset(read(0, None)["extras"])
     return led(Listed(str(path), stamps[kept], read, NO_CAMERA, provides, pose, rejected + counts,
                       timed=timed or bool(settings.rate_hz)), settings)
+
+
+def _check_frame(files: list[Path]) -> None:
+    """Refuse clouds that lie round the VIEWPOINT that their files tell, not round their own origin: they were moved into one
+    world, and would show a scanner that stands still."""
+    for file in (files[0], files[len(files) // 2], files[-1]):
+        at = viewpoint_of(file)
+        if at is None or np.linalg.norm(at) < MOVED_M:
+            continue
+        points = read_cloud(file)[0]
+        here, there = (float(np.median(np.linalg.norm(points - middle, axis=1))) for middle in (np.zeros(3), at))
+        if there < here:
+            raise ConfigError(f"{file}: its points lie round its VIEWPOINT ({at[0]:g} {at[1]:g} {at[2]:g}): they were moved "
+                              "into one world; expected clouds as the scanner saw them, itself at 0 0 0")
 
 
 def _files(path: Path) -> list[tuple[str, Path]]:

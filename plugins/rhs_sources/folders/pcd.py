@@ -68,9 +68,23 @@ def _unlike(table: np.ndarray) -> float:
     return float(np.log(np.std(good, axis=0) + 1e-3).std()) if len(good) > 100 else 0.0
 
 
-def _pcd(path: Path) -> np.ndarray:
-    data = path.read_bytes()
-    head, at = {}, 0
+def viewpoint_of(path: Path) -> np.ndarray | None:
+    """(3,) where the scanner was by the head of a .pcd; None where it says nothing."""
+    if path.suffix.lower() != ".pcd":
+        return None
+    try:
+        with path.open("rb") as file:
+            head, _ = _head(file.read(MOST_HEAD))
+        at = np.array(head["VIEWPOINT"][:3], float)
+    except (ValueError, KeyError, OSError):
+        return None
+    return at if at.shape == (3,) and np.isfinite(at).all() else None
+
+
+def _head(data: bytes) -> tuple[dict[str, list[str]], int]:
+    """The words of a .pcd's head by their keys, and where it ends. Raises ValueError."""
+    head: dict[str, list[str]] = {}
+    at = 0
     while "DATA" not in head:
         end = data.index(b"\n", at, MOST_HEAD + at)
         words = data[at:end].decode("ascii", "replace").split("#", 1)[0].split()
@@ -79,6 +93,12 @@ def _pcd(path: Path) -> np.ndarray:
             head[words[0].upper()] = words[1:]
         if at > MOST_HEAD:
             raise ValueError(f"no DATA in its first {MOST_HEAD} bytes")
+    return head, at
+
+
+def _pcd(path: Path) -> np.ndarray:
+    data = path.read_bytes()
+    head, at = _head(data)
     names = head["FIELDS"]
     counts = [int(v) for v in head.get("COUNT", ["1"] * len(names))]
     kinds = [_KINDS[(kind, int(size))] for kind, size in zip(head["TYPE"], head["SIZE"], strict=True)]

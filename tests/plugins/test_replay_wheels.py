@@ -1,0 +1,58 @@
+"""Wheels of a bag: slower than the views, or in tf alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bags import KINDS, BagFile
+
+from rhs_sources.replay import open_recording
+from rhs_sources.replay_config import Replay
+
+SPEED = 1.0  # m/s straight ahead
+
+
+def opened(path, **settings):
+    return open_recording(Replay(path=str(path), **settings))
+
+
+def ways(recording):
+    return [None if capture.travel is None else float(capture.travel[0]) for capture, _ in recording.views]
+
+
+def test_wheels_slower_than_the_views_do_not_come_in_leaps(tmp_path):
+    """40 scans and 10 readings of the wheels a second; the last three scans come after the last reading."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(40):
+            stamp = 1.0 + 0.025 * k
+            if k % 4 == 0:
+                bag.odometry("/odom", stamp, SPEED * 0.025 * k, 0.0, 0.0)
+            bag.scan("/scan", stamp, [2.0, 3.0, 4.0])
+    assert ways(opened(bag.path))[1:37] == pytest.approx([0.025] * 36)
+
+
+def test_views_do_not_wait_for_ever_for_wheels_that_stopped(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(60):
+            bag.scan("/scan", 1.0 + 0.1 * k, [2.0, 3.0, 4.0])
+            if k < 5:
+                bag.odometry("/odom", 1.0 + 0.1 * k, 0.1 * k, 0.0, 0.0)
+    found = ways(opened(bag.path))
+    assert len(found) == 60 and found[-1] == 0.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_wheels_that_only_tf_tells_of_are_read(tmp_path, kind, caplog):
+    with BagFile(tmp_path, kind) as bag:
+        for k in range(12):
+            stamp = 1.0 + 0.1 * k
+            bag.transform("/tf_static", stamp, "base_link", "laser", 0.2, np.pi / 2)
+            bag.transform("/tf", stamp, "map", "odom", 0.01 * k)
+            bag.transform("/tf", stamp, "odom", "base_link", 0.1 * k)
+            bag.scan("/scan", stamp, [2.0, 3.0, 4.0])
+    recording = opened(bag.path)
+    capture = [capture for capture, _ in recording.views][5]
+    assert capture.travel == pytest.approx([0.1, 0.0, 0.0]) and capture.scan.bearings_rad[1] == pytest.approx(np.pi / 2)
+    assert "wheel" in recording.provides and "odom -> base_link of tf" in caplog.text
+    assert "wheel" not in opened(bag.path, wheel_topic="none").provides
+    assert "wheel" not in opened(bag.path, truth_frame="odom").provides  # the truth is not for estimators
