@@ -23,13 +23,14 @@ from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
 from .replay_bag_truth import read_truth
 from .replay_cameras import chosen_camera
 from .replay_images import UnreadableImage, check_depth, check_pair
-from .replay_mounts import Mounts, links_of, mount_of, mounted, optical, tf_topics
+from .replay_mounts import Mounts, check_scanners_own, links_of, mount_of, mounted, optical, tf_topics
 from .replay_register import DepthCamera, typed_depth_camera
 from .replay_stamps import cloud_extras
 from .replay_tum import UNREADABLE, Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
+DESKEWED = ("deskew", "undistort", "compensated")  # in the names of topics
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
 
 
@@ -249,6 +250,8 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
         return found
 
     if topics.around:
+        if typed_scan is None:
+            check_scanners_own(_frame(reader, topics.around), topics.around)
         return Placed(None, None, of(topics.around) if typed_scan is None else typed_scan)
     scan = of(topics.scan) if typed_scan is None else typed_scan
     frame = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
@@ -382,10 +385,11 @@ def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) 
 
 
 def _cloud(message, topic: str, stamp_s: float, placed: Placed) -> dict[str, np.ndarray]:
-    """Its finite points in the body frame, and their times if it has them."""
+    """Its finite points in the body frame, and their times if it has them, unless its topic says that it is deskewed."""
     points, times = ros.points_of(message, topic)
     finite = np.isfinite(points).all(axis=1)
-    return cloud_extras(points[finite], None if times is None else times[finite], stamp_s, placed.cloud)
+    times = None if times is None or any(word in topic.lower() for word in DESKEWED) else times[finite]
+    return cloud_extras(points[finite], times, stamp_s, placed.cloud)
 
 
 def _with(capture: Capture, index: int, travel) -> Capture:

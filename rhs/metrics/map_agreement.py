@@ -61,7 +61,7 @@ def mount_values(run: RunFiles) -> dict[str, float | int | str]:
 
 CONTRADICTIONS = ("map_inconsistency", "map_inconsistency_before_closing")
 WHEELS = ("wheel_way_ratio", "wheel_turn_ratio")
-MOUNT = ("mount_roll_off_deg", "mount_yaw_off_deg")
+MOUNT = ("mount_roll_off_deg", "mount_yaw_off_deg", "mount_heading_off_deg")
 MAP = columns_of(
     contradiction_values,
     ("map_inconsistency", "share",
@@ -84,6 +84,9 @@ MAP = columns_of(
     ("mount_yaw_off_deg", "deg",
      "by which the laser is turned about the vertical besides (left positive) seen from what was told; 0 below what wheels "
      "that drift would look like", "rhs.estimation.scans.mount_fit"),
+    ("mount_heading_off_deg", "deg",
+     "by which the sensor of a survey beside wheels is turned about the vertical (left positive) seen from what was told, by "
+     "the way as it was solved; 0 below 5", "rhs.estimation.scans.mount_fit"),
     tasks=(*LOOP, "localise"),
 ) + columns_of(
     map_values,

@@ -210,7 +210,8 @@ def _read_image(path: FilePath, most: int = MOST_CELLS) -> np.ndarray:
     image = (image[:, :, None] if image.ndim == 2 else image)[::step, ::step]
     if image.shape[2] in (2, 4) and (image[:, :, -1] == np.iinfo(np.dtype(image.dtype.name)).max).all():
         image = image[:, :, :-1]  # an editor's, which says nothing, and by which grey 205 would be free
-    return np.minimum(image / _white(path, image.dtype), 1.0)
+    shade: np.ndarray = np.minimum(image / _white(path, image.dtype), 1.0)
+    return shade
 
 
 def _white(path: FilePath, kind: np.dtype) -> float:

@@ -9,8 +9,10 @@ import pytest
 from laser_rooms import box, drive, observed
 
 import rhs
+from rhs.api.geometry import se2
 from rhs.api.grid import OccupancyGrid
-from rhs.estimation.scans.mount_fit import fit_mount
+from rhs.estimation.scans.mount_fit import fit_mount, heading_figures
+from rhs.estimation.scans.planar_poses import between
 from rhs.worlds.maps import save_map
 
 ROOM = np.concatenate([box(0, 0, 12, 8), box(3, 2, 4, 5), box(7, 4, 10, 5), box(6, 0, 6.5, 2)])
@@ -54,6 +56,25 @@ def test_bad_wheels_are_no_mount(worse):
         bad[rng.random(len(bad)) < 0.03] += [0.3, 0.3, 0.7]
     fit = fit_mount(scans, list(bad))
     assert not fit.upside_down and fit.yaw_deg == 0.0
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 8, 15, -20])
+@pytest.mark.parametrize("worse", ["", "noise", "drift", "short"])
+def test_a_small_turn_of_the_mount_is_known_by_the_way_as_it_was_solved(yaw_deg, worse):
+    """The way as a sensor sees it that is turned by so much on its robot. Wheels whose heading drifts by 6 degrees a metre
+    are no mount."""
+    rng = np.random.default_rng(1)
+    poses = np.array([se2(*pose) @ se2(0.0, 0.0, np.radians(yaw_deg)) for pose in WAY])
+    wheels = np.vstack([np.zeros(3), between(WAY[:-1], WAY[1:])])
+    if worse == "noise":
+        wheels *= 1.0 + 0.3 * rng.standard_normal(wheels.shape)
+    elif worse == "drift":
+        wheels[:, 2] += 0.1 * np.hypot(wheels[:, 0], wheels[:, 1])
+    elif worse == "short":
+        wheels *= 0.8
+    found = heading_figures(poses, list(wheels))
+    assert found["mount_heading_off_deg"] == pytest.approx(yaw_deg, abs=1.5)
+    assert heading_figures(poses, [None] * len(poses)) == {}
 
 
 def test_without_wheels_or_way_or_walls_nothing_is_said():

@@ -111,6 +111,24 @@ def test_points_at_the_scanner_itself_are_beams_that_met_nothing(tmp_path):
     assert np.allclose(next(opened(bag.path).views)[0].extras["cloud"], [[1.5, 2.0, 0.5], [3.5, 0.0, 0.0]])
 
 
+def test_clouds_that_somebody_moved_into_the_map_are_refused_unless_their_place_is_typed(tmp_path):
+    """FAST-LIO's /cloud_registered: the scanner would stand still, tracked in every view."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        message = bag.cloud
+        bag.header = lambda stamp_s, frame="", header=bag.header: header(stamp_s, "camera_init")
+        message("/cloud_registered", 1.0, np.array([[1.0, 2.0, 0.5], [3.0, 0.0, 0.0]]))
+    with pytest.raises(ConfigError, match="of the frame camera_init, in which the robot moves"):
+        opened(bag.path)
+    assert len(list(opened(bag.path, scan_mount=[0.0] * 6).views)) == 1
+
+
+@pytest.mark.parametrize(("topic", "timed"), [("/points", True), ("/lio/cloud_deskewed", False)])
+def test_a_topic_that_says_that_its_clouds_are_deskewed_is_believed(tmp_path, topic, timed):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.cloud(topic, 1.0, np.array([[1.0, 2.0, 0.5], [3.0, 0.0, 0.0]]), times_ns=np.array([0, 100_000_000]))
+    assert ("cloud_time_s" in next(opened(bag.path).views)[0].extras) == timed
+
+
 @pytest.mark.parametrize(("begins_s", "refused"), [(2.0, False), (300.0, True)])
 def test_bags_numbered_like_parts_are_one_only_where_one_goes_on_from_the_other(tmp_path, begins_s, refused):
     (tmp_path / "bags").mkdir()

@@ -1,4 +1,7 @@
-"""Clouds of a lidar that turns while it moves, as if they were taken at one instant."""
+"""Clouds of a lidar that turns while it moves, as if they were taken at one instant; and whether somebody did so before.
+
+A scanner's beams go round evenly on the scanner, whatever the robot does. In a cloud that was deskewed they go round faster
+by as much as the robot turned, so the rate of its bearings follows the robot's turn (a line through both: slope 1, else 0)."""
 
 from __future__ import annotations
 
@@ -7,8 +10,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rhs.api.geometry import log_se3
+from rhs.api.geometry import log_se3, wrap
 from rhs.api.records import Scan
+
+NEAR_M = 1.0  # nearer points are seen from where the scanner sits, not from the body
+LEAST_POINTS, MOST_POINTS = 100, 2000
+UNEVEN_RAD = 0.3  # the beams of one column are not of one bearing, Ouster's by 0.1
+LEAST_CLOUDS, LEAST_TURN_RADPS = 20, 0.1
 
 
 def deskewed(points: np.ndarray, after_s: np.ndarray, motion: np.ndarray, taken_s: float) -> np.ndarray:
@@ -24,6 +32,38 @@ def deskewed(points: np.ndarray, after_s: np.ndarray, motion: np.ndarray, taken_
     across = np.cross(turn, way)
     way = way + (1.0 - np.cos(angle)) / angle**2 * across + (angle - np.sin(angle)) / angle**3 * np.cross(turn, across)
     return Rotation.from_rotvec(turn).apply(points) + way
+
+
+def beam_rate(points: np.ndarray, after_s: np.ndarray) -> float:
+    """Radians a second by which the bearings (body's z) of points (N, 3) go round with their times (N,); NaN where that is
+    no even turn."""
+    far = np.flatnonzero(np.hypot(points[:, 0], points[:, 1]) > NEAR_M)
+    if len(far) < LEAST_POINTS or np.ptp(after_s[far]) <= 0.0:
+        return float("nan")
+    some = far[np.linspace(0, len(far) - 1, min(len(far), MOST_POINTS)).astype(int)]
+    order = some[np.argsort(after_s[some], kind="stable")]
+    turn, times = np.arctan2(points[order, 1], points[order, 0]), after_s[order]
+    sign = 1.0 if np.median(np.sin(np.diff(turn))) >= 0.0 else -1.0
+    rate = sign * 2.0 * np.pi / np.ptp(times)  # nearly once round
+    off = turn - rate * times
+    off = wrap(off - np.angle(np.exp(1j * off).mean()))
+    more, _ = np.polyfit(times, off, 1)
+    left = off - np.polyval(np.polyfit(times, off, 1), times)
+    return float(rate + more) if np.std(left) < UNEVEN_RAD else float("nan")
+
+
+def follows_turns(rates: np.ndarray) -> bool:
+    """Whether clouds were deskewed before, clearly so. rates (N, 2): beam_rate and the robot's turn, radians a second."""
+    rates = rates[np.isfinite(rates).all(axis=1)]
+    if len(rates) < LEAST_CLOUDS:
+        return False
+    off = rates - np.median(rates, axis=0)
+    about = float(off[:, 1] @ off[:, 1])
+    if about <= LEAST_TURN_RADPS**2 * len(rates):
+        return False
+    slope = float(off[:, 1] @ off[:, 0]) / about
+    error = float(np.std(off[:, 0] - slope * off[:, 1])) / np.sqrt(about)
+    return slope - 3.0 * error > 0.5
 
 
 def deskewed_scan(scan: Scan, points: np.ndarray, after_s: np.ndarray, motion: np.ndarray, taken_s: float) -> Scan:

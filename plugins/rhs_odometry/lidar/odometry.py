@@ -7,6 +7,7 @@ horizontal direction, the cloud can slide along it and the motion is `degenerate
 
 from __future__ import annotations
 
+import logging
 from abc import abstractmethod
 from typing import NamedTuple
 
@@ -19,7 +20,10 @@ from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
 from .config import LidarAdvanced
 from .config import LidarOdometry as Settings
-from .deskew import deskewed, deskewed_scan
+from .deskew import LEAST_CLOUDS, beam_rate, deskewed, deskewed_scan, follows_turns
+
+log = logging.getLogger("rhs.odometry")
+MOST_RATES = 1000  # clouds that are asked whether they were deskewed before
 
 
 class Cloud(NamedTuple):
@@ -43,6 +47,8 @@ class LidarOdometry(Odometry):
         self._taken_s = 0.0  # from the one before to it
         self._timed: list[tuple[np.ndarray, Scan | None]] | None = None  # pose and scan of each view, if points have times
         self._first: Cloud | None = None  # such a cloud, until the motion is known that bent it
+        self._rates: list[tuple[float, float]] = []  # of such clouds: of their beams, and of the body's turn
+        self._straight = False  # they were deskewed by somebody before
 
     @abstractmethod
     def begin(self, points: np.ndarray) -> None:
@@ -71,6 +77,7 @@ class LidarOdometry(Odometry):
             self._timed, self._first = [(np.eye(4), observation.scan)], cloud
         elif self._timed is not None:
             self._note(observation.scan, cloud, motion.previous_from_body)
+            self._ask(cloud, motion)
         return motion
 
     def revise(self) -> Revision | None:
@@ -107,9 +114,20 @@ class LidarOdometry(Odometry):
         self.settle(self._pose, aligned=True)
         return self._judged(points, self.last)
 
+    def _ask(self, cloud: Cloud, motion: Motion) -> None:
+        """Were these clouds deskewed by somebody before? From where that is clear they are taken as they are."""
+        if cloud.after_s is None or self._straight or len(self._rates) == MOST_RATES or motion.status is Tracking.LOST:
+            return
+        self._rates.append((beam_rate(cloud.points, cloud.after_s), log_se3(motion.previous_from_body)[5] / self._taken_s))
+        if len(self._rates) % LEAST_CLOUDS == 0 and follows_turns(np.array(self._rates)):
+            self._straight, self._pose = True, np.eye(4)
+            self.begin(cloud.points)  # the map so far is of clouds that were bent
+            log.warning("the clouds were deskewed before: their beams go round faster as the robot turns; from number %d on "
+                        "they are taken as they are (odometry.deskew=false does so from the first)", len(self._rates) + 2)
+
     def _deskewed(self, cloud: Cloud, motion: np.ndarray) -> np.ndarray:
         """Its points as of its stamp, if the body moves as in `motion` (4x4, since the last cloud)."""
-        if cloud.after_s is None or self._taken_s <= 0.0:
+        if cloud.after_s is None or self._taken_s <= 0.0 or self._straight:
             return cloud.points
         return deskewed(cloud.points, cloud.after_s, motion, self._taken_s)
 
@@ -122,7 +140,7 @@ class LidarOdometry(Odometry):
         self._timed.append((self._timed[-1][0] @ motion, self._scan(scan, cloud, motion)))
 
     def _scan(self, scan: Scan | None, cloud: Cloud, motion: np.ndarray) -> Scan | None:
-        if scan is None or cloud.after_s is None or not len(cloud.points) or self._taken_s <= 0.0:
+        if scan is None or cloud.after_s is None or not len(cloud.points) or self._taken_s <= 0.0 or self._straight:
             return scan
         return deskewed_scan(scan, cloud.points, cloud.after_s, motion, self._taken_s)
 

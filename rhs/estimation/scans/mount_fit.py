@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rhs.api.geometry import se2
+from rhs.api.geometry import inverse, planar, se2, wrap
 from rhs.api.records import Scan
 from rhs.estimation.views.motion_consistency import scan_share
 
@@ -34,6 +34,7 @@ APART_RAD, APART_M = 0.15, 0.1  # a stretch tells between two mounts whose trave
 LEAST_TELLING = 10  # stretches
 LEAST_GAIN, LEAST_Z = 0.15, 5.0  # share of the beams by which a mount must explain them better, and how surely
 LEAST_YAW_DEG = 25  # wheels that drift by less look like a mount that is turned
+LEAST_HEADING_DEG = 5.0  # of the way as it was solved, which knows how wheels drift
 
 
 Seen = dict[int, Scan | None]  # by the number of the view
@@ -83,6 +84,27 @@ def mount_figures(scans: Sequence[Scan | None], wheels: Sequence[np.ndarray | No
         return {}
     fit = fit_mount(scans, wheels)
     return {} if fit is None else {"mount_roll_off_deg": 180.0 * fit.upside_down, "mount_yaw_off_deg": fit.yaw_deg}
+
+
+def heading_figures(poses: np.ndarray, wheels: Sequence[np.ndarray | None]) -> dict[str, float]:
+    """`mount_heading_off_deg`: by how much a sensor (laser, lidar, camera) is turned about the vertical (left positive) seen
+    from what was told, by the way (N, 4, 4) that it saw and that of the wheels; nothing where these say too little.
+
+    The median over stretches without much of a turn of how the two chords lie, each to the mean of its headings at both
+    ends: a drift of the wheels' heading, which bends their chord by half of what it turns them, does not count."""
+    seen, told = [], []
+    for first, last, travel in _stretches(wheels):
+        here = planar(inverse(poses[first]) @ poses[last])
+        if np.hypot(*travel[:2]) >= WAY_M and np.hypot(*here[:2]) >= 0.5 * WAY_M and abs(travel[2]) < TURN_RAD:
+            seen.append(here)
+            told.append(travel)
+    if len(seen) < LEAST_TELLING:
+        return {}
+    headings = [np.arctan2(way[:, 1], way[:, 0]) - 0.5 * way[:, 2] for way in (np.array(seen), np.array(told))]
+    off_deg = np.degrees(wrap(headings[1] - headings[0]))
+    middle = float(np.median(off_deg))
+    error = 1.48 * float(np.median(np.abs(off_deg - middle))) / np.sqrt(len(off_deg))
+    return {"mount_heading_off_deg": middle if abs(middle) > max(LEAST_HEADING_DEG, LEAST_Z * error) else 0.0}
 
 
 def _turned(scans: Seen, stretches: list[Stretch], upside_down: bool) -> _Trial:
