@@ -85,8 +85,8 @@ MAP = columns_of(
      "by which the laser is turned about the vertical besides (left positive) seen from what was told; 0 below what wheels "
      "that drift would look like", "rhs.estimation.scans.mount_fit"),
     ("mount_heading_off_deg", "deg",
-     "by which the sensor of a survey beside wheels is turned about the vertical (left positive) seen from what was told, by "
-     "the way as it was solved; 0 below 5", "rhs.estimation.scans.mount_fit"),
+     "by which the sensor of a survey beside wheels is turned about the vertical (left positive) seen from what was told, "
+     "by the way as it was solved; 0 below 5", "rhs.estimation.scans.mount_fit"),
     tasks=(*LOOP, "localise"),
 ) + columns_of(
     map_values,

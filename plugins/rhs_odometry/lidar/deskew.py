@@ -1,7 +1,8 @@
 """Clouds of a lidar that turns while it moves, as if they were taken at one instant; and whether somebody did so before.
 
 A scanner's beams go round evenly on the scanner, whatever the robot does. In a cloud that was deskewed they go round faster
-by as much as the robot turned, so the rate of its bearings follows the robot's turn (a line through both: slope 1, else 0)."""
+by as much as the robot turned, so the rate of its bearings follows the robot's turn (a line through both: slope 1, else
+0)."""
 
 from __future__ import annotations
 
