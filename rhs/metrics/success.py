@@ -38,7 +38,7 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
     views, lost = _number(row, "views"), _number(row, "views_lost")
     if lost > HALF * (views + lost):
         return 0.0, f"{lost:.0f} of {views + lost:.0f} views never arrived"
-    if wrong := mount_fault(row) or wheel_fault(row):
+    if wrong := mount_fault(row) or ("" if vision_led(row) else wheel_fault(row)):
         return 0.0, wrong
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"
@@ -71,6 +71,14 @@ def wheel_fault(row: Mapping[str, object]) -> str:
             return (f"the wheels tell of {ratio:.2g} times the {what} that the camera saw: {why}, or a camera that sits "
                     "otherwise than was told; type source.wheel_topic=none to go without wheels")
     return ""
+
+
+def vision_led(row: Mapping[str, object]) -> bool:
+    """Whether the way is the camera's alone, and the wheels for sure what is wrong: they turn by another share than it saw,
+    which no scale of depth explains, and not the other way round, as those beside a camera that hangs upside down."""
+    turn = _number(row, "wheel_turn_ratio")
+    off = not math.isnan(turn) and not 1.0 / WHEELS_OFF < turn < WHEELS_OFF
+    return off and not -WHEELS_OFF < turn < -1.0 / WHEELS_OFF and _number(row, "gated_share") == 0.0
 
 
 def with_success(row: Mapping[str, object]) -> dict[str, object]:

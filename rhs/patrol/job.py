@@ -26,6 +26,7 @@ from rhs.estimation.survey import ViewCollector
 from rhs.estimation.views.camera_fit import contradictions_of, fit_camera
 from rhs.estimation.views.features import features
 from rhs.estimation.views.settings import CameraFitSettings
+from rhs.metrics.success import wheel_fault
 from rhs.worlds.maps import save_map
 from rhs.worlds.world_checks import walk_fault
 from rhs.worlds.world_moving import walkers
@@ -162,6 +163,8 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
         figures |= heading_figures(closure.poses, collected.wheels)
         say_heading(figures)
         figures |= parts.odometry.wheel_figures() if isinstance(parts.odometry, GatedOdometry) else {}
+        if fault := wheel_fault(figures):
+            logger.warning("%s", fault)
     write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
 

@@ -7,6 +7,9 @@ import pytest
 
 from rhs.metrics.success import success_of
 
+OFF = ("the wheels tell of {} times the {} that the camera saw: {}, or a camera that sits otherwise than was told; type "
+       "source.wheel_topic=none to go without wheels")
+
 
 @pytest.mark.parametrize(("row", "expected"), [
     ({"status": "ok", "task": "planning", "plan_success": 1, "plan_valid": 1.0, "plan_reason": "ok"}, (1.0, "")),
@@ -26,6 +29,13 @@ from rhs.metrics.success import success_of
      (0.0, "the way is unsure by 12 m (1 sigma): scans and loops hold it too little")),
     ({"status": "ok", "task": "patrol", "places_total": None, "tracked_share": 0.5}, (1.0, "")),  # a recording
     ({"status": "ok", "task": "unroll", "strips_registered_share": 0.2}, (0.0, "20% of the strips registered")),
+    # a wheel that was set twice as large; a scale of depth, or a camera upside down, may be the camera's mistake
+    ({"status": "ok", "tracked_share": 1.0, "wheel_way_ratio": 2.0, "wheel_turn_ratio": 2.0, "gated_share": 0.0}, (1.0, "")),
+    *[({"status": "ok", "tracked_share": 1.0, "wheel_way_ratio": way, "wheel_turn_ratio": turn, "gated_share": replaced},
+       (0.0, said)) for way, turn, replaced, said in (
+           (2.0, 2.0, 0.1, OFF.format("2", "way", "another unit, a wrong source.depth_scale")),
+           (2.0, 1.0, 0.0, OFF.format("2", "way", "another unit, a wrong source.depth_scale")),
+           (1.0, -1.0, 0.0, OFF.format("-1", "turn", "another sign or unit")))],
     ({"status": "failed", "reason": "E: boom", "plan_success": 1, "plan_valid": 1.0}, (0.0, "E: boom")),
     ({"status": "running"}, (0.0, "running")),
     ({}, (0.0, "no status")),
