@@ -236,7 +236,8 @@ def _found(path: Path) -> str:
     if len(bags) > 1:
         return f"found {len(bags)} bags; type source.path={bags[0]} (the parts of one are read together if numbered alike)"
     names = sorted(p.name for p in path.iterdir())
-    inner = [p for p in sorted(path.iterdir()) if p.is_dir() and _format_of(p) != "unknown"]
+    inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
+             and "depth" not in p.name.lower()]
     if inner:
         return f"found no recording but one in it; type source.path={inner[0]}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

@@ -127,7 +127,8 @@ def camera_of(message, *, rectified: bool = False) -> Camera | None:
     if rectified and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
         return Camera(message.width, message.height, p[0, 0], p[1, 1], p[0, 2], p[1, 2], p[0, 1])
     if message.distortion_model not in ("plumb_bob", "rational_polynomial", "") and any(d):
-        raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob")
+        raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob; undistort the images "
+                          "(image_proc) and use their topic")
     if any(d[8:]):
         raise ConfigError(f"camera info has {len(d)} distortion numbers, the ninth or later not zero; expected at most "
                           "k1, k2, p1, p2, k3, k4, k5, k6")

@@ -295,6 +295,27 @@ def test_a_euroc_folder_gives_images_the_imu_between_them_and_the_cameras_true_p
     assert every_second[1][0].extras["imu"][:, 1].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
 
 
+@pytest.mark.parametrize(("name", "there"), [("vicon0", [1.5, 2.0, 2.5]), ("mocap0", [1.5, 2.0, 3.0]), ("leica0", None)])
+def test_the_truth_of_markers_is_carried_to_the_camera_and_positions_alone_are_none(tmp_path, name, there, caplog):
+    """Vicon's markers half a metre above the IMU, at (1, 2, 3) unturned; the camera half a metre along the IMU's x."""
+    mav0 = euroc(tmp_path)
+    (mav0 / "state_groundtruth_estimate0").rename(mav0 / name)
+    if name == "vicon0":
+        (mav0 / name / "sensor.yaml").write_text("T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.5, 0, 0, 0, 1]\n")
+    truth = views(mav0)[1][1][1]
+    if there is None:
+        assert truth is None and "leica0 has positions without turns" in caplog.text
+    else:
+        np.testing.assert_allclose(truth[:3, 3], there, atol=1e-12)
+
+
+def test_a_recording_two_folders_down_is_named_and_depth_is_not_taken_for_one(tmp_path):
+    sequence = kitti(tmp_path / "dataset")
+    assert f"type source.path={sequence}" in refused(tmp_path / "dataset")
+    images(tmp_path / "other" / "depth_left", ["1.png", "2.png"])
+    assert "found depth_left" in refused(tmp_path / "other")
+
+
 @pytest.mark.parametrize(("file", "text", "words"), [
     ("cam0/data.csv", "#timestamp\n", "the list is empty"),
     ("cam0/data.csv", f"{T0},../../../x.png\n", "leads out of the recording"),

@@ -8,6 +8,7 @@ and accelerations (m/s^2) in the IMU's axes. `right_image`: cam1 at the nearest 
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +28,8 @@ from ..replay_tum import Recording, inside
 from .intrinsics import read_yaml
 from .views import Listed, led, moved
 
+TRUTHS = ("state_groundtruth_estimate0", "vicon0", "mocap0")  # the best first; the last is TUM VI's
+log = logging.getLogger("rhs.replay")
 LENSES = ("radial-tangential", "radtan", "none", "")
 
 
@@ -107,8 +110,8 @@ def _camera(sensor: dict[str, Any], folder: Path) -> Camera | None:
         return None
     model = str(sensor.get("distortion_model", "")).lower()
     if model not in LENSES:
-        raise ConfigError(f"{folder}/sensor.yaml: distortion_model is {model}; expected radial-tangential; type "
-                          "source.camera=[fx,fy,cx,cy,k1,k2,p1,p2,k3]")
+        raise ConfigError(f"{folder}/sensor.yaml: distortion_model is {model}; expected radial-tangential; undistort the "
+                          "images and type source.camera=[fx,fy,cx,cy]")
     try:
         fx, fy, cx, cy = (float(v) for v in sensor["intrinsics"])
         width, height = (int(v) for v in sensor["resolution"])
@@ -136,14 +139,20 @@ def _imu(file: Path) -> np.ndarray | None:
 
 
 def _truth(folder: Path, sensor: dict[str, Any], settings) -> Truth | None:
-    """True poses of cam0: those of the IMU (stamp p q_wxyz ...) moved by T_BS, or a typed TUM file of the camera."""
+    """True poses of cam0: those of the IMU or of markers (stamp p q_wxyz ...) moved by T_BS, or a typed TUM file of the
+    camera."""
     if settings.truth:
         return read_tum_truth(typed_file(settings.truth), settings)
-    file = folder / "state_groundtruth_estimate0" / "data.csv"
-    if not file.is_file():
+    file = next((file for name in TRUTHS if (file := folder / name / "data.csv").is_file()), None)
+    if file is None:
+        if (folder / "leica0" / "data.csv").is_file():
+            log.warning("%s: leica0 has positions without turns, which are no poses; no error is known", folder)
         return None
     body_from_camera = _place(sensor, folder, "cam0", "the true poses are not the camera's; type source.truth=FILE of the "
                               "camera's")
+    tracked = _sensor(file.parent)
+    if "T_BS" in tracked:  # of markers, which are not on the IMU
+        body_from_camera = inverse(_place(tracked, folder, file.parent.name, "its poses say nothing")) @ body_from_camera
     stamps, poses = [], []
     for number, words in rows(file):
         where = f"{file.parent.name}/data.csv:{number}"

@@ -25,8 +25,9 @@ from .intrinsics import depth_scale_beside, intrinsics_beside
 from .poses import poses_beside
 from .views import Listed, led, moved, numbered, one_series, stamps_by_name, truth_of
 
-COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results")
-DEPTHS = ("depth", "depths", "depth_images")
+COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results",
+          "lowres_wide")
+DEPTHS = ("depth", "depths", "depth_images", "lowres_depth")  # ARKitScenes' are the last
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm", ".webp", ".tif", ".tiff")
 DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".jpg", ".jpeg")  # the last two are refused by name
 RATE_HZ = 30.0
