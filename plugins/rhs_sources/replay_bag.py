@@ -30,6 +30,7 @@ from .replay_tum import UNREADABLE, Recording
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
+NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
 DESKEWED = ("deskew", "undistort", "compensated")  # in the names of topics
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
 
@@ -113,8 +114,8 @@ def open_bag(path: Path, settings) -> Recording:
 
 def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
     """Which of the topics (name -> type) are colour, depth, ...; the user's word first, else the only fitting one."""
-    images = [t for t, kind in found.items() if kind in IMAGES]
-    deep = [t for t in images if "depth" in t.lower() or "disparity" in t.lower()]
+    images = [t for t, kind in found.items() if kind in IMAGES and not any(word in t.lower() for word in NEITHER)]
+    deep = [t for t in images if "depth" in t.lower()]
     plain = [t for t in images if t not in deep and "/ir" not in t.lower() and "infra" not in t.lower()]
 
     def pick(name: str, fitting: list[str]) -> str:

@@ -111,6 +111,18 @@ def test_points_at_the_scanner_itself_are_beams_that_met_nothing(tmp_path):
     assert np.allclose(next(opened(bag.path).views)[0].extras["cloud"], [[1.5, 2.0, 0.5], [3.5, 0.0, 0.0]])
 
 
+def test_images_of_disparity_and_confidence_are_neither_depth_nor_colour(tmp_path):
+    """Pixels of disparity were taken for metres: near was far."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.camera_info("/left/camera_info", 1.0)
+        bag.image("/left/image_rect", 1.0, picture(), "rgb8")
+        for topic in ("/disparity", "/confidence/confidence_map"):
+            bag.image(topic, 1.0, np.full((HEIGHT, WIDTH), 12.0, np.float32), "32FC1")
+    with pytest.raises(ConfigError, match="no depth topic; found .*/disparity"):
+        opened(bag.path)
+    assert opened(bag.path, depth_topic="none").provides == {"image", "gray"}
+
+
 def test_clouds_that_somebody_moved_into_the_map_are_refused_unless_their_place_is_typed(tmp_path):
     """FAST-LIO's /cloud_registered: the scanner would stand still, tracked in every view."""
     with BagFile(tmp_path, "ros2_mcap") as bag:
