@@ -265,6 +265,9 @@ def advice_on(yaml_path: str | FilePath) -> str:
     shade = image[:, :, : 3 if image.shape[2] >= 3 else 1].mean(axis=2)
     levels = np.bincount(np.rint(100.0 * (1.0 - shade if header.negate else shade)).astype(int).ravel(), minlength=101)
     floor = int(np.argmax(levels))
+    if floor == 50 and header.mode == "trinary":
+        return ("most of it is half grey, which Cartographer writes for unknown; where its floor is of many shades write "
+                "mode: scale")
     if floor < 35:
         return f"most of the picture is dark; for a dark floor write negate: {int(not header.negate)}"
     if floor <= 100.0 * (1.0 - header.free_thresh):

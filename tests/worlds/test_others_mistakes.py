@@ -81,6 +81,19 @@ def test_a_plan_that_is_dark_or_pale_or_transparent_says_which_key_helps(tmp_pat
         load_world(plan(tmp_path, clear))
 
 
+def test_a_map_of_cartographer_whose_floor_is_shaded_is_read_by_what_its_refusal_says(tmp_path):
+    """Unknown is 128 there, free what is brighter the oftener it was seen. It was told to call 128 free."""
+    rng = np.random.default_rng(0)
+    image = np.full(drawn().shape, 128, np.uint8)
+    floor = np.zeros(image.shape, bool)
+    floor[22:102, 22:182] = True
+    image[floor] = np.where(drawn()[floor] == 0, 0, rng.integers(185, 256, floor.sum()))
+    with pytest.raises(ConfigError, match="mode: scale"):
+        load_world(plan(tmp_path, image))
+    world = load_world(plan(tmp_path, image, "mode: scale\n"))
+    assert world.bounds_m[2] - world.bounds_m[0] == pytest.approx(8.0, abs=0.2)
+
+
 def test_a_robot_with_nowhere_to_go_is_refused(tmp_path):
     """White walls on black: the block that is drawn white holds the robot, and nothing else does."""
     image = 255 - drawn()
