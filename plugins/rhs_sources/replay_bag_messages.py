@@ -154,6 +154,8 @@ def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
     seen = known[np.isfinite(known)]
     if len(seen) and np.median(seen) > FURTHEST_M:
         raise ConfigError(f"{topic}: ranges are {np.median(seen):.4g} m typically; expected metres")
+    if message.angle_increment < 0.0:  # of a scanner whose beams go the other way round
+        bearings, known = bearings[::-1], known[::-1]
     # A wall just there is less likely than none, as drivers clip; pointcloud_to_laserscan writes the largest float there is.
     most_m = min(most_m, float(message.range_max), FURTHEST_M)
     return Scan(bearings, np.where(known >= most_m, np.inf, known), most_m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from rhs.api.validate import reach_of
 from rhs.base.errors import ConfigError, RhsError
 from rhs.base.memory import hand_back
 from rhs.estimation import survey as surveying
-from rhs.estimation.scans.mount_fit import heading_figures, mount_figures
+from rhs.estimation.scans.mount_fit import heading_doubt, heading_figures, mount_figures
 from rhs.estimation.scans.settings import SEES_AROUND_RAD
 from rhs.estimation.survey import Survey as Surveyed
 from rhs.estimation.survey import ViewCollector
@@ -161,21 +161,13 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
     if "driving" not in parts.provides:  # a simulator knows where its laser sits
         figures |= mount_figures(scans_around(views) or (), collected.wheels)
         figures |= heading_figures(closure.poses, collected.wheels)
-        say_heading(figures)
+        if turned := heading_doubt(figures):
+            logger.warning("%s", turned)
         figures |= parts.odometry.wheel_figures() if isinstance(parts.odometry, GatedOdometry) else {}
         if fault := wheel_fault(figures):
             logger.warning("%s", fault)
     write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
-
-
-def say_heading(figures: Mapping[str, float]) -> None:
-    """Warn of a sensor that is turned by less than what fails a run: its way is right, its heading is not."""
-    off = figures.get("mount_heading_off_deg", 0.0)
-    if off and not (figures.get("mount_yaw_off_deg") or figures.get("mount_roll_off_deg")):
-        logger.warning("by its way and the wheels' the sensor is turned by %.0f degrees (left positive), which nobody told: "
-                       "the way is right, headings are off by so much; type source.scan_mount=[0,0,0,0,0,%.0f] (of a camera "
-                       "source.camera_mount), or turn the mount that was told", off, off)
 
 
 def check_camera(views: Sequence[View], settings: CameraFitSettings, folder: Path, *, rng: np.random.Generator) -> None:

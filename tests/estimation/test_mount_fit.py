@@ -99,6 +99,7 @@ def test_a_log_of_a_laser_upside_down_says_so_and_what_to_type(tmp_path, rolled)
     found = rhs.run([*words, "task=localise", f"map={tmp_path / 'empty.yaml'}", "localiser=odometry_only", "start=[0,0,0]",
                      "odometry=wheel", f"output={tmp_path / 'localised'}"], quiet=True)
     row = rhs.run([*words, f"output={tmp_path / 'run'}"], quiet=True)
+    assert found["mount_heading_off_deg"] == 0.0  # it believes in the wheels
     assert found["mount_roll_off_deg"] == 180.0 * rolled and (found["success"] == 0.0) == rolled  # no truth: else unknown
     assert ("mounted upside down" in found["failure"]) == rolled
     assert row["mount_roll_off_deg"] == 180.0 * rolled and row["mount_yaw_off_deg"] == 0.0

@@ -63,6 +63,16 @@ def test_restarts_and_kidnaps_are_starts_to_find_oneself_after(surveyed, tmp_pat
     assert row["kidnaps"] >= 2 and row["starts"] > row["kidnaps"] and row["localise_steps"] < 47
 
 
+def test_a_map_in_the_coordinates_of_a_country_is_no_divergence(surveyed, tmp_path):
+    text = (surveyed / "map.yaml").read_text()
+    at = next(line for line in text.splitlines() if line.startswith("origin"))
+    (tmp_path / "map.pgm").write_bytes((surveyed / "map.pgm").read_bytes())
+    (tmp_path / "map.yaml").write_text(text.replace(at, "origin: [500000.0, 4600000.0, 0.0]"))
+    row = localise(tmp_path / "loc", f"map={tmp_path / 'map.yaml'}", "localiser=odometry_only",
+                   "start=[500010.0,4600010.0,0]")
+    assert row["status"] == "ok" and row["belief_sure_share"] == 1.0
+
+
 def test_without_a_truth_nothing_is_said_about_right_and_wrong(surveyed, tmp_path):
     row = localise(tmp_path / "loc", f"map={surveyed}", "localiser=odometry_only", "start=[0,0,0]")
     assert row["belief_sure_share"] == 1.0 and np.isnan(row["found_share"]) and np.isnan(row["success"])

@@ -19,10 +19,10 @@ from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError
 from rhs.api.files import replacing
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, Event, Scan, Step
+from rhs.api.records import Belief, BeliefStatus, Event, Scan, Step
 from rhs.api.task import StepJob, TaskContext
 from rhs.api.validate import check_belief, reach_of
-from rhs.estimation.scans.mount_fit import mount_figures
+from rhs.estimation.scans.mount_fit import heading_doubt, heading_figures, mount_figures
 from rhs.worlds.maps import save_map
 
 from .carried_off import CarriedOff
@@ -52,6 +52,8 @@ class LocaliseJob(StepJob):
                         "localiser=particle_filter_scan, or start=[x_m,y_m,yaw_deg]", self.parts.who["localiser"])
         self.scans: list[Scan | None] = []  # as measured, and the travel (3,) of the wheels since the view before
         self.wheels: list[np.ndarray | None] = []
+        self.poses: list[np.ndarray] = []  # map_from_body (4, 4) as believed, and whether it was sure of that
+        self.sure: list[bool] = []
         self.source: Source = self.parts.source
         if settings.kidnap_every_m:
             self.source = self.parts.source = CarriedOff(self.source, settings.kidnap_every_m, settings.kidnap_skip_m)
@@ -64,11 +66,16 @@ class LocaliseJob(StepJob):
         led = self.believed(self.context.lead(self.parts))
         yield from self.context.follow(led, PHASE, self.source.views_expected)
         if "driving" not in self.parts.provides:  # a simulator knows where its laser sits
-            self.write_note(mount_figures(self.scans, self.wheels))
+            sure = [wheel if known else None for wheel, known in zip(self.wheels, self.sure, strict=True)]
+            figures = mount_figures(self.scans, self.wheels) | heading_figures(np.array(self.poses), sure)
+            self.write_note(figures)
+            if turned := heading_doubt(figures):
+                log.warning("%s", turned)
 
     def believed(self, led: Iterator[Step]) -> Iterator[Step]:
         """The steps with the localiser's belief in the place of the sum of the odometry, and with the truth in the map."""
         begin, way_m = True, 0.0
+        reach_m = reach_of(self.source.facts) + float(np.abs(self.given.grid.origin_m).max())
         for step in led:
             way_m += float(np.hypot(*step.motion.previous_from_body[:2, 3]))
             begin = begin or 0.0 < self.settings.restart_every_m <= way_m
@@ -82,7 +89,9 @@ class LocaliseJob(StepJob):
             self.wheels.append(None if Event.KIDNAPPED in events else step.observation.wheel)
             clock = time.perf_counter()
             belief = self.parts.localiser.update(step.observation, step.motion)
-            belief = check_belief(belief, who=self.parts.who["localiser"], reach_m=reach_of(self.source.facts))
+            belief = check_belief(belief, who=self.parts.who["localiser"], reach_m=reach_m)
+            self.poses.append(belief.map_from_body)
+            self.sure.append(belief.status is BeliefStatus.TRACKING)
             spent = {**step.timings_ms, "localise": 1e3 * (time.perf_counter() - clock)}
             truth = None if step.truth is None else self.given.in_map(step.truth)
             yield replace(step, phase=PHASE, belief=belief, truth=truth, events=tuple(events), timings_ms=spent)

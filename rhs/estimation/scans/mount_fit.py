@@ -12,7 +12,7 @@ robot is not asked: on so short a way it hardly shows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,6 +105,16 @@ def heading_figures(poses: np.ndarray, wheels: Sequence[np.ndarray | None]) -> d
     middle = float(np.median(off_deg))
     error = 1.48 * float(np.median(np.abs(off_deg - middle))) / np.sqrt(len(off_deg))
     return {"mount_heading_off_deg": middle if abs(middle) > max(LEAST_HEADING_DEG, LEAST_Z * error) else 0.0}
+
+
+def heading_doubt(figures: Mapping[str, float]) -> str:
+    """What is wrong where a sensor is turned by less than what fails a run, and what to type; empty where nothing is."""
+    off = figures.get("mount_heading_off_deg", 0.0)
+    if not off or figures.get("mount_yaw_off_deg") or figures.get("mount_roll_off_deg"):
+        return ""
+    return (f"by its way and the wheels' the sensor is turned by {off:.0f} degrees (left positive), which nobody told: the "
+            f"way is right, headings are off by so much; type source.scan_mount=[0,0,0,0,0,{off:.0f}] (of a camera "
+            "source.camera_mount), or turn the mount that was told")
 
 
 def _turned(scans: Seen, stretches: list[Stretch], upside_down: bool) -> _Trial:
