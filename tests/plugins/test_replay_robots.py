@@ -114,9 +114,10 @@ def test_points_at_the_scanner_itself_are_beams_that_met_nothing(tmp_path):
 def test_beams_that_go_the_other_way_round_are_put_in_order(tmp_path):
     """angle_increment below zero: particle_filter_scan was lost all the way."""
     with BagFile(tmp_path, "ros2_mcap") as bag:
-        bag.put("/scan", 1.0, bag.make(SCAN, header=bag.header(1.0, "laser"), angle_min=0.5, angle_max=-1.0,
-                                       angle_increment=-0.5, time_increment=0.0, scan_time=0.1, range_min=0.1,
-                                       range_max=10.0, ranges=np.array([1, 2, 3, 4], np.float32), intensities=np.zeros(0, np.float32)))
+        message = bag.make(SCAN, header=bag.header(1.0, "laser"), angle_min=0.5, angle_max=-1.0, angle_increment=-0.5,
+                           time_increment=0.0, scan_time=0.1, range_min=0.1, range_max=10.0,
+                           ranges=np.array([1, 2, 3, 4], np.float32), intensities=np.zeros(0, np.float32))
+        bag.put("/scan", 1.0, message)
     scan = next(opened(bag.path).views)[0].scan
     np.testing.assert_allclose(np.column_stack([scan.bearings_rad, scan.ranges_m]), [[-1, 4], [-0.5, 3], [0, 2], [0.5, 1]])
 
