@@ -7,6 +7,7 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import se2
+from rhs_sources.replay import open_recording
 from rhs_sources.replay_config import Replay
 
 RANGES = ([1.0, 2.0, 50.0], [1.5, 0.0, 2.5])
@@ -136,3 +137,13 @@ def test_readings_in_millimetres_or_centimetres_are_refused(tmp_path, unit, refu
             views(tmp_path / "a.log", lines)
     else:
         assert len(views(tmp_path / "a.log", lines)) == 2
+
+
+@pytest.mark.parametrize(("beams", "degrees", "said"), [(181, 180.0, False), (360, 180.0, False), (541, 180.0, True),
+                                                        (541, 270.0, False)])
+def test_a_number_of_beams_that_is_no_half_turns_is_said(tmp_path, caplog, beams, degrees, said):
+    """FLASER does not say what its beams cover: 541 of a Hokuyo (270 degrees) were laid over 180 without a word."""
+    line = f"FLASER {beams} {'2.00 ' * beams}0 0 0 0 0 0 {{0:.2f}} host {{0:.2f}}\n"
+    (tmp_path / "a.log").write_text("".join(line.format(0.1 * k) for k in range(3)))
+    open_recording(Replay(path=str(tmp_path / "a.log"), laser_fov_deg=degrees))
+    assert ("type source.laser_fov_deg" in caplog.text) == said

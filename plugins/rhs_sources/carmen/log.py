@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import logging
 from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +30,8 @@ from ..replay_stamps import Truth, ascending, in_file_order, in_order, typed_tru
 from ..replay_tum import Recording
 from .lines import Pose, Reading, flaser, robotlaser, stamped_pose
 
+logger = logging.getLogger("rhs.replay")
+HALF_TURN_DEG, USUAL_BEAMS = 180.0, (90, 180, 360, 720)  # of SICK's scanners, or one beam more
 SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
 CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to rounding
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
@@ -128,12 +131,22 @@ def _read(path: Path, settings) -> Log:
                 if line.endswith(b"\n") or not readings:
                     raise
                 cut.append(f"the log is cut: its last line, {number}, is not whole")
+    if kind == FLASER and readings and settings.laser_fov_deg == HALF_TURN_DEG:
+        _say_fov(len(readings[0].ranges_m), path)
     _check_unit([one.ranges_m for one in readings], path)
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
     _check_headings(np.array(odometry).reshape(-1, 3), path)
     return Log(readings, odometry, beside[TRUE], cut)
+
+
+def _say_fov(beams: int, path: Path) -> None:
+    """FLASER lines do not say what their beams cover. Half a turn in whole degrees or parts of one is a SICK's; of other
+    numbers it is said what is taken."""
+    if not any(beams in (usual, usual + 1) for usual in USUAL_BEAMS):
+        logger.warning("%s: its %d beams are taken to cover %.0f degrees, as the log does not say; if the laser sees more "
+                       "or less type source.laser_fov_deg=DEGREES (Hokuyo: 240 or 270)", path.name, beams, HALF_TURN_DEG)
 
 
 def _check_unit(readings_m: list[np.ndarray], path: Path) -> None:
