@@ -1,8 +1,7 @@
 """Clouds of a lidar that turns while it moves, as if they were taken at one instant; and whether somebody did so before.
 
-A scanner's beams go round evenly on the scanner, whatever the robot does. In a cloud that was deskewed they go round faster
-by as much as the robot turned, so the rate of its bearings follows the robot's turn (a line through both: slope 1, else
-0)."""
+A scanner's beams go round evenly on the scanner, whatever the robot does. In clouds that were deskewed they do not, but in
+these as they were before, bent back by the robot's motion: of the two kinds one goes round at one rate."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from rhs.api.records import Scan
 NEAR_M = 1.0  # nearer points are seen from where the scanner sits, not from the body
 LEAST_POINTS, MOST_POINTS = 100, 2000
 UNEVEN_RAD = 0.3  # the beams of one column are not of one bearing, Ouster's by 0.1
-LEAST_CLOUDS, LEAST_TURN_RADPS = 20, 0.1
+LEAST_CLOUDS, LEAST_RADPS, TIMES = 20, 0.02, 2.0  # spread of the rates, median; by which one kind's is larger
 
 
 def deskewed(points: np.ndarray, after_s: np.ndarray, motion: np.ndarray, taken_s: float) -> np.ndarray:
@@ -41,8 +40,7 @@ def beam_rate(points: np.ndarray, after_s: np.ndarray) -> float:
     far = np.flatnonzero(np.hypot(points[:, 0], points[:, 1]) > NEAR_M)
     if len(far) < LEAST_POINTS or np.ptp(after_s[far]) <= 0.0:
         return float("nan")
-    some = far[np.linspace(0, len(far) - 1, min(len(far), MOST_POINTS)).astype(int)]
-    order = some[np.argsort(after_s[some], kind="stable")]
+    order = far[np.argsort(after_s[far], kind="stable")]
     turn, times = np.arctan2(points[order, 1], points[order, 0]), after_s[order]
     sign = 1.0 if np.median(np.sin(np.diff(turn))) >= 0.0 else -1.0
     rate = sign * 2.0 * np.pi / np.ptp(times)  # nearly once round
@@ -53,18 +51,13 @@ def beam_rate(points: np.ndarray, after_s: np.ndarray) -> float:
     return float(rate + more) if np.std(left) < UNEVEN_RAD else float("nan")
 
 
-def follows_turns(rates: np.ndarray) -> bool:
-    """Whether clouds were deskewed before, clearly so. rates (N, 2): beam_rate and the robot's turn, radians a second."""
+def were_straight(rates: np.ndarray) -> bool:
+    """Whether clouds were deskewed before, clearly so. rates (N, 2): beam_rate of each cloud, and of the cloud bent back."""
     rates = rates[np.isfinite(rates).all(axis=1)]
     if len(rates) < LEAST_CLOUDS:
         return False
-    off = rates - np.median(rates, axis=0)
-    about = float(off[:, 1] @ off[:, 1])
-    if about <= LEAST_TURN_RADPS**2 * len(rates):
-        return False
-    slope = float(off[:, 1] @ off[:, 0]) / about
-    error = float(np.std(off[:, 0] - slope * off[:, 1])) / np.sqrt(about)
-    return slope - 3.0 * error > 0.5
+    seen, bent = np.median(np.abs(rates - np.median(rates, axis=0)), axis=0)
+    return bool(seen > LEAST_RADPS and seen > TIMES * bent)
 
 
 def deskewed_scan(scan: Scan, points: np.ndarray, after_s: np.ndarray, motion: np.ndarray, taken_s: float) -> Scan:

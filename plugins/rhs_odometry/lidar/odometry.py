@@ -20,7 +20,7 @@ from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
 from .config import LidarAdvanced
 from .config import LidarOdometry as Settings
-from .deskew import LEAST_CLOUDS, beam_rate, deskewed, deskewed_scan, follows_turns
+from .deskew import LEAST_CLOUDS, MOST_POINTS, beam_rate, deskewed, deskewed_scan, were_straight
 
 log = logging.getLogger("rhs.odometry")
 MOST_RATES = 1000  # clouds that are asked whether they were deskewed before
@@ -47,7 +47,7 @@ class LidarOdometry(Odometry):
         self._taken_s = 0.0  # from the one before to it
         self._timed: list[tuple[np.ndarray, Scan | None]] | None = None  # pose and scan of each view, if points have times
         self._first: Cloud | None = None  # such a cloud, until the motion is known that bent it
-        self._rates: list[tuple[float, float]] = []  # of such clouds: of their beams, and of the body's turn
+        self._rates: list[tuple[float, float]] = []  # of the beams of such clouds, and of these bent back
         self._straight = False  # they were deskewed by somebody before
 
     @abstractmethod
@@ -118,11 +118,14 @@ class LidarOdometry(Odometry):
         """Were these clouds deskewed by somebody before? From where that is clear they are taken as they are."""
         if cloud.after_s is None or self._straight or len(self._rates) == MOST_RATES or motion.status is Tracking.LOST:
             return
-        self._rates.append((beam_rate(cloud.points, cloud.after_s), log_se3(motion.previous_from_body)[5] / self._taken_s))
-        if len(self._rates) % LEAST_CLOUDS == 0 and follows_turns(np.array(self._rates)):
+        some = slice(None, None, max(len(cloud.points) // MOST_POINTS, 1))
+        points, after_s = cloud.points[some], cloud.after_s[some]
+        bent = deskewed(points, after_s, inverse(motion.previous_from_body), self._taken_s)
+        self._rates.append((beam_rate(points, after_s), beam_rate(bent, after_s)))
+        if len(self._rates) % LEAST_CLOUDS == 0 and were_straight(np.array(self._rates)):
             self._straight, self._pose = True, np.eye(4)
             self.begin(cloud.points)  # the map so far is of clouds that were bent
-            log.warning("the clouds were deskewed before: their beams go round faster as the robot turns; from number %d on "
+            log.warning("the clouds were deskewed before: their beams go round unevenly as the robot moves; from number %d on "
                         "they are taken as they are (odometry.deskew=false does so from the first)", len(self._rates) + 2)
 
     def _deskewed(self, cloud: Cloud, motion: np.ndarray) -> np.ndarray:
