@@ -100,8 +100,8 @@ def alone(losses: Losses, link: str) -> float:
 
 def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Losses], since: int, *, measure: str, link: str,
             ) -> str:
-    """One sentence: which link cost how much of what was lost, where its truth makes it worse instead, and from which view on
-    the robot was somewhere else."""
+    """One sentence: which link cost how much of what was lost, whose truth adds to it instead, and from which view on the
+    robot was somewhere else."""
     missed = losses["places"][frozenset()]
     said = f"of {missed:.0f} missed places " if missed > 0 else "every place was visited; " if missed == 0 else ""
     if not measure:

@@ -52,7 +52,7 @@ def test_intervals_of_sampled_shares_hold_the_exact_ones_as_often_as_they_say(lo
     """Twelve orders of seven links, as task=blame draws them: one standard error, which was shown before, held 2 of 3."""
     rng, links, held = np.random.default_rng(2), list("abcdefg"), []
     for _ in range(60):
-        known = {chosen: {"by chance": float(rng.random()), "two are needed together": 3.0 * (not {"a", "b"} <= chosen),
+        known = {chosen: {"by chance": float(rng.random()), "two are needed together": 3.0 * (not chosen >= {"a", "b"}),
                           "any of three saves all": 3.0 * (not chosen & set("abc"))}[loss] for chosen in subsets(links)}
         exact = shapley(known, links)
         sampled = shapley_of_orders(known, [[links[k] for k in rng.permutation(7)] for _ in range(12)])
@@ -147,8 +147,8 @@ def test_a_truth_that_makes_it_worse_is_told_beside_what_the_others_cost():
     told = told_of("places", lambda true: 2 - 2 * ("odometry" in true) + ("map" in true and "odometry" not in true))
     assert told == "of 2 missed places odometry cost 2.5, the truth in map adds 0.5"
     told = told_of("places", lambda true: 2 - 2 * ("odometry" in true) + 2 * ("localise" in true))
-    assert told == ("of 2 missed places the truth in the links that were tried saves none in all: odometry cost 2, the truth "
-                    "in localise adds 2")
+    assert told == ("of 2 missed places the truth in the links that were tried saves none in all: odometry cost 2, the "
+                    "truth in localise adds 2")
 
 
 def test_a_loss_that_no_truth_saves_is_not_called_nothing():
