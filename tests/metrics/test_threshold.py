@@ -76,10 +76,9 @@ def test_a_dial_that_does_nothing_is_seldom_given_a_threshold_without_a_word():
 
 def test_what_lies_beyond_the_dial_is_not_told_as_a_level_of_it():
     levels = np.repeat(np.linspace(0.0, 1.0, 11), 3)
-    said = in_words(fit(levels, levels < 0.99).summary(), Dial("share", 0.0, 1.0))
-    assert said.startswith("half fail at 0.9") and said.endswith("to 1), more above") or "to above 1)" in said
-    edge = fit(levels, (levels < 0.99) | (np.arange(33) == 31)).summary()  # of three at the end two fail
-    assert "to above 1)" in in_words(edge, Dial("share", 0.0, 1.0))
+    for edge in (levels < 0.99, (levels < 0.99) | (np.arange(33) == 31)):  # of three at the end three fail, or two
+        said = in_words(fit(levels, edge).summary(), Dial("share", 0.0, 1.0))
+        assert said.startswith("half fail at 0.9") and said.endswith("to above 1), more above")
     few = in_words(fit([0.0, 0.5, 1.0], [True] * 3).summary(), Dial("share", 0.0, 1.0))
     assert few.startswith("does not break from 0 to 1 (chance of a threshold between: ")
 
