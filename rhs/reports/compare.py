@@ -168,6 +168,9 @@ def _sign_p(wins: int, count: int) -> float:
 def _notes(view: pandas.DataFrame, key: str, alone: int, cluster: str) -> list[str]:
     tests, differences = int(view["p"].notna().sum()), view["difference"].nunique()
     notes = [f"p: Wilcoxon's, corrected for {tests} comparisons (Holm); p_complete: McNemar's, corrected for {differences}"]
+    if tests > 1:
+        notes.append(f"low, high: 95 % of each of the {tests} comparisons alone, not corrected: where nothing differs one "
+                     "in twenty leaves out 0")
     weak = view[view["least_p"] > SIGNIFICANT]
     if len(weak):
         first = weak.iloc[0]
