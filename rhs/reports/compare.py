@@ -140,7 +140,7 @@ def _row(scored: pandas.DataFrame, pair: Pairs, column: str, sample: np.ndarray)
     decided = int((won != 0.0).sum())
     return {
         "column": column, "difference": pair.name, "pairs": len(pair.a), "with_both": int(known.sum()),
-        "units": len(one_each), "mean": float(difference[known].mean()) if known.any() else np.nan, "low": low, "high": high,
+        "units": len(one_each), "mean": float(one_each.mean()) if known.any() else np.nan, "low": low, "high": high,
         "p": signed_rank_p(one_each), "least_p": least_p(len(one_each)), "both_solved": int(solved.sum()),
         "mean_both_solved": mean_text(difference[solved], sample[solved]),
         "only_first_complete": int((done[pair.a] > done[pair.b]).sum()),
