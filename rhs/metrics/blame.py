@@ -193,7 +193,8 @@ def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
              "truth; -1: it did", "steps.csv, truth"),
             ("blame_runs", "", "counterfactual patrols that the shares rest on", source),
             ("blame_off_by", "", "by how much a share in blame_measure may be off, in its unit: half of its bounds, where "
-             "fewer patrols were driven than there are combinations; of its 95 % interval, where they were sampled", source),
+             "fewer patrols were driven than there are combinations, if one truth more makes nothing worse; of its 95 % "
+             "interval, where they were sampled", source),
             *((column(measure, link), unit, f"{what}: share that the link {link} cost", source)
               for measure, (unit, what) in MEASURES.items() for link in named),
             *((column(measure, "rest"), unit, f"{what}: left with the truth in every link that was tried", source)

@@ -86,6 +86,7 @@ def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, 
     else:
         word = "needs more runs"
         room = allowed - middle if middle < allowed else middle
-        needed = n + 1 if half is math.inf or room <= 0 else max(n + 1, math.ceil(n * (half / room) ** 2))
+        whole = len(won)
+        needed = whole + 1 if half is math.inf or room <= 0 else max(whole + 1, math.ceil(whole * (half / room) ** 2))
     change, least, most = (math.expm1(min(value, 50.0)) for value in (middle, low, high))
     return Verdict(word, change, least, most, n, lost, gained, needed, 1.0 - level ** (1.0 / len(won)))

@@ -86,3 +86,11 @@ def test_lost_successes_count_whatever_the_measure_says():
 def test_an_open_question_says_how_many_pairs_would_settle_it():
     found = verdict([0.8, 1.25, 0.9, 1.1, 1.02])
     assert found.word == "needs more runs" and found.needed > 5
+
+
+def test_pairs_that_would_settle_it_are_those_that_are_driven():
+    """All four broke off: one more, not the first that has a measure."""
+    assert judge([1.0] * 4, [NAN] * 4, [(True, False)] * 4, margin=0.02).needed == 5
+    ratios = [0.8, 1.25, 0.9, 1.1, 1.02]
+    half_known = judge([1.0] * 5 + [NAN] * 5, [*ratios, *[NAN] * 5], [(True, True)] * 5 + [(False, False)] * 5, margin=0.02)
+    assert half_known.needed == pytest.approx(2 * verdict(ratios).needed, abs=1)

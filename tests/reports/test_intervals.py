@@ -149,6 +149,22 @@ def test_the_least_p_is_what_scipy_says_when_all_differences_agree(count):
     assert (least_p(count) > 0.05) == (count < 6)
 
 
+@pytest.mark.parametrize("count", [2, 5, 8, 30])
+def test_the_signed_rank_test_is_scipys(count):
+    rng = np.random.default_rng(6)
+    for _ in range(5):
+        ties = rng.integers(-3, 4, count).astype(float)
+        for values in (rng.normal(0.3, 1.0, count), *([ties] if count < 10 and (ties != 0).sum() > 1 else [])):
+            assert signed_rank_p(values) == pytest.approx(stats.wilcoxon(values[values != 0]).pvalue, abs=1e-12)
+
+
+def test_the_signed_rank_test_holds_its_level_with_ties():
+    """Whole numbers, as places visited; scipy takes a second for each 13 of them."""
+    rng = np.random.default_rng(7)
+    for count in (13, 20, 60):
+        assert np.mean([signed_rank_p(rng.integers(-2, 3, count).astype(float)) < 0.05 for _ in range(500)]) <= 0.07
+
+
 def test_the_interval_of_a_median_is_the_sign_tests():
     """Known ranks: six values hold it between the least and the largest (1 - 2/64), 30 between the 10th and the 21st."""
     assert [interval_rank(n) for n in (1, 5, 6, 10, 20, 30)] == [None, None, 0, 1, 5, 9]
