@@ -71,7 +71,7 @@ def pairs(table: pandas.DataFrame, key: str) -> tuple[list[Pairs], int]:
     groups: dict[frozenset, dict[object, int]] = {}
     rest = [{name: value for name, value in one.items() if not _compared(name, key)} for one in choices]
     for index, one in enumerate(choices):
-        if one.get(key) is None:
+        if key not in one:
             continue
         members = groups.setdefault(frozenset(rest[index].items()), {})
         if one[key] in members:
@@ -82,10 +82,15 @@ def pairs(table: pandas.DataFrame, key: str) -> tuple[list[Pairs], int]:
     for a, b in combinations(values, 2):
         both = [(members[a], members[b]) for members in groups.values() if a in members and b in members]
         if both:
-            out.append(Pairs(f"{a} - {b}", *np.array(both).T))
+            out.append(Pairs(f"{_typed(a)} - {_typed(b)}", *np.array(both).T))
     if not out:
         raise ConfigError(_nothing_to_pair(key, choices, rest))
     return out, sum(len(members) == 1 for members in groups.values())
+
+
+def _typed(value: object) -> str:
+    """A value as it is typed."""
+    return "null" if value is None else str(value)
 
 
 def _choices(table: pandas.DataFrame, index: int, key: str) -> Chosen:
