@@ -125,8 +125,8 @@ class LidarOdometry(Odometry):
         if len(self._rates) % LEAST_CLOUDS == 0 and were_straight(np.array(self._rates)):
             self._straight, self._pose = True, np.eye(4)
             self.begin(cloud.points)  # the map so far is of clouds that were bent
-            log.warning("the clouds were deskewed before: their beams go round unevenly as the robot moves; from number %d on "
-                        "they are taken as they are (odometry.deskew=false does so from the first)", len(self._rates) + 2)
+            log.warning("the clouds were deskewed before: their beams go round unevenly as the robot moves; from number %d "
+                        "on they are taken as they are (odometry.deskew=false does so from the first)", len(self._rates) + 2)
 
     def _deskewed(self, cloud: Cloud, motion: np.ndarray) -> np.ndarray:
         """Its points as of its stamp, if the body moves as in `motion` (4x4, since the last cloud)."""
