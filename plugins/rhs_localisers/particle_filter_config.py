@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+from rhs.api.errors import ConfigError, check_ranges
 
 from .advanced import ParticleAdvanced, ScanAdvanced
 
@@ -53,12 +53,8 @@ class ParticleFilter:
 
     def __post_init__(self) -> None:
         check_particles("localiser.particle_filter", self)
-        owner = "localiser.particle_filter"
-        check_range(owner, "likeness_trust", self.likeness_trust, low=0.0, high=100.0)
-        check_range(owner, "check_every", self.check_every, low=1, high=10000)
-        check_range(owner, "checks", self.checks, low=1, high=1000)
-        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
-        check_range(owner, "p_true", self.p_true, low=0.5, high=0.9999)
+        check_ranges("localiser.particle_filter", self, likeness_trust=(0.0, 100.0), check_every=(1, 10000),
+                     checks=(1, 1000), min_inliers=(6, 10000), p_true=(0.5, 0.9999))
 
     def build(self, context: Context) -> Localiser:
         from .particle_filter import ParticleLocaliser
@@ -107,16 +103,9 @@ class ParticleFilterScan:
 
 def check_particles(owner: str, settings: ParticleFilter | ParticleFilterScan) -> None:
     """Refuse what both filters refuse."""
-    check_range(owner, "particles_min", settings.particles_min, low=10, high=1_000_000)
-    check_range(owner, "particles_max", settings.particles_max, low=10, high=1_000_000)
+    check_ranges(owner, settings, particles_min=(10, 1_000_000), particles_max=(10, 1_000_000))
     if settings.particles_min > settings.particles_max:
-        raise ConfigError(
-            f"{owner}.particles_min={settings.particles_min} is above particles_max={settings.particles_max}"
-        )
-    check_range(owner, "scouts", settings.scouts, low=0, high=1_000_000)
-    check_range(owner, "scan_trust", settings.scan_trust, low=0.0, high=1.0)
-    check_range(owner, "surprise", settings.surprise, low=0.0, high=1000.0)
-    check_range(owner, "kidnap_rate", settings.kidnap_rate, low=1e-9, high=0.5)
-    check_range(owner, "motion_share", settings.motion_share, low=0.0, high=1.0)
-    check_range(owner, "tracking_above", settings.tracking_above, low=0.5, high=0.9999)
-    check_range(owner, "lost_below", settings.lost_below, low=0.0, high=settings.tracking_above)
+        raise ConfigError(f"{owner}.particles_min={settings.particles_min} is above particles_max={settings.particles_max}")
+    check_ranges(owner, settings, scouts=(0, 1_000_000), scan_trust=(0.0, 1.0), surprise=(0.0, 1000.0),
+                 kidnap_rate=(1e-9, 0.5), motion_share=(0.0, 1.0), tracking_above=(0.5, 0.9999),
+                 lost_below=(0.0, settings.tracking_above))

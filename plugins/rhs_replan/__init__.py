@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from rhs.api.contracts import Blockage, Blocked, Context
-from rhs.api.errors import check_range
+from rhs.api.errors import check_range, check_ranges
 
 MOST = 100_000
 
@@ -83,8 +83,7 @@ class SkipAndReturn:
     provides: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
-        check_range("replan", "tries", self.tries, low=0, high=1000)
-        check_range("replan", "views", self.views, low=0, high=MOST)
+        check_ranges("replan", self, tries=(0, 1000), views=(0, MOST))
 
     def build(self, context: Context) -> SkipAndReturn:
         return self
@@ -111,8 +110,7 @@ class Ask:
     provides: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
-        check_range("replan", "views", self.views, low=0, high=MOST)
-        check_range("replan", "tries", self.tries, low=0, high=1000)
+        check_ranges("replan", self, views=(0, MOST), tries=(0, 1000))
 
     def build(self, context: Context) -> Ask:
         return self

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+from rhs.api.errors import ConfigError, check_ranges
 
 from .wheeled import Wheeled
 
@@ -29,9 +29,7 @@ class Laser(Wheeled):
 
     def __post_init__(self) -> None:
         owner = "sensor.laser"
-        check_range(owner, "range_sigma_m", self.range_sigma_m, low=0.0, high=10.0, unit="m")
-        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_ranges(owner, self, range_sigma_m=(0.0, 10.0), min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0))
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
         self.check_wheels(owner)

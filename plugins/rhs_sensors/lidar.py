@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+from rhs.api.errors import ConfigError, check_ranges
 
 if TYPE_CHECKING:
     from rhs.api.contracts import Context, Sensor
@@ -31,11 +31,8 @@ class Lidar:
 
     def __post_init__(self) -> None:
         owner = "sensor.lidar"
-        check_range(owner, "low_m", self.low_m, low=-100.0, high=100.0, unit="m")
-        check_range(owner, "high_m", self.high_m, low=-100.0, high=100.0, unit="m")
-        check_range(owner, "beams", self.beams, low=8, high=10_000)
-        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_ranges(owner, self, low_m=(-100.0, 100.0), high_m=(-100.0, 100.0), beams=(8, 10_000),
+                     min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0))
         for low, high in (("low_m", "high_m"), ("min_range_m", "max_range_m")):
             if getattr(self, low) >= getattr(self, high):
                 raise ConfigError(f"{owner}.{low}={getattr(self, low)} is not below {high}={getattr(self, high)}")
