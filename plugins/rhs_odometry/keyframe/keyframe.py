@@ -248,7 +248,7 @@ class KeyframeOdometry(Odometry):
         followed, here = (tracker.ids, tracker.pixels), tracker.pose
         poses = [here]
         if known > 0:
-            poses += [found.pose for found in self._relocation.candidates(look.observation, here, known, self._rng)]
+            poses += self._relocation.candidates(look.observation, here, known, self._rng)
         for pose in poses:
             tracker.pose = pose
             edges = self._revisit(look, k, range(known, k))

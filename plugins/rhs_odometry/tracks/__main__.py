@@ -30,7 +30,7 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    from .replay import figures, open_tracks, run_filter
+    from .replay import draw, figures, open_tracks, run_filter
     from .synthetic import named_tracks
 
     if chosen.tracks.startswith("synthetic:"):
@@ -41,8 +41,6 @@ def _run(chosen: argparse.Namespace) -> int:
     for name, value in figures(run).items():
         print(f"{name:24s} {value:.4g}")
     if chosen.picture is not None:
-        from .replay_picture import draw
-
         draw(run, f"{chosen.tracks} · {chosen.filter} {' '.join(chosen.settings)}", chosen.picture)
     return 0
 
