@@ -177,6 +177,7 @@ def contours(field: np.ndarray) -> np.ndarray:
     if not seen.count() or min(seen.shape) < 2:
         return np.empty((0, 2, 2))
     generator = contour_generator(z=seen, line_type="Separate")
-    lines = [line for level in np.linspace(seen.min(), seen.max(), _LEVELS + 2)[1:-1] for line in generator.lines(level)]
+    levels = np.linspace(seen.min(), seen.max(), _LEVELS + 2)[1:-1]
+    lines = [np.asarray(line, float) for level in levels for line in generator.lines(level)]
     pieces = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
     return np.concatenate([*pieces, np.empty((0, 2, 2))]) * every + 0.5
