@@ -77,14 +77,14 @@ def _shown(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)[:60]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] = ()) -> int:
     """The command."""
-    return answered(lambda: _checked(parse(
-        "verify", __doc__, sys.argv[1:] if arguments is None else arguments, sample=Number(0, low=0, high=1_000_000),
-        seed=Number(0, low=0, high=2**63 - 1), tolerance=Number(0.0, low=0.0, high=1.0), jobs=JOBS, golden="", update=False)))
+    return answered(lambda: _checked(arguments))
 
 
-def _checked(chosen: argparse.Namespace) -> int:
+def _checked(words: Sequence[str]) -> int:
+    chosen = parse("verify", __doc__, words, sample=Number(0, low=0, high=1_000_000), seed=Number(0, low=0, high=2**63 - 1),
+                   tolerance=Number(0.0, low=0.0, high=1.0), jobs=JOBS, golden="", update=False)
     if bool(chosen.typed) == bool(chosen.golden):
         raise ConfigError("give run or sweep folders, or --golden FOLDER")
     return _golden(chosen) if chosen.golden else _verify(chosen)
