@@ -71,10 +71,6 @@ class CloudOdometry(Odometry):
             return self._done(Motion(guess, wide, Tracking.LOST, f"{trouble}; took {name}"))
         return self._done(self._checked(self._judge(cloud, pose, guess), cloud, before))
 
-    def revise(self) -> None:
-        """Nothing to say afterwards."""
-        return None
-
     def _guess(self, observation: Observation) -> tuple[str, np.ndarray, np.ndarray]:
         """The motion to start from: wheels or command where they are wanted, else the last motion again."""
         if self._settings.guess == "motion":

@@ -13,7 +13,7 @@ import numpy as np
 
 from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import adjoint, compose_covariance, inverse, log_se3
-from rhs.api.records import Features, Motion, Observation, Revision, Tracking
+from rhs.api.records import Features, Motion, Observation, Tracking
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.views import features as vision
 from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_measured
@@ -70,10 +70,6 @@ class ProcrustesOdometry(Odometry):
         self._reference = self._next_reference(current, motion)
         self._last = motion.previous_from_body
         return motion
-
-    def revise(self) -> Revision | None:
-        """Frame to frame: nothing to say afterwards."""
-        return None
 
     def _next_reference(self, current: Features, motion: Motion) -> Reference:
         """The current view; or the old one still, when the current view is lost and shows too little to go on from."""
