@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+from rhs.api.contracts import Context, Planner
 from rhs.api.errors import check_ranges
 
 from .shared_config import PlannerSettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 @dataclass

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, Planner
 from rhs.api.errors import check_choice, check_range, check_ranges
 
 from .shared_config import PlannerSettings, scaled_to
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 @dataclass

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from rhs.api.contracts import Context, Planner
 from rhs.api.errors import check_choice, check_range, check_ranges
 
 from .shared_config import TreeSettings, in_two, repeated, scaled_to
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 @dataclass

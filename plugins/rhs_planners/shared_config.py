@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, Planner
 from rhs.api.errors import check_ranges
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 def scaled_to(free_cells: int, *, each: float, least: int, most: int = 1_000_000) -> int:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, Sensor
 from rhs.api.errors import ConfigError, check_range, check_ranges
 from rhs.estimation.scans.settings import BandSettings, FloorEndSettings
 
 from .wheeled import Wheeled
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Sensor
 
 
 @dataclass

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from rhs.api.contracts import Source, SourceContext
 from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Source, SourceContext
 
 FORMATS = ("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "run", "bag", "carmen", "video",
            "frames", "clouds")
