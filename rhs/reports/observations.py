@@ -67,7 +67,8 @@ def _outcomes(table: pandas.DataFrame) -> list[tuple[float, str]]:
 def judged(table: pandas.DataFrame) -> pandas.DataFrame:
     """The table with scores, and without the figures of paths that were not found, are invalid, or end half-way."""
     done = succeeded(table)
-    out = table.assign(success=done, spl=_spl(table, done), bucket=np.floor(numbers(table, "octile_claimed_m") / BUCKET_CELLS))
+    bucket = np.floor(numbers(table, "octile_claimed_m") / BUCKET_CELLS)
+    out = table.assign(success=done, spl=_spl(table, done), bucket=bucket)
     if planned(table).any():
         out = out.assign(par2_ms=_par2_ms(table, done))
     empty = [name for name in ("spl", "bucket") if not out[name].notna().any()]
