@@ -154,8 +154,8 @@ class Person:
 
 @dataclass(frozen=True)
 class Timed:
-    """A box that stands there at times: from stands_s[k][0] until stands_s[k][1], and again every every_s (0: once).
-    otherwise: where it is else, None: nowhere. During the survey it is as it is at 0."""
+    """A box that stands there at times: in each span of stands_s, from (first) until (second), and again every every_s
+    (0: once). otherwise: where it is else, None: nowhere. During the survey it is as it is at 0."""
 
     box: Box
     stands_s: tuple[tuple[float, float], ...]

@@ -14,6 +14,7 @@ wheels say, is seen again and moved as vision says is not, the wheels are not on
 
 from __future__ import annotations
 
+from array import array
 from collections import deque
 from dataclasses import replace
 
@@ -53,7 +54,7 @@ class GatedOdometry:
         self._lost = 0  # views since vision last knew: what it says next may put right its own guesses over all of them
         self._contradicted = 0
         self._replaced = 0
-        self._compared: list[tuple[np.ndarray, np.ndarray]] = []  # dx, dy, dyaw as vision had it, and wheels
+        self._ratios = {"wheel_way_ratio": array("d"), "wheel_turn_ratio": array("d")}  # of wheels over vision, by view
         self._scan: Scan | None = None  # of the view before
         self._now: Scan | None = None
 
@@ -86,18 +87,18 @@ class GatedOdometry:
 
     def wheel_figures(self) -> dict[str, float]:
         """Way and turn that wheels told of over what vision saw where it was sure, medians; nothing of too few views."""
-        if not self._compared:
-            return {}
-        seen, told = (np.array(column) for column in zip(*self._compared, strict=True))
-        turns, way_m = np.abs(seen[:, 2]) > COMPARED_RAD, np.hypot(seen[:, 0], seen[:, 1])
-        ahead = ~turns & (way_m > COMPARED_M)
-        ratios = {"wheel_way_ratio": (seen[ahead, :2] * told[ahead, :2]).sum(axis=1) / way_m[ahead] ** 2,
-                  "wheel_turn_ratio": told[turns, 2] / seen[turns, 2]}
-        return {name: float(np.median(each)) for name, each in ratios.items() if len(each) >= COMPARED_LEAST}
+        return {name: float(np.median(each)) for name, each in self._ratios.items() if len(each) >= COMPARED_LEAST}
+
+    def _compare(self, seen: np.ndarray, told: np.ndarray) -> None:
+        """Note how much further wheels went, or turned, than vision, where that is more than noise: (3,) dx, dy, dyaw."""
+        if abs(seen[2]) > COMPARED_RAD:
+            self._ratios["wheel_turn_ratio"].append(told[2] / seen[2])
+        elif (squared := float(seen[:2] @ seen[:2])) > COMPARED_M**2:
+            self._ratios["wheel_way_ratio"].append(seen[:2] @ told[:2] / squared)
 
     def _beside_wheels(self, said: Motion, wheel: np.ndarray) -> Motion:
         if said.status is Tracking.OK:
-            self._compared.append((planar(said.previous_from_body), wheel))
+            self._compare(planar(said.previous_from_body), wheel)
         spread = self._wheel_covariance(wheel)
         apart = contradiction(said, wheel, spread * (1 + self._lost) ** 2, slip_share=self._settings.slip_share)
         if apart <= self._limit:
