@@ -51,6 +51,10 @@ class PlaceAnswer:
     verified: tuple[Recognised, ...]
     distinct: tuple[Recognised, ...]
 
+    @property
+    def abstained(self) -> bool:
+        return self.best is None
+
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
