@@ -136,7 +136,7 @@ class BlameJob:
         nothing, everything = frozenset[str](), frozenset(links)
         return known_or_none({
             "links": links, "runs": len(columns), "off_since": since, **verdict, "shares": shares,
-            "standard_errors" if self.orders else "off_by": errors,
+            "off_by": errors,
             "loss": {name: losses[name][nothing] for name in MEASURES},
             "rest": {name: losses[name][everything] for name in MEASURES},
             "losses": {label(known): losses_of(found) for known, found in columns.items()}})

@@ -43,7 +43,8 @@ COLUMNS = {
     "right_share": "views in which the belief is right: 0.25 m, 5 degrees",
     "sure_share": "views in which it says that it tracks",
     "wrong_sure_share": "views in which it says so and is wrong",
-    "ece": "expected calibration error of the stated chance of being right, ten bins (Guo et al. 2017)",
+    "ece": "expected calibration error of the stated chance of being right, ten bins (Guo et al. 2017); of an honest part "
+           "not 0: 0.02 to 0.2 by luck in 336 views, of which neighbours are right or wrong together",
     "recovered_share": "of being carried away while standing still: it was right and sure again within 3.5 m",
     "recovery_m": "way until then, median",
     "error_m": "error of the position while it tracks, median",

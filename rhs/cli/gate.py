@@ -2,7 +2,7 @@
 
     python -m rhs gate results/sweeps/NAME planner=my_planner            every run of the folder again, with the change
         --measure NAME    column that is compared, less is better (planning: plan_length_m; else ate_rmse_m)
-        --margin 0.02     a loss of this share of it is still no worse
+        --margin 0.02     a loss of this share of it is still no worse; worse is one that is sure and seems larger
         --pairs 20        at most so many pairs; it stops as soon as it is sure
         --jobs N          processes at a time (one per core)
         output=FOLDER     where the new runs go (a new folder under results/sweeps)
@@ -144,9 +144,13 @@ def measured(row: Row, measure: str) -> float:
 def in_words(found: Verdict, measure: str, margin: float) -> str:
     """One line: the verdict, the change with its interval, the successes."""
     word = f"no worse than {100 * margin:g} %" if found.word == "no worse" else found.word
-    text = (f"{measure} {100 * found.change:+.3g} % ({100 * found.low:+.3g} to {100 * found.high:+.3g} %), "
-            f"{found.pairs} pairs")
+    between = f"({100 * found.low:+.3g} to {100 * found.high:+.3g} %), {found.pairs} pairs"
+    if found.low == found.high:
+        between = f"in each of {found.pairs} pairs"
+    text = f"{measure} {100 * found.change:+.3g} % {between}"
     if found.pairs < 4:
         text = f"{measure} is known in {found.pairs} pairs"
     more = f"; about {found.needed} pairs would settle it" if found.needed else ""
+    if found.word in ("no worse", "better"):
+        more = f"; what strikes fewer than {100 * found.unseen:.0f} % of runs may not have shown"
     return f"{word}: {text}; successes lost {found.lost}, won {found.won}{more}"

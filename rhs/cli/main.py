@@ -36,6 +36,14 @@ LIMITS = {"jobs": JOBS, "timeout": TIMEOUT, "fail_fast": Number(0, low=0, high=1
           "memory_mb": Number(0.0, low=0.0, high=1e7, unit="MB"), "retries": Number(1, low=0, high=100)}
 
 
+def warning_in_words(message: Warning | str, category: type[Warning], file: str, line: int) -> str:
+    """One line: an old word of ours as it is, what a part or a library warns of with where that was."""
+    if issubclass(category, FutureWarning):
+        return f"rhs: {message}"
+    where = "/".join(Path(file).parts[-2:])
+    return f"rhs: warning in {where}:{line}: {category.__name__}: {message}"
+
+
 def main(words: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = sys.argv[1:] if words is None else words
@@ -43,7 +51,7 @@ def main(words: list[str] | None = None) -> int:
     words = [word for word in words if word != "--debug"] + ["--debug"] * debug
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may lack a letter of a folder's name
-    warnings.showwarning = lambda message, *_: print(f"rhs: {message}", file=sys.stderr)
+    warnings.showwarning = lambda *told: print(warning_in_words(*told[:4]), file=sys.stderr)
     ends = [number for number in ENDINGS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
     terminate = raises(Terminated)
     before = {number: signal.signal(number, terminate) for number in ends}

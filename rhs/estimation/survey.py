@@ -193,13 +193,16 @@ def at_eye_level(grid: OccupancyGrid) -> OccupancyGrid:
     return replace(grid, probability=np.where(low, np.float32(1.0 - FURNITURE), grid.probability))
 
 
-def known_free(grid: OccupancyGrid, views: Sequence[View], radius_m: float) -> np.ndarray:
-    """(H, W) bool: cells the map calls free, and those the robot's own body has stood on without touching anything."""
-    free = grid.free()
+def known_free(grid: OccupancyGrid, views: Sequence[View], radius_m: float, margin_m: float = 0.0) -> np.ndarray:
+    """(H, W) bool: cells the map calls free, those the robot's own body has stood on without touching anything, and
+    what nobody saw within margin_m and a cell of its side then: its own way through a hall wider than the camera sees."""
+    free, unseen = grid.free(), np.isnan(grid.probability)
+    beside_m = radius_m + margin_m + (grid.resolution_m if margin_m else 0.0)
     rows, columns = np.indices(grid.shape)
     x = (columns + 0.5) * grid.resolution_m + grid.origin_m[0]
     y = (rows + 0.5) * grid.resolution_m + grid.origin_m[1]
     for view in views:
         px, py = view.map_from_body[:2, 3]
-        free |= (x - px) ** 2 + (y - py) ** 2 <= radius_m**2
+        gap2 = (x - px) ** 2 + (y - py) ** 2
+        free |= (gap2 <= radius_m**2) | (unseen & (gap2 <= beside_m**2))
     return free

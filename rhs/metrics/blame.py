@@ -100,31 +100,52 @@ def alone(losses: Losses, link: str) -> float:
 
 def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Losses], since: int, *, measure: str, link: str,
             ) -> str:
-    """One sentence: which link cost how much of what was lost, and from which view on the robot was somewhere else."""
-    nothing: frozenset[str] = frozenset()
-    missed = losses["places"][nothing]
-    said = f"of {missed:.0f} missed places " if missed > 0 else "every place was visited; "
+    """One sentence: which link cost how much of what was lost, whose truth adds to it instead, and from which view on the
+    robot was somewhere else."""
+    missed = losses["places"][frozenset()]
+    said = f"of {missed:.0f} missed places " if missed > 0 else "every place was visited; " if missed == 0 else ""
     if not measure:
-        if missed > 0:
-            return said + "the truth in the links that were tried saves none" + _off(since)
-        known = [f"{what} {losses[name][nothing]:.2g} m" for name, (_, what) in MEASURES.items()
-                 if name in ("belief", "ate") and not math.isnan(losses[name][nothing])]
-        return said + ("nothing worth blaming was lost" + (f" ({', '.join(known)})" if known else ""))
+        return said + _nothing_saved(shares, losses, missed) + _off(since)
     unit, what = MEASURES[measure]
-    lost = losses[measure][nothing]
+    lost = losses[measure][frozenset()]
     if measure != "places":
-        said += f"of {lost:.2g} m {what} "
-    unit = f" {unit}" if unit else ""
+        said += f"of {_amount(lost, unit)} {what} "
     order = sorted(shares[measure].items(), key=lambda one: -one[1])
-    named = [f"{one} cost {share:.2g}{unit}" for one, share in order if share > SMALL * lost]
+    named = [f"{one} cost {_amount(share, unit)}" for one, share in order if share > SMALL * lost]
     rest = lost - sum(share for _, share in order)
     if rest > SMALL * lost:
-        named.append(f"{rest:.2g}{unit} no link that was tried")
+        named.append(f"{_amount(rest, unit)} no link that was tried")
+    named += _makes_worse(order, unit, SMALL * lost)
     if link and link != order[0][0]:
         why = ("what comes later covers for it" if CAUSAL.index(link) < CAUSAL.index(order[0][0])
                else "and more of all else that was lost")
-        named.append(f"and {link} is named: its truth alone saves {alone(losses[measure], link):.2g}{unit}, {why}")
+        named.append(f"and {link} is named: its truth alone saves {_amount(alone(losses[measure], link), unit)}, {why}")
     return said + (", ".join(named) or "no link alone cost much") + _off(since)
+
+
+def _nothing_saved(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Losses], missed: float) -> str:
+    """The sentence where all truths together save nothing worth a verdict: what is lost all the same, and what one truth
+    saves that another loses again."""
+    if missed > 0:
+        order = sorted(shares["places"].items(), key=lambda one: -one[1])
+        named = [f"{one} cost {_amount(share, '')}" for one, share in order if share >= WORTH["places"]]
+        named += _makes_worse(order, "", WORTH["places"])
+        return "the truth in the links that were tried saves none" + (f" in all: {', '.join(named)}" if named else "")
+    lost = {name: losses[name][frozenset()] for name in ("belief", "ate")}
+    known = [f"{MEASURES[name][1]} {loss:.2g} m" for name, loss in lost.items() if not math.isnan(loss)]
+    much = any(loss >= WORTH[name] for name, loss in lost.items())
+    return (("the truth in all links that were tried saves nothing worth blaming" if much else
+             "nothing worth blaming was lost") + (f" ({', '.join(known)})" if known else ""))
+
+
+def _makes_worse(order: Sequence[tuple[str, float]], unit: str, least: float) -> list[str]:
+    """Negative shares in words, the largest first."""
+    return [f"the truth in {one} adds {_amount(-share, unit)}" for one, share in reversed(order) if -share > least]
+
+
+def _amount(value: float, unit: str) -> str:
+    """Two digits, and no power of ten, with the unit."""
+    return (f"{value:.2g}" if abs(value) < 99.5 else f"{value:.0f}") + (f" {unit}" if unit else "")
 
 
 def _off(since: int) -> str:
@@ -153,7 +174,7 @@ def column(measure: str, link: str) -> str:
 
 def _off_by(blame: Mapping[str, Any]) -> float:
     """Of the shares in the measure that the run is judged by, the largest error there may be."""
-    errors = blame.get("off_by", blame.get("standard_errors", {})).get(blame.get("measure", ""), {})
+    errors = blame.get("off_by", {}).get(blame.get("measure", ""), {})
     return max(map(_number, errors.values()), default=NAN)
 
 
@@ -172,7 +193,8 @@ def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
              "truth; -1: it did", "steps.csv, truth"),
             ("blame_runs", "", "counterfactual patrols that the shares rest on", source),
             ("blame_off_by", "", "by how much a share in blame_measure may be off, in its unit: half of its bounds, where "
-             "fewer patrols were driven than there are combinations; its standard error, where they were sampled", source),
+             "fewer patrols were driven than there are combinations, if one truth more makes nothing worse; of its 95 % "
+             "interval, where they were sampled", source),
             *((column(measure, link), unit, f"{what}: share that the link {link} cost", source)
               for measure, (unit, what) in MEASURES.items() for link in named),
             *((column(measure, "rest"), unit, f"{what}: left with the truth in every link that was tried", source)

@@ -6,8 +6,11 @@ The chance of success over the dial, as psychophysics has it (Kontsevich and Tyl
 
 so that p(threshold) = 1/2 whatever the lapses,
 on a grid of thresholds, slopes, lapses and the two directions, prior even (slopes evenly in their logarithm). The threshold
-may lie a quarter of the dial beyond its ends, which is how "it does not break here" is said. The next level is the one whose
-outcome tells most about the threshold (mutual information, the minimum entropy of Kontsevich and Tyler).
+may lie a quarter of the dial beyond its ends, which is how "it does not break here" is said. The first levels are spread
+over the dial, since a search for one threshold never looks between two; then the next level is the one whose outcome tells
+most about the threshold (mutual information, the minimum entropy of Kontsevich and Tyler). What no such curve is gets said:
+a dial that may do nothing (a constant chance, by the Bayes factor: Kass and Raftery 1995), and a middle that differs from
+both sides.
 """
 
 from __future__ import annotations
@@ -24,6 +27,8 @@ THRESHOLDS = np.linspace(-BEYOND, 1.0 + BEYOND, 151)
 SLOPES = np.geomspace(0.008, 0.25, 9)
 LAPSES = np.array([0.0, 0.03, 0.08, 0.15])
 LEVELS = np.linspace(0.0, 1.0, 41)
+FIRST = (0.5, 0.0, 1.0, 0.25, 0.75)  # levels of the first runs
+UNLIKE = 0.05  # Fisher's exact test, of each side of the middle
 LEAST_SEEDS, SAMPLES = 4, 100
 CLOSE = 0.05  # share of the dial to which a break point is worth knowing
 
@@ -52,6 +57,11 @@ class Dial:
             return (math.log(value) - math.log(self.low)) / (math.log(self.high) - math.log(self.low))
         return (value - self.low) / (self.high - self.low)
 
+    def text(self, level: float) -> str:
+        """The value at a level in three digits; beyond the ends, where nothing was tried, only that."""
+        side = "below " if level < 0.0 else "above " if level > 1.0 else ""
+        return f"{side}{self.value(min(max(level, 0.0), 1.0)):.3g}"
+
 
 def dial_between(key: str, low: float, high: float, whole: bool = False) -> Dial:
     """The dial with these ends, on the logarithm where they lie far apart."""
@@ -62,7 +72,8 @@ def dial_between(key: str, low: float, high: float, whole: bool = False) -> Dial
 class Threshold:
     """What is known of a break point, in shares of the dial. low, high: the central 95 % of the posterior. direction: +1
     where success falls with the level, -1 where it rises. beyond: chance that it lies outside the dial. success: expected
-    in the middle of the dial."""
+    in the middle of the dial. idle: the outcomes are at least as likely if the level does nothing. two_sided: a middle
+    differs from both sides, which no one threshold explains."""
 
     middle: float
     low: float
@@ -73,6 +84,8 @@ class Threshold:
     beyond: float
     success: float
     runs: int
+    idle: bool
+    two_sided: bool
 
     @property
     def found(self) -> bool:
@@ -96,7 +109,11 @@ class Posterior:
         self._lapse, self._direction = lapse.ravel(), direction.ravel()
         self._log = np.zeros(self._threshold.size)
         self._curves = self.success(LEVELS)
-        self.runs = 0
+        self.tried: list[tuple[float, bool]] = []
+
+    @property
+    def runs(self) -> int:
+        return len(self.tried)
 
     def success(self, levels: np.ndarray) -> np.ndarray:
         """(levels, curves) chance of success, kept away from 0 and 1 by what chance alone may do."""
@@ -108,7 +125,7 @@ class Posterior:
         """One outcome at a level (share of the dial)."""
         chance = self.success(np.array([level]))[0]
         self._log += np.log(chance if succeeded else 1.0 - chance)
-        self.runs += 1
+        self.tried.append((level, succeeded))
 
     def weights(self) -> np.ndarray:
         """Chance of each curve."""
@@ -117,8 +134,8 @@ class Posterior:
 
     def next_levels(self, count: int) -> list[float]:
         """Where to try next, `count` at a time: each is chosen as if those before had come out as is expected of them."""
-        weight, chosen = self.weights(), []
-        for _ in range(count):
+        weight, chosen = self.weights(), list(FIRST[self.runs:self.runs + count])
+        for _ in range(count - len(chosen)):
             information = self._information(weight)
             best = int(np.argmax(information))
             chosen.append(float(LEVELS[best]))
@@ -140,11 +157,20 @@ class Posterior:
         """The threshold as it is known now."""
         weight = self.weights()
         of_threshold = weight.reshape(self._shape[0], -1).sum(axis=1)
-        low, middle, high = np.interp([0.025, 0.5, 0.975], np.cumsum(of_threshold), THRESHOLDS)
+        low, middle, high = quantiles(of_threshold, [0.025, 0.5, 0.975])
         outside = float(of_threshold[(THRESHOLDS < 0.0) | (THRESHOLDS > 1.0)].sum())
-        return Threshold(float(middle), float(low), float(high), float(np.exp(weight @ np.log(self._slope))),
+        return Threshold(middle, low, high, float(np.exp(weight @ np.log(self._slope))),
                          float(weight @ self._lapse), 1 if weight @ self._direction >= 0 else -1, outside,
-                         float(self._curves[len(LEVELS) // 2] @ weight), self.runs)
+                         float(self._curves[len(LEVELS) // 2] @ weight), self.runs, self._idle(), two_sided(self.tried))
+
+    def _idle(self) -> bool:
+        """Whether the outcomes are as likely or more so by a constant chance of which nothing is known before."""
+        from scipy.special import betaln
+
+        done = sum(succeeded for _, succeeded in self.tried)
+        largest = self._log.max()
+        curve = largest + math.log(np.exp(self._log - largest).mean())
+        return bool(curve - betaln(done + 1, self.runs - done + 1) <= 0.0)
 
     def curve(self, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(expected, lowest, highest) chance of success at each level; the bounds hold 95 % of the curves."""
@@ -170,8 +196,26 @@ def fit(levels: Sequence[float], succeeded: Sequence[bool]) -> Posterior:
     done = np.bincount(at, np.asarray(succeeded, float), len(tried))
     curves = known.success(tried)
     known._log = done @ np.log(curves) + (np.bincount(at, minlength=len(tried)) - done) @ np.log(1.0 - curves)
-    known.runs = len(at)
+    known.tried = list(zip(levels, succeeded, strict=True))
     return known
+
+
+def two_sided(tried: Sequence[tuple[float, bool]]) -> bool:
+    """Whether there are two levels between which runs succeed more often than on either side, or on both less often, by
+    Fisher's exact test."""
+    from scipy.stats import hypergeom
+
+    levels, succeeded = np.array(tried, float).reshape(-1, 2).T
+    for good in (succeeded, 1.0 - succeeded):
+        _, at = np.unique(levels, return_inverse=True)
+        runs, won = (np.append(0, np.cumsum(np.bincount(at, weight))).astype(int) for weight in (None, good))
+        first, last = np.triu_indices(len(runs), 1)
+        count, done = runs[last] - runs[first], won[last] - won[first]
+        beside = ((runs[first], won[first]), (runs[-1] - runs[last], won[-1] - won[last]))
+        chance = [hypergeom.sf(done - 1, count + more, done + also, count) for more, also in beside]
+        if (np.maximum(*chance) < UNLIKE).any():
+            return True
+    return False
 
 
 def between_seeds(levels: Sequence[float], succeeded: Sequence[bool], seeds: Sequence[int]) -> tuple[float, float]:
@@ -194,16 +238,29 @@ def between_seeds(levels: Sequence[float], succeeded: Sequence[bool], seeds: Seq
     weight = np.exp(log - log.max(axis=1, keepdims=True))
     of_threshold = weight.reshape(SAMPLES, len(THRESHOLDS), -1).sum(axis=2)
     of_threshold /= of_threshold.sum(axis=1, keepdims=True)
-    low, high = np.interp([0.025, 0.975], np.cumsum(of_threshold.mean(axis=0)), THRESHOLDS)
-    return float(low), float(high)
+    low, high = quantiles(of_threshold.mean(axis=0), [0.025, 0.975])
+    return low, high
+
+
+def quantiles(of_threshold: np.ndarray, shares: Sequence[float]) -> list[float]:
+    """Levels below which these shares of the chance lie: that of each threshold is spread over its cell of the grid."""
+    half = (THRESHOLDS[1] - THRESHOLDS[0]) / 2.0
+    edges = np.append(THRESHOLDS - half, THRESHOLDS[-1] + half)
+    return [float(level) for level in np.interp(shares, np.append(0.0, np.cumsum(of_threshold)), edges)]
 
 
 def in_words(known: Threshold, dial: Dial) -> str:
-    """`half fail at 7.1 (5.9 to 8.4)`, or that none or all do; without an interval where none is known."""
+    """`half fail at 7.1 (5.9 to 8.4)`, or that none or all do, without an interval where none is known; and what speaks
+    against one threshold."""
     if known.found:
         side = "above" if known.direction > 0 else "below"
-        sure = math.isfinite(known.low)
-        middle, *ends = (f"{dial.value(level):.3g}" for level in (known.middle, *((known.low, known.high) if sure else ())))
-        return f"half fail at {middle}{' ({} to {})'.format(*ends) if sure else ''}, more {side}"
-    whole = f"{dial.low:g} to {dial.high:g}"
-    return f"fails nearly everywhere from {whole}" if known.success < 0.5 else f"does not break from {whole}"
+        ends = f" ({dial.text(known.low)} to {dial.text(known.high)})" if math.isfinite(known.low) else ""
+        said = f"half fail at {dial.text(min(max(known.middle, 0.0), 1.0))}{ends}, more {side}"
+    else:
+        said = "fails nearly everywhere" if known.success < 0.5 else "does not break"
+        said += f" from {dial.low:g} to {dial.high:g}"
+        if known.beyond < 0.9:
+            said += f" (chance of a threshold between: {1.0 - known.beyond:.0%})"
+    if known.two_sided:
+        return f"{said}; but the middle differs from both sides: not one threshold"
+    return f"{said}; but as likely the dial does nothing" if known.found and known.idle else said

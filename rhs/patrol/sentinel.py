@@ -60,7 +60,7 @@ class Sentinel(Barred):
 
     def _take_map(self, grid: OccupancyGrid) -> None:
         """Plan and watch on this map from now on."""
-        self.grid, self.free = grid, known_free(grid, self.views, self.radius_m)
+        self.grid, self.free = grid, known_free(grid, self.views, self.radius_m, self.settings.margin_m)
         self.watch = ObstacleWatch(grid, self.free, tolerance_m=self.settings.wall_tolerance_m,
                                    votes=self.settings.advanced.guard.votes, changed=self.changed)
         self._drive_on(self.free)

@@ -19,7 +19,7 @@ def blame_picture(folder: Path) -> Path | None:
     blame = json_of(folder / "blame.json")
     if not blame:
         return None
-    errors = blame.get("off_by") or blame.get("standard_errors", {})
+    errors = blame.get("off_by", {})
     names = [*blame["links"], "no link tried"]
     figure = new_figure(12.5, 1.6 + 0.34 * len(names))
     panels = figure.subplots(1, len(MEASURES), sharey=True)

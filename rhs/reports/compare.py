@@ -71,7 +71,7 @@ def pairs(table: pandas.DataFrame, key: str) -> tuple[list[Pairs], int]:
     groups: dict[frozenset, dict[object, int]] = {}
     rest = [{name: value for name, value in one.items() if not _compared(name, key)} for one in choices]
     for index, one in enumerate(choices):
-        if one.get(key) is None:
+        if key not in one:
             continue
         members = groups.setdefault(frozenset(rest[index].items()), {})
         if one[key] in members:
@@ -82,10 +82,15 @@ def pairs(table: pandas.DataFrame, key: str) -> tuple[list[Pairs], int]:
     for a, b in combinations(values, 2):
         both = [(members[a], members[b]) for members in groups.values() if a in members and b in members]
         if both:
-            out.append(Pairs(f"{a} - {b}", *np.array(both).T))
+            out.append(Pairs(f"{_typed(a)} - {_typed(b)}", *np.array(both).T))
     if not out:
         raise ConfigError(_nothing_to_pair(key, choices, rest))
     return out, sum(len(members) == 1 for members in groups.values())
+
+
+def _typed(value: object) -> str:
+    """A value as it is typed."""
+    return "null" if value is None else str(value)
 
 
 def _choices(table: pandas.DataFrame, index: int, key: str) -> Chosen:
@@ -140,7 +145,7 @@ def _row(scored: pandas.DataFrame, pair: Pairs, column: str, sample: np.ndarray)
     decided = int((won != 0.0).sum())
     return {
         "column": column, "difference": pair.name, "pairs": len(pair.a), "with_both": int(known.sum()),
-        "units": len(one_each), "mean": float(difference[known].mean()) if known.any() else np.nan, "low": low, "high": high,
+        "units": len(one_each), "mean": float(one_each.mean()) if known.any() else np.nan, "low": low, "high": high,
         "p": signed_rank_p(one_each), "least_p": least_p(len(one_each)), "both_solved": int(solved.sum()),
         "mean_both_solved": mean_text(difference[solved], sample[solved]),
         "only_first_complete": int((done[pair.a] > done[pair.b]).sum()),
@@ -168,6 +173,9 @@ def _sign_p(wins: int, count: int) -> float:
 def _notes(view: pandas.DataFrame, key: str, alone: int, cluster: str) -> list[str]:
     tests, differences = int(view["p"].notna().sum()), view["difference"].nunique()
     notes = [f"p: Wilcoxon's, corrected for {tests} comparisons (Holm); p_complete: McNemar's, corrected for {differences}"]
+    if tests > 1:
+        notes.append(f"low, high: 95 % of each of the {tests} comparisons alone, not corrected: where nothing differs one "
+                     "in twenty leaves out 0")
     weak = view[view["least_p"] > SIGNIFICANT]
     if len(weak):
         first = weak.iloc[0]

@@ -91,4 +91,4 @@ def _in_cell(one: Mapping[str, Any]) -> str:
     if not one["found"]:
         return f"{'does not break' if one['withstood'] else 'always fails'}\n{one['runs']} runs"
     side = "above" if one["direction"] > 0 else "below"
-    return f"{one['middle']:.3g}, more {side}\n{one['low']:.3g} to {one['high']:.3g}"
+    return f"{one['middle']:.3g}, more {side}\n{one['between']}"

@@ -2,8 +2,9 @@
 
 The measure is compared by the logarithm of its ratio, new over old, pair by pair: t-intervals of its mean, each look with
 its part of the error: the parts add up to 5 %, which holds whenever one stops, and grow with the square of the pairs, as the
-bounds of O'Brien and Fleming (1979) do: early looks are for large differences. Lost successes are
-counted apart, by the exact test of McNemar on the pairs that differ.
+bounds of O'Brien and Fleming (1979) do: early looks are for large differences. A loss is called worse where it is sure and
+seems to be above the margin, so that one which is allowed seldom is. Lost successes are counted apart, by the exact test of
+McNemar on the pairs that differ. What strikes few runs need not show in few pairs, whatever these say: how few is told.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ ROUNDING = 1e-9  # of a ratio: sums in another order
 class Verdict:
     """word: `worse`, `better`, `no worse` or `needs more runs`. change, low, high: of the measure, shares (0.1: 10 % more).
     pairs: with a value in both. lost, won: successes that only the old, only the new runs had. needed: pairs that would
-    settle it, if it goes on like this."""
+    settle it, if it goes on like this. unseen: what strikes runs more often than this share shows in at least one of all
+    these pairs, with the certainty of this look."""
 
     word: str
     change: float
@@ -33,6 +35,7 @@ class Verdict:
     lost: int
     won: int
     needed: int
+    unseen: float
 
     @property
     def exit_code(self) -> int:
@@ -73,16 +76,17 @@ def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, 
         half = float(t.ppf(1.0 - level / 2.0, n - 1) * ratio.std(ddof=1) / math.sqrt(n))
     low, high = (middle - half, middle + half) if n else (-math.inf, math.inf)
     fewer = lost + gained > 0 and binomtest(lost, lost + gained, 0.5, alternative="greater").pvalue < level
-    needed = 0
-    if fewer or low > 0.0:
+    needed, allowed = 0, math.log1p(margin)
+    if fewer or (low > 0.0 and middle > allowed):
         word = "worse"
     elif high < 0.0 and lost <= gained:
         word = "better"
-    elif high <= math.log1p(margin) and lost <= gained:
+    elif high <= allowed and lost <= gained:
         word = "no worse"
     else:
         word = "needs more runs"
-        room = math.log1p(margin) - middle if middle < math.log1p(margin) / 2 else middle
-        needed = n + 1 if half is math.inf or room <= 0 else max(n + 1, math.ceil(n * (half / room) ** 2))
+        room = allowed - middle if middle < allowed else middle
+        whole = len(won)
+        needed = whole + 1 if half is math.inf or room <= 0 else max(whole + 1, math.ceil(whole * (half / room) ** 2))
     change, least, most = (math.expm1(min(value, 50.0)) for value in (middle, low, high))
-    return Verdict(word, change, least, most, n, lost, gained, needed)
+    return Verdict(word, change, least, most, n, lost, gained, needed, 1.0 - level ** (1.0 / len(won)))

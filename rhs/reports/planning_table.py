@@ -224,8 +224,9 @@ def _caption(summary: pandas.DataFrame) -> str:
 def _bar(group: Group, column: str) -> tuple[str, str, float, float, float]:
     values = numbers(group.rows, column)
     known = np.isfinite(values)
-    low, high = mean_interval(units(values[known], clusters(group.rows)[known]))
-    return group.where, group.who, float(values[known].mean()) if known.any() else float("nan"), low, high
+    one_each = units(values[known], clusters(group.rows)[known])
+    low, high = mean_interval(one_each)
+    return group.where, group.who, float(one_each.mean()) if known.any() else float("nan"), low, high
 
 
 def _span(values: np.ndarray) -> str:

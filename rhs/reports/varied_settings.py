@@ -26,13 +26,16 @@ def varied_settings(folders: list[str]) -> dict[str, dict[str, object]]:
 
 
 def _varies(key: str, known: list[dict[str, object]]) -> bool:
+    """Whether runs differ in it. A key that a run with the same part lacks is none of an older version when it stands in a
+    group or dict of the part: there it is another value."""
     values = [repr(one[key]) for one in known if key in one]
     if len(values) == len(known):
         return len(set(values)) > 1
+    part, inside = f"{key.split('.')[0]}.name", key.count(".") > 1
     by_part: dict[object, set[str]] = {}
     for one in known:
-        if key in one:
-            by_part.setdefault(one.get(f"{key.split('.')[0]}.name"), set()).add(repr(one[key]))
+        if key in one or (inside and part in one):
+            by_part.setdefault(one.get(part), set()).add(repr(one[key]) if key in one else "")
     return any(len(found) > 1 for found in by_part.values())
 
 

@@ -173,6 +173,7 @@ def withstood(known: Threshold) -> float:
 
 def _in_units(known: Threshold, dial: Dial, why: str) -> dict[str, Any]:
     """why: none succeeded, in words."""
-    values = {name: float(dial.value(getattr(known, name))) for name in ("middle", "low", "high")}
-    return asdict(known) | values | {"found": known.found, "runs_needed": known.runs_needed,
-                                                 "says": in_words(known, dial) + (f": {why[:200]}" if why else "")}
+    values = {name: float(dial.value(min(max(getattr(known, name), 0.0), 1.0))) for name in ("middle", "low", "high")}
+    between = f"{dial.text(known.low)} to {dial.text(known.high)}"
+    return asdict(known) | values | {"found": known.found, "runs_needed": known.runs_needed, "between": between,
+                                     "says": in_words(known, dial) + (f": {why[:200]}" if why else "")}

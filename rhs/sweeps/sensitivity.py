@@ -50,7 +50,8 @@ MEASURES = {"odometry": ("survey", "ate_before_closing_m"), "loop_closer": ("sur
             "planner": ("planning", "plan_length_m")}
 LACKS = ("map_agreement",)
 MATTERS = 0.02  # an effect whose interval leaves out all up to this share is called one
-FAILS = 2  # so many more runs that do not succeed are called so
+CHANCE = 0.05  # of calling it `fails` where nothing is changed but luck
+DOUBT = 2  # so many more runs that do not succeed are not called harmless
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,8 @@ def _with(values: Mapping[str, Any], path: Sequence[str], value: float) -> dict[
 @dataclass(frozen=True)
 class Effect:
     """change: of the measure, as a share, geometric mean over buildings; low, high: its 95 % interval. runs: all; pairs:
-    those in which both are known. lost, won: successes. same: every row is that of the default."""
+    those in which both are known. lost, won: successes. fails: so many are lost that chance hardly does it (Boschloo 1970,
+    one-sided; the sets of runs count as independent, which is on the safe side). same: every row is the default's."""
 
     of: Change
     change: float
@@ -245,6 +247,7 @@ class Effect:
     pairs: int
     lost: int
     won: int
+    fails: bool
     same: bool
 
     @property
@@ -252,10 +255,12 @@ class Effect:
         """One word or two."""
         if self.same:
             return "changes nothing"
-        if self.lost - self.won >= FAILS:
+        if self.fails:
             return "fails"
         if self.low > MATTERS:
             return "worse"
+        if self.lost - self.won >= DOUBT:
+            return "not sure"
         if self.high < -MATTERS:
             return "better"
         return "no effect" if -MATTERS <= self.low and self.high <= MATTERS else "not sure"
@@ -284,10 +289,20 @@ def _effect(change: Change, measure: str, where: Sequence[str], before: Sequence
     several = len(set(where)) > 1  # in one building runs with other seeds are what there is to compare
     logs = units(np.log(new[known] / old[known]), np.array(where)[known] if several else None)
     mean, half = float(logs.mean()) if len(logs) else math.nan, _half_width(logs)
-    won = [(a.get("success") == 1.0) - (b.get("success") == 1.0) for a, b in zip(after, before, strict=True)]
+    done_before, done_after = ([row.get("success") == 1.0 for row in rows] for rows in (before, after))
+    won = [a - b for a, b in zip(done_after, done_before, strict=True)]
+    fails = _fails(sum(done_before), sum(done_after), len(before))
     same = any(row["status"] == "ok" for row in before) and all(alike(a, b) for a, b in zip(after, before, strict=True))
     middle, low, high = (math.expm1(value) for value in (mean, mean - half, mean + half))
-    return Effect(change, middle, low, high, len(before), int(known.sum()), won.count(-1), won.count(1), same)
+    return Effect(change, middle, low, high, len(before), int(known.sum()), won.count(-1), won.count(1), fails, same)
+
+
+def _fails(before: int, after: int, runs: int) -> bool:
+    """Whether fewer runs succeed than chance has it."""
+    from scipy.stats import boschloo_exact
+
+    table = [[before, after], [runs - before, runs - after]]
+    return after < before and bool(boschloo_exact(table, alternative="greater").pvalue < CHANCE)
 
 
 def _half_width(values: np.ndarray) -> float:
@@ -319,6 +334,9 @@ def in_words(found: Sequence[Effect], asked: Question) -> list[str]:
     inert = [key for key in settings_ if all(one.same for one in found if one.of.key == key)]
     lines = [f"{len(keys)} of {len(settings_)} settings of {asked.part} matter here"
              + (": " + "; ".join(_in_one_line(one) for one in matter[:8]) if matter else "")]
+    doubtful = [one for one in found if one.says == "not sure" and one.lost - one.won >= DOUBT]
+    if doubtful:
+        lines.append("it may be chance, give more by world= and seed=: " + "; ".join(map(_in_one_line, doubtful[:8])))
     if inert:
         lines.append(f"halved or doubled, these change nothing: {', '.join(inert)}")
     lines += [f"{key} was not tried: {why}" for key, why in asked.left_out.items()]

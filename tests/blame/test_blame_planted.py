@@ -208,7 +208,7 @@ def test_more_than_five_links_are_sampled_with_their_errors(tmp_path):
     assert row["blame_link"] == "localise" and row["blame_runs"] <= 3 * 7
     belief = told["shares"]["belief"]
     assert sum(belief.values()) == pytest.approx(told["loss"]["belief"] - told["rest"]["belief"], abs=1e-9)
-    assert set(told["standard_errors"]["belief"]) == set(links) and told["standard_errors"]["belief"]["localise"] >= 0
+    assert set(told["off_by"]["belief"]) == set(links) and told["off_by"]["belief"]["localise"] >= 0
     assert belief["localise"] > 0.9 * told["loss"]["belief"]
 
 

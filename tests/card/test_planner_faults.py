@@ -233,7 +233,7 @@ class Settings:
 
 
 def faults_found(cls) -> set[str]:
-    result = run_forked(lambda: answers(Settings(cls), ASKED), patience_s=1.5)
+    result = run_forked(lambda: answers(Settings(cls), ASKED), patience_s=5.0 if cls is Hangs else 60.0)
     found = {fault for answer in result.items for fault in answer.faults}
     return found | ({"no_answer"} if result.ended else set())
 

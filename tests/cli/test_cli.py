@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from installing import CHOICE, FAKES, environment, installed, interruptible
 
-from rhs.cli.main import main
+from rhs.cli.main import main, warning_in_words
 from rhs.cli.say import of_run
 from rhs.config.compose import compose_config, config_hash, from_plain, read_values
 from rhs.runfolder.row import canonical_hash, read_row
@@ -238,3 +238,9 @@ def wait_for_lines(folder: Path, pattern: str, lines: int, seconds: float = 60) 
 
 def test_motions_that_the_wheels_had_to_replace_are_told(tmp_path):
     assert "gated_share" in of_run({"gated_share": 0.96}, tmp_path) and not of_run({"gated_share": 0.0}, tmp_path)
+
+
+def test_a_warning_of_somebodys_code_says_where_it_was_raised():
+    told = warning_in_words("invalid value encountered in cast", RuntimeWarning, "/home/x/strange/parts.py", 37)
+    assert told == "rhs: warning in strange/parts.py:37: RuntimeWarning: invalid value encountered in cast"
+    assert warning_in_words("a is now b", FutureWarning, "/x.py", 1) == "rhs: a is now b"

@@ -73,6 +73,12 @@ def test_what_broke_off_before_counts_as_what_breaks_off_now(baseline, tmp_path)
     assert sorted(rank(row) for row, _ in pairs) == [0, 0, 2, 2, 2, 2]
 
 
+def test_four_equal_pairs_are_told_as_what_they_are():
+    found = judge([1.0] * 4, [0.97] * 4, [(True, True)] * 4, margin=0.02)
+    assert in_words(found, "x_m", 0.02) == ("better: x_m -3 % in each of 4 pairs; successes lost 0, won 0; what strikes "
+                                            "fewer than 53 % of runs may not have shown")
+
+
 def test_a_way_through_a_wall_has_no_length():
     row = {"status": "ok", "success": 0.0, "plan_length_m": 1.0, "plan_optimal_m": 2.0, "ate_rmse_m": 0.5}
     assert math.isnan(measured(row, "plan_length_m")) and measured(row, "ate_rmse_m") == 0.5

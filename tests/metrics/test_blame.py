@@ -47,13 +47,18 @@ def test_all_orders_give_the_exact_shares():
     assert {link: share for link, (share, _) in sampled.items()} == pytest.approx(shapley(known, links))
 
 
-def test_sampled_shares_hold_the_exact_ones_within_three_standard_errors():
-    rng, links = np.random.default_rng(2), list("abcdefg")
-    known = {chosen: float(rng.random()) for chosen in subsets(links)}
-    orders = [[links[k] for k in rng.permutation(7)] for _ in range(200)]
-    exact = shapley(known, links)
-    off = [abs(share - exact[link]) / error for link, (share, error) in shapley_of_orders(known, orders).items()]
-    assert max(off) < 3.0
+@pytest.mark.parametrize("loss", ["by chance", "two are needed together", "any of three saves all"])
+def test_intervals_of_sampled_shares_hold_the_exact_ones_as_often_as_they_say(loss):
+    """Twelve orders of seven links, as task=blame draws them: one standard error, which was shown before, held 2 of 3."""
+    rng, links, held = np.random.default_rng(2), list("abcdefg"), []
+    for _ in range(60):
+        known = {chosen: {"by chance": float(rng.random()), "two are needed together": 3.0 * (not chosen >= {"a", "b"}),
+                          "any of three saves all": 3.0 * (not chosen & set("abc"))}[loss] for chosen in subsets(links)}
+        exact = shapley(known, links)
+        sampled = shapley_of_orders(known, [[links[k] for k in rng.permutation(7)] for _ in range(12)])
+        assert sum(share for share, _ in sampled.values()) == pytest.approx(sum(exact.values()))
+        held += [abs(share - exact[link]) <= half + 1e-9 for link, (share, half) in sampled.items()]
+    assert np.mean(held) >= 0.92  # 0.95 of 420, less 3 standard errors
 
 
 def step(index, error_m=0.0, phase="patrol", **told):
@@ -132,14 +137,35 @@ def test_places_that_no_truth_saves_are_nobodys():
     assert told["link"] == "" and told["verdict"] == ("of 2 missed places the truth in the links that were tried saves none")
 
 
+def told_of(measure, loss):
+    """The verdict on losses in one measure: loss(links that were given the truth)."""
+    known = {name: {chosen: 0.0 for chosen in subsets(LINKS)} for name in MEASURES}
+    return judged(known | {measure: {chosen: float(loss(chosen)) for chosen in subsets(LINKS)}}, LINKS, since=-1)["verdict"]
+
+
+def test_a_truth_that_makes_it_worse_is_told_beside_what_the_others_cost():
+    told = told_of("places", lambda true: 2 - 2 * ("odometry" in true) + ("map" in true and "odometry" not in true))
+    assert told == "of 2 missed places odometry cost 2.5, the truth in map adds 0.5"
+    told = told_of("places", lambda true: 2 - 2 * ("odometry" in true) + 2 * ("localise" in true))
+    assert told == ("of 2 missed places the truth in the links that were tried saves none in all: odometry cost 2, the "
+                    "truth in localise adds 2")
+
+
+def test_a_loss_that_no_truth_saves_is_not_called_nothing():
+    assert "saves nothing worth blaming (error of the belief in the patrol 5 m" in told_of("belief", lambda true: 5)
+    assert "nothing worth blaming was lost (error of the belief in the patrol 0.05 m" in told_of("belief", lambda true: 0.05)
+    assert "visited" not in told_of("places", lambda true: np.nan)
+
+
 def test_a_detour_is_told_in_metres_of_the_way():
     told = chain(["map", "plan"], way=[(5.0, ["plan"])], belief=[(0.15, ["map"])])
     assert (told["measure"], told["link"]) == ("way", "plan") and "plan cost 5 m" in told["verdict"]
 
 
 def test_standing_about_is_told_in_seconds():
-    told = chain(["map", "plan"], time=[(30.0, ["map"])], way=[(2.0, ["plan"])])
-    assert (told["measure"], told["link"]) == ("time", "map") and "map cost 30 s" in told["verdict"]
+    told = chain(["map", "plan"], time=[(30.0, ["map"]), (120.0, [])], way=[(2.0, ["plan"])])
+    assert (told["measure"], told["link"]) == ("time", "map")
+    assert "of 150 s wait of a place beyond the least map cost 30 s, 120 s no link" in told["verdict"]
 
 
 def test_losses_are_unknown_where_the_row_does_not_know():

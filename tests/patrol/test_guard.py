@@ -10,6 +10,7 @@ from flatland import BEARINGS, Flatland, Oracle, Through, parts, ring
 from rhs.api.geometry import camera_from_fov, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Event, Motion, Observation, PlanReason, Scan, Tracking, Twist
+from rhs.estimation.survey import known_free
 from rhs.patrol.control import Pace
 from rhs.patrol.guard import MOST_HELD, Guard, GuardSettings
 from rhs.patrol.loop import steps
@@ -325,6 +326,25 @@ def test_a_place_nobody_has_seen_is_never_seen_and_one_inside_a_wall_is_blocked(
     box[10, 40] = True
     assert roads.plan(start, np.array([4.0, 1.0]), **{**nothing, "obstacles": box}).reason is PlanReason.GOAL_BLOCKED
     assert roads.plan(start, np.array([4.0, 1.0]), **nothing).found
+
+
+def test_the_way_of_the_survey_through_ground_that_no_view_showed_can_be_driven_again_but_for_what_stands_beside_it():
+    """In the middle of a hall a camera of 5 m sees no floor to its sides: `start_blocked`, in the depot of Nav2."""
+    from flatland import Dijkstra
+
+    probability = np.full((40, 80), np.nan, np.float32)
+    grid = OccupancyGrid(probability, 0.1, (0.0, 0.0))
+    on_the_way = [SimpleNamespace(map_from_body=se2(1.0 + 0.25 * k, 2.0, 0.0)) for k in range(25)]
+    nothing = {"obstacles": np.zeros(grid.shape, bool), "things_m": np.zeros((0, 2))}
+
+    def found():
+        free = known_free(grid, on_the_way, 0.3, MissionSettings().margin_m)
+        roads = RoomyPlanner(Dijkstra(), grid, free, radius_m=0.3, settings=MissionSettings(), who="planner=dijkstra")
+        return roads.plan(np.array([1.0, 2.0]), np.array([7.0, 2.0]), **nothing).found
+
+    assert found()
+    probability[23:25, 40] = 0.95  # 0.3 m from the way: less than radius and margin
+    assert not found()
 
 
 def test_what_walked_by_leaves_no_wall_behind():

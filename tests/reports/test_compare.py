@@ -36,6 +36,13 @@ def test_pairing_sees_what_averages_hide(folder):
     assert lengths.std()["a"] > 50 * abs(lengths.mean()["a"] - lengths.mean()["b"])
 
 
+def test_intervals_of_several_comparisons_say_that_each_stands_alone(folder):
+    three = compare(rows([folder]), "planner", ["path_length_m"])
+    one = compare(rows([folder]).query("planner != 'c'"), "planner", ["path_length_m"])
+    assert "95 % of each of the 3 comparisons alone, not corrected" in " ".join(three.attrs["notes"])
+    assert "alone" not in " ".join(one.attrs["notes"])
+
+
 def test_failures_are_counted_and_not_dropped(folder):
     view = compare(rows([folder]), "planner", ["path_length_m"]).set_index("difference")
     ac = view.loc["a - c"]

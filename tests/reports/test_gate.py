@@ -43,6 +43,21 @@ def test_no_change_is_called_worse_or_better_in_one_of_twenty():
     assert words.count("worse") + words.count("better") <= 0.05 * 400 + 3 * np.sqrt(400 * 0.05 * 0.95)
 
 
+@pytest.mark.parametrize(("spread", "most"), [(0.01, 0.02), (0.03, 0.15)])
+def test_a_loss_within_the_margin_is_seldom_called_worse(spread, most):
+    """A loss of 1 % where 2 % are allowed; any sure loss was called worse before: 64 and 21 of 100 such gates."""
+    rng = np.random.default_rng(3)
+    words = [gated(rng, 0.01, spread)[0] for _ in range(300)]
+    assert words.count("worse") <= most * 300
+    assert verdict([1.001, 1.002, 1.001, 1.002, 1.001, 1.002]).word == "no worse"
+
+
+def test_what_strikes_few_runs_may_not_show():
+    """Of four pairs none shows it with a chance of (1 - share)^4; 0.05 at a share of 53 %, 0.01 at 68 %."""
+    assert verdict([1.0] * 4).unseen == pytest.approx(0.527, abs=1e-3)
+    assert verdict([1.0] * 4, level=0.01).unseen == pytest.approx(0.684, abs=1e-3)
+
+
 def test_equal_runs_are_no_worse_at_the_first_look():
     found = verdict([1.0] * 4)
     assert (found.word, found.change, found.pairs, found.exit_code) == ("no worse", 0.0, 4, 0)
@@ -71,3 +86,11 @@ def test_lost_successes_count_whatever_the_measure_says():
 def test_an_open_question_says_how_many_pairs_would_settle_it():
     found = verdict([0.8, 1.25, 0.9, 1.1, 1.02])
     assert found.word == "needs more runs" and found.needed > 5
+
+
+def test_pairs_that_would_settle_it_are_those_that_are_driven():
+    """All four broke off: one more, not the first that has a measure."""
+    assert judge([1.0] * 4, [NAN] * 4, [(True, False)] * 4, margin=0.02).needed == 5
+    ratios = [0.8, 1.25, 0.9, 1.1, 1.02]
+    half_known = judge([1.0] * 5 + [NAN] * 5, [*ratios, *[NAN] * 5], [(True, True)] * 5 + [(False, False)] * 5, margin=0.02)
+    assert half_known.needed == pytest.approx(2 * verdict(ratios).needed, abs=1)

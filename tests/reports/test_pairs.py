@@ -181,3 +181,13 @@ def test_default_columns_of_a_comparison_hold_the_scores(tmp_path, capsys):
     assert main([str(tmp_path), "--compare", "planner"]) == 0
     said = capsys.readouterr().out
     assert "spl" in said and "par2_ms" in said
+
+
+def test_a_setting_that_is_unset_is_compared_with_one_that_is(tmp_path):
+    """`null` beside a number: they were said to differ in nothing."""
+    for seed in range(3):
+        for limit, ate in ((None, 0.2), (2.0, 0.1)):
+            config = {"task": "survey", "world": "square", "seed": seed, "odometry": {"name": "theirs", "limit": limit}}
+            put(tmp_path / f"{limit}_{seed}", config, tracked_share=1.0, ate_rmse_m=ate + 0.01 * seed)
+    line = compare(rows([tmp_path]), "odometry.limit", ["ate_rmse_m"]).iloc[0]
+    assert (line["difference"], line["pairs"]) == ("null - 2.0", 3) and line["mean"] == pytest.approx(0.1)

@@ -29,3 +29,15 @@ def test_a_run_without_a_config_leaves_its_cell_empty(tmp_path):
     (tmp_path / "c" / "config.yaml").unlink()
     table = rows([tmp_path])
     assert table["odometry.refine"].isna().sum() == 1
+
+
+def test_dicts_of_other_keys_are_other_settings(tmp_path):
+    """Runs with {1: 2.0} and {2: 3.0} stood in one line; a setting that older runs of the part lack is no difference."""
+    for name, heights, more in (("a", {1: 2.0}, {}), ("b", {2: 3.0}, {"new": 1})):
+        (tmp_path / name).mkdir()
+        config = {"seed": 0, "planner": {"name": "theirs", "heights": heights, **more}}
+        (tmp_path / name / "config.yaml").write_text(yaml.safe_dump(config))
+        write_row(tmp_path / name, {"status": "ok", "planner": "theirs", "seed": 0, "plan_length_m": 1.0})
+    table = rows([tmp_path])
+    assert table["planner.heights.1"].isna().sum() == table["planner.heights.2"].isna().sum() == 1
+    assert "planner.new" not in table

@@ -85,7 +85,7 @@ def test_what_is_withstood_is_counted_from_the_harmless_end():
 
 
 def test_the_picture_has_a_cell_for_each_pair(tmp_path):
-    one = {"found": True, "middle": 5.0, "low": 4.0, "high": 6.0, "direction": 1, "withstood": 0.5, "runs": 9,
+    one = {"found": True, "middle": 5.0, "between": "4 to 6", "direction": 1, "withstood": 0.5, "runs": 9,
            "ends": [0, 9]}
     told = [one | {"combination": name, "dial": dial} for name in "ab" for dial in ("x.y", "z")]
     assert atlas_picture(told, tmp_path / "a.png").read_bytes() == atlas_picture(told, tmp_path / "b.png").read_bytes()

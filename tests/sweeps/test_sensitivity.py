@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pytest
 
 from rhs.api.errors import ConfigError, check_ranges
@@ -76,6 +77,26 @@ def test_an_effect_by_hand():
     assert b.same and b.says == "changes nothing" and (c.lost, c.pairs, c.says) == (3, 2, "fails")
     said = in_words(list(found.values()), asked)
     assert "1 of 3 settings" in said[0] and "+3 of 3 runs fail" in said[0] and said[1].endswith("nothing: odometry.b")
+
+
+@pytest.mark.parametrize(("before", "after", "says"), [
+    (5, 5, "no effect"), (5, 3, "not sure"), (5, 2, "fails"), (4, 0, "fails"), (3, 1, "not sure"), (1, 3, "no effect")])
+def test_runs_that_are_lost_by_chance_are_not_called_failing(before, after, says):
+    """Of two sets of five runs that succeed half of the time, one has two more in 17 of 100 pairs of sets."""
+    asked = ask(["odometry=procrustes", "zip(world=square_small,square,corridor,lobby,office seed=0,1,2,3,4)"],
+                only=["min_inliers"])
+    asked = replace(asked, changes=(Change("odometry.a", 1.0, 2.0, 2.0),))
+    rows = [{"status": "ok", asked.measure: 0.1, "n": number, "success": float(seed < count)}
+            for number, count in enumerate((before, after)) for seed in range(5)]
+    (one,) = effects(asked, rows)
+    assert one.says == says
+    assert ("may be chance" in " ".join(in_words([one], asked))) == (says == "not sure")
+
+
+def test_a_setting_that_only_stirs_the_luck_fails_in_one_of_twenty():
+    chance = np.random.default_rng(0).random((400, 2, 20)) < 0.8
+    called = [sensitivity._fails(int(before.sum()), int(after.sum()), 20) for before, after in chance]
+    assert np.mean(called) <= 0.05 < np.mean(chance[:, 0].sum(1) - chance[:, 1].sum(1) >= 2)
 
 
 def test_of_runs_that_all_broke_off_nothing_is_known():
