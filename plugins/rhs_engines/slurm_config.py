@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rhs.api.engine import Engine, EngineContext
-from rhs.api.errors import check_range
+from rhs.api.errors import check_ranges
 
 
 @dataclass
@@ -33,11 +33,8 @@ class Slurm:
     requires: ClassVar[tuple[str, ...]] = ("submitit:'rhs[slurm]'",)
 
     def __post_init__(self) -> None:
-        check_range("", "cpus", self.cpus, low=1, high=1024)
-        check_range("", "time_min", self.time_min, low=1, high=525600, unit="min")
-        check_range("", "memory_mb", self.memory_mb, low=0, high=10_000_000, unit="MB")
-        check_range("", "chunk_s", self.chunk_s, low=0.1, high=864000.0, unit="s")
-        check_range("", "poll_s", self.poll_s, low=0.1, high=3600.0, unit="s")
+        check_ranges("", self, cpus=(1, 1024), time_min=(1, 525600), memory_mb=(0, 10_000_000), chunk_s=(0.1, 864000.0),
+                     poll_s=(0.1, 3600.0))
 
     def build(self, context: EngineContext) -> Engine:
         """Imports submitit; submits nothing yet."""

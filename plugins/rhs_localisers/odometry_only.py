@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from rhs.api.contracts import Context, Localiser
 from rhs.api.records import Belief, BeliefStatus, Motion, Observation, View
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Localiser
 
 
 @dataclass

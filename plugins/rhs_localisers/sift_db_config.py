@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_choice, check_range
+from rhs.api.contracts import Context, Localiser
+from rhs.api.errors import check_choice, check_ranges
 
 from .advanced import SiftDbAdvanced
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Localiser
 
 
 @dataclass
@@ -47,17 +45,10 @@ class SiftDb:
 
     def __post_init__(self) -> None:
         owner = "localiser.sift_db"
-        check_range(owner, "every", self.every, low=1, high=10000)
         check_choice(owner, "retrieval", self.retrieval, ("votes", "kd_tree", "vlad"))
-        check_range(owner, "checks", self.checks, low=1, high=1000)
-        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
-        check_range(owner, "p_true", self.p_true, low=0.5, high=0.9999)
-        check_range(owner, "kidnap_rate", self.kidnap_rate, low=1e-9, high=0.5)
-        check_range(owner, "match_every", self.match_every, low=0, high=10000)
-        check_range(owner, "drift_m_per_m", self.drift_m_per_m, low=0.0, high=1.0)
-        check_range(owner, "drift_rad_per_m", self.drift_rad_per_m, low=0.0, high=1.0)
-        check_range(owner, "tracking_above", self.tracking_above, low=0.5, high=0.9999)
-        check_range(owner, "lost_below", self.lost_below, low=0.0, high=self.tracking_above)
+        check_ranges(owner, self, every=(1, 10000), checks=(1, 1000), min_inliers=(6, 10000), p_true=(0.5, 0.9999),
+                     kidnap_rate=(1e-9, 0.5), match_every=(0, 10000), drift_m_per_m=(0.0, 1.0),
+                     drift_rad_per_m=(0.0, 1.0), tracking_above=(0.5, 0.9999), lost_below=(0.0, self.tracking_above))
 
     def build(self, context: Context) -> Localiser:
         from .sift_db import PlaceLocaliser

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_choice, check_range
+from rhs.api.contracts import Context, LoopCloser
+from rhs.api.errors import check_choice, check_ranges
 
 from .advanced import ErrorDistributionAdvanced
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, LoopCloser
 
 
 @dataclass
@@ -46,12 +44,8 @@ class ErrorDistribution:
         owner = "loop_closer.error_distribution"
         check_choice(owner, "positions", self.positions, ("printed", "turned"))
         check_choice(owner, "trust", self.trust, ("sighting", "both"))
-        check_range(owner, "sighting_sigma_m", self.sighting_sigma_m, low=0.0, high=10.0, unit="m")
-        check_range(owner, "sighting_sigma_deg", self.sighting_sigma_deg, low=0.0, high=90.0, unit="degrees")
-        check_range(owner, "reach_views", self.reach_views, low=1, high=1000)
-        check_range(owner, "checks", self.checks, low=1, high=1000)
-        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
-        check_range(owner, "max_drift_share", self.max_drift_share, low=0.0, high=10.0)
+        check_ranges(owner, self, sighting_sigma_m=(0.0, 10.0), sighting_sigma_deg=(0.0, 90.0), reach_views=(1, 1000),
+                     checks=(1, 1000), min_inliers=(6, 10000), max_drift_share=(0.0, 10.0))
 
     def build(self, context: Context) -> LoopCloser:
         from .error_distribution import ErrorSpreader

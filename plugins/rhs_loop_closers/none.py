@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, LoopCloser
 from rhs.api.records import Closure, View
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, LoopCloser
 
 
 @dataclass

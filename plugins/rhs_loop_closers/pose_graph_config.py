@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.contracts import Context, LoopCloser
+from rhs.api.errors import check_ranges
 
 from .advanced import PoseGraphAdvanced
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, LoopCloser
 
 
 @dataclass
@@ -57,21 +55,11 @@ class PoseGraph:
     advanced: PoseGraphAdvanced = field(default_factory=PoseGraphAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "loop_closer.pose_graph"
-        check_range(owner, "min_way_m", self.min_way_m, low=0.1, high=10000.0, unit="m")
-        check_range(owner, "min_turn_deg", self.min_turn_deg, low=1.0, high=180.0, unit="degrees")
-        check_range(owner, "checks", self.checks, low=1, high=100000)
-        check_range(owner, "min_inliers", self.min_inliers, low=6, high=10000)
-        check_range(owner, "min_coverage", self.min_coverage, low=0.0, high=1.0)
-        check_range(owner, "support", self.support, low=1, high=1000)
-        check_range(owner, "window_m", self.window_m, low=0.1, high=1000.0, unit="m")
-        check_range(owner, "max_drift_share", self.max_drift_share, low=0.0, high=10.0)
-        check_range(owner, "scan_every_m", self.scan_every_m, low=0.0, high=1000.0, unit="m")
-        check_range(owner, "walls_every_m", self.walls_every_m, low=0.0, high=1000.0, unit="m")
-        check_range(owner, "scale_sigma", self.scale_sigma, low=1e-6, high=1.0)
-        check_range(owner, "drift_m_per_m", self.drift_m_per_m, low=1e-5, high=1.0)
-        check_range(owner, "drift_rad_per_m", self.drift_rad_per_m, low=1e-5, high=1.0)
-        check_range(owner, "kernel_sigma", self.kernel_sigma, low=0.1, high=1000.0)
+        check_ranges("loop_closer.pose_graph", self, min_way_m=(0.1, 10000.0), min_turn_deg=(1.0, 180.0), checks=(1, 100000),
+                     min_inliers=(6, 10000), min_coverage=(0.0, 1.0), support=(1, 1000), window_m=(0.1, 1000.0),
+                     max_drift_share=(0.0, 10.0), scan_every_m=(0.0, 1000.0), walls_every_m=(0.0, 1000.0),
+                     scale_sigma=(1e-6, 1.0), drift_m_per_m=(1e-5, 1.0), drift_rad_per_m=(1e-5, 1.0),
+                     kernel_sigma=(0.1, 1000.0))
 
     def build(self, context: Context) -> LoopCloser:
         from .pose_graph import PoseGraphCloser

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_range
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Mapper
+from rhs.api.contracts import Context, Mapper
+from rhs.api.errors import ConfigError, check_ranges
 
 
 @dataclass
@@ -35,12 +33,8 @@ class Occupancy:
 
     def __post_init__(self) -> None:
         owner = "mapper.occupancy"
-        check_range(owner, "resolution_m", self.resolution_m, low=0.01, high=2.0, unit="m")
-        check_range(owner, "true_hit", self.true_hit, low=0.01, high=0.999)
-        check_range(owner, "false_alarm", self.false_alarm, low=0.001, high=0.99)
-        check_range(owner, "range_max_m", self.range_max_m, low=0.1, high=200.0, unit="m")
-        check_range(owner, "free_max_m", self.free_max_m, low=0.0, high=200.0, unit="m")
-        check_range(owner, "belief_bound", self.belief_bound, low=0.6, high=0.999999)
+        check_ranges(owner, self, resolution_m=(0.01, 2.0), true_hit=(0.01, 0.999), false_alarm=(0.001, 0.99),
+                     range_max_m=(0.1, 200.0), free_max_m=(0.0, 200.0), belief_bound=(0.6, 0.999999))
         if self.false_alarm >= self.true_hit:
             raise ConfigError(
                 f"{owner}.false_alarm={self.false_alarm} must be smaller than {owner}.true_hit={self.true_hit}: "

@@ -18,11 +18,11 @@ from rhs.api.jit import typed
 from rhs.api.records import Path, PlanningProblem
 from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
-from .contours import contours
 from .heap import pop, push
 from .problem import Ground, Task, begin, finish
 
 _FIELD = nb.types.Array(nb.float64, 2, "C")
+_LEVELS, _SIDE = 30, 200  # contours of a picture, and cells of a field looked at along its longer side: it shows no more
 _SOURCE_CELLS = 3  # half width of the square round the goal that gets exact times
 
 
@@ -165,3 +165,19 @@ def descend(grid, times, ends):
         count += 1
     out[count] = ends[1]
     return out[: count + 1].copy()
+
+
+def contours(field: np.ndarray) -> np.ndarray:
+    """(E, 2, 2) cells: contour lines of a field (H, W) between cell centres, for a picture; where it is infinite there are
+    none."""
+    from contourpy import contour_generator
+
+    every = max(1, max(field.shape) // _SIDE)
+    seen = np.ma.masked_invalid(field[::every, ::every])
+    if not seen.count() or min(seen.shape) < 2:
+        return np.empty((0, 2, 2))
+    generator = contour_generator(z=seen, line_type="Separate")
+    levels = np.linspace(seen.min(), seen.max(), _LEVELS + 2)[1:-1]
+    lines = [np.asarray(line, float) for level in levels for line in generator.lines(level)]
+    pieces = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
+    return np.concatenate([*pieces, np.empty((0, 2, 2))]) * every + 0.5

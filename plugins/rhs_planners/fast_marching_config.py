@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-from rhs.api.errors import check_range, check_ranges
+from rhs.api.contracts import Context, Planner
+from rhs.api.errors import check_ranges
 
 from .shared_config import PlannerSettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -30,14 +27,15 @@ class FastMarching(PlannerSettings):
     local minima, descended from the start. Complete. Kept while goal and map stay the same."""
 
     preload = ("rhs_planners.fast_marching",)
+    owner = "planner.fast_marching"
 
     comfort_m: float = 0.0
     """the wave is slower this near to blocked cells, so paths keep away; 0: shortest paths"""
     advanced: FastMarchingAdvanced = field(default_factory=FastMarchingAdvanced)
 
     def __post_init__(self):
-        self.check("planner.fast_marching")
-        check_range("planner.fast_marching", "comfort_m", self.comfort_m, low=0.0, high=100.0, unit="m")
+        super().__post_init__()
+        check_ranges(self.owner, self, comfort_m=(0.0, 100.0))
 
     def build(self, context: Context) -> Planner:
         from .fast_marching import FastMarchingPlanner

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.contracts import Context, Planner
+from rhs.api.errors import check_ranges
 
 from .shared_config import PlannerSettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -18,15 +16,15 @@ class AStar(PlannerSettings):
     """A* over eight neighbours without cutting corners (Hart, Nilsson, Raphael 1968): complete, shortest on the grid."""
 
     preload = ("rhs_planners.grid_search",)
-    word: ClassVar[str] = "astar"
+    owner = "planner.astar"
     any_angle: ClassVar[bool] = False
 
     expansions: int = 100_000_000
     """cells taken up before the budget is spent; above any map's number of cells"""
 
     def __post_init__(self):
-        self.check(f"planner.{self.word}")
-        check_range(f"planner.{self.word}", "expansions", self.expansions, low=1, high=10**12)
+        super().__post_init__()
+        check_ranges(self.owner, self, expansions=(1, 10**12))
 
     def build(self, context: Context) -> Planner:
         from .grid_search import GridSearch
@@ -38,5 +36,5 @@ class AStar(PlannerSettings):
 class ThetaStar(AStar):
     """Theta* (Nash, Daniel, Koenig, Felner 2007): A* whose paths may leave the grid's directions. Complete."""
 
-    word: ClassVar[str] = "theta_star"
-    any_angle: ClassVar[bool] = True
+    owner = "planner.theta_star"
+    any_angle = True

@@ -1,7 +1,8 @@
 """OMPL's plane over one grid: bounds, exact motion checks in one crossing per edge, counted budgets, seeds.
 
 OMPL (Sucan, Moll, Kavraki, "The Open Motion Planning Library", 2012) is used from Python with three cautions:
-- an edge is checked whole by a compiled walk over cells; checking states along it in Python is slower and cuts corners;
+- an edge is checked whole by a compiled walk over cells, in one crossing from Python on a grid known by its address;
+  checking states along it in Python is slower and cuts corners;
 - termination is a counter, never a clock, and never given to a solve() that runs a thread of its own (PRM's does);
 - its random seed is global and read when a planner is made, so it is set before every new planner from our own
   generator. That makes a plan depend on its seed only, whatever was planned before in the process. Two planners must
@@ -14,11 +15,36 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numba as nb
 import numpy as np
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 from ompl import base as ob
 from ompl import util as ou
 
-from .line import segment_free_at
+from rhs.api.jit import typed
+from rhs.estimation.paths.line import segment_free
+
+
+@intrinsic
+def _as_pointer(typing_context, address):
+    """An integer address as a pointer to bytes."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.intp), generate
+
+
+@typed(nb.boolean(nb.intp, nb.int64, nb.int64, nb.float64, nb.float64, nb.float64, nb.float64))
+def segment_free_at(address, rows, columns, x0, y0, x1, y1):
+    """segment_free on the uint8 grid at a memory address: spares unboxing the array on every call from OMPL.
+
+    Ends beyond the grid are not free."""
+    if not (0.0 <= min(x0, x1) and max(x0, x1) < columns and 0.0 <= min(y0, y1) and max(y0, y1) < rows):
+        return False
+    grid = nb.carray(_as_pointer(address), (rows, columns), np.uint8)  # type: ignore[call-arg]  # numba gives the first
+    return segment_free(grid, x0, y0, x1, y1)
 
 
 class GridMotion(ob.MotionValidator):

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from rhs.api.errors import check_range
+from rhs.api.contracts import Context, Planner
+from rhs.api.errors import check_ranges
 
 from .shared_config import PlannerSettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -19,6 +16,7 @@ class PotentialField(PlannerSettings):
     metres: its slope towards the goal is 1."""
 
     preload = ("rhs_planners.potential_field",)
+    owner = "planner.potential_field"
 
     repulsion_m3: float = 0.01
     """gain: 0.5 * gain * (1/d - 1/reach)^2 at d metres from a blocked cell"""
@@ -35,14 +33,9 @@ class PotentialField(PlannerSettings):
     """of the trail, before the budget is spent: from cell to cell with cells of 0.1 m and larger"""
 
     def __post_init__(self):
-        owner = "planner.potential_field"
-        self.check(owner)
-        check_range(owner, "repulsion_m3", self.repulsion_m3, low=0.0, high=1e3, unit="m^3")
-        check_range(owner, "reach_m", self.reach_m, low=1e-3, high=100.0, unit="m")
-        check_range(owner, "trail_step_m", self.trail_step_m, low=1e-3, high=100.0, unit="m")
-        check_range(owner, "trail", self.trail, low=0.0, high=1e3, unit="steps")
-        check_range(owner, "trail_radius_m", self.trail_radius_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "steps", self.steps, low=1, high=10_000_000)
+        super().__post_init__()
+        check_ranges(self.owner, self, repulsion_m3=(0.0, 1e3), reach_m=(1e-3, 100.0), trail_step_m=(1e-3, 100.0),
+                     trail=(0.0, 1e3), trail_radius_m=(0.0, 100.0), steps=(1, 10_000_000))
 
     def build(self, context: Context) -> Planner:
         from .potential_field import PotentialFieldPlanner

@@ -50,7 +50,7 @@ class RoadmapPlanner:
         raw = already_there(task)
         raw = self._query(task) if raw is None else raw
         rounds = self._settings.rounds(self._ground.free_cells)
-        while raw is None and counts["growths"] < rounds and self._worth_growing(task):
+        while raw is None and counts["growths"] < rounds and task.ground.connected(task.start, task.goal):
             learning = time.process_time()
             self._grow(task, self._settings.growth)
             learn_s += time.process_time() - learning
@@ -63,9 +63,6 @@ class RoadmapPlanner:
     def _query(self, task: Task) -> np.ndarray | None:
         assert self._roadmap is not None
         return self._roadmap.query(task.grid, task.start, task.goal, links=self._settings.links)
-
-    def _worth_growing(self, task: Task) -> bool:
-        return task.ground.connected(task.start, task.goal)
 
     def _make_ready(self, task: Task, counts: dict) -> None:
         """A roadmap for the grid of the task: the one at hand, repaired, or a new one."""

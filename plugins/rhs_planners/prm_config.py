@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, Planner
 from rhs.api.errors import check_choice, check_range, check_ranges
 
 from .shared_config import PlannerSettings, scaled_to
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Planner
 
 
 @dataclass
@@ -27,7 +25,6 @@ class RoadmapAdvanced:
 
 @dataclass
 class _Roadmap(PlannerSettings):
-    _word: ClassVar[str]
     _star: ClassVar[bool]
     preload = ("rhs_planners.prm", "rhs_planners.native_roadmap")
 
@@ -45,14 +42,11 @@ class _Roadmap(PlannerSettings):
     advanced: RoadmapAdvanced = field(default_factory=RoadmapAdvanced)
 
     def __post_init__(self):
-        owner = f"planner.{self._word}"
-        self.check(owner)
-        check_choice(owner, "backend", self.backend, ("native", "ompl"))
-        check_range(owner, "milestones", self.milestones, low=1, high=200_000)
-        check_range(owner, "growth", self.growth, low=1, high=200_000)
+        super().__post_init__()
+        check_choice(self.owner, "backend", self.backend, ("native", "ompl"))
+        check_ranges(self.owner, self, milestones=(1, 200_000), growth=(1, 200_000), links=(1, 1000))
         if self.growth_rounds is not None:
-            check_range(owner, "growth_rounds", self.growth_rounds, low=0, high=10_000)
-        check_range(owner, "links", self.links, low=1, high=1000)
+            check_range(self.owner, "growth_rounds", self.growth_rounds, low=0, high=10_000)
 
     def rounds(self, free_cells: int) -> int:
         if self.growth_rounds is not None:
@@ -75,11 +69,11 @@ class _Roadmap(PlannerSettings):
 class Prm(_Roadmap):
     """Probabilistic roadmap (Kavraki, Svestka, Latombe, Overmars 1996), kept for every later query."""
 
-    _word, _star = "prm", False
+    owner, _star = "planner.prm", False
 
 
 @dataclass
 class PrmStar(_Roadmap):
     """PRM* (Karaman and Frazzoli 2011): as prm, with more neighbours per vertex as it grows, to approach the best."""
 
-    _word, _star = "prm_star", True
+    owner, _star = "planner.prm_star", True

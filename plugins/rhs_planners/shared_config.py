@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.contracts import Context, Planner
+from rhs.api.errors import check_ranges
 
 
 def scaled_to(free_cells: int, *, each: float, least: int, most: int = 1_000_000) -> int:
@@ -31,10 +32,27 @@ class PlannerSettings:
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
     preload: ClassVar[tuple[str, ...]]
+    owner: ClassVar[str]  # what stands before a setting's name in messages
 
     start_radius_m: float = 0.3
     """a start in a blocked cell is set off to a free one this near; one robot radius"""
 
-    def check(self, owner: str) -> None:
-        """Refuse shared settings out of range."""
-        check_range(owner, "start_radius_m", self.start_radius_m, low=0.0, high=10.0, unit="m")
+    def __post_init__(self) -> None:
+        check_ranges(self.owner, self, start_radius_m=(0.0, 10.0))
+
+
+@dataclass
+class TreeSettings(PlannerSettings):
+    """Of OMPL's planners, see tree.py. `rounds(free_cells)`: the steps that each round of the search may take."""
+
+    preload = ("rhs_planners.tree",)
+    method: ClassVar[str]  # which of tree.py makes the planner
+
+    def knob(self, rounds: list[int]) -> tuple[str, int]:
+        """The setting that bounds the search, and the number it stands for."""
+        return "iterations", sum(rounds)
+
+    def build(self, context: Context) -> Planner:
+        from . import tree
+
+        return tree.TreePlanner(self, context.rng, getattr(tree, self.method))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,30 +12,19 @@ from ompl import geometric as og
 
 from rhs.api.records import Path, PlanningProblem
 
-from .ompl_space import (
-    Counter,
-    GridMotion,
-    LoggedGridMotion,
-    definition,
-    edges_of,
-    fresh_seed,
-    solution,
-    space_over,
-)
+from .ompl_space import Counter, GridMotion, LoggedGridMotion, definition, edges_of, fresh_seed, solution, space_over
 from .problem import Ground, Task, already_there, begin, finish
 
 
 class TreePlanner:
     """make(information, settings, resolution_m, times) gives the OMPL planner, `times` as thorough as at first;
-    settings.rounds(free_cells) the steps that each round of the search may take.
+    settings.rounds(free_cells) the steps that each round of the search may take."""
 
-    logged: draw the edges it tested instead of its tree (BIT*'s cannot be read: OMPL then keeps its vertices for ever).
-    anew: it cannot go on with the tree it has; every round takes a new one.
-    """
-
-    def __init__(self, settings, rng: np.random.Generator, make: Callable, *, logged: bool = False, anew: bool = False):
-        self._settings, self._rng, self._make, self._anew = settings, rng, make, anew
-        self._motion = LoggedGridMotion if logged else GridMotion
+    def __init__(self, settings, rng: np.random.Generator, make: Callable):
+        self._settings, self._rng, self._make = settings, rng, make
+        self._anew = make is fmt  # it cannot go on with the tree it has; every round takes a new one
+        # BIT*'s tree cannot be read, OMPL then keeps its vertices for ever: the edges it tested are drawn instead
+        self._motion = LoggedGridMotion if make is bit_star else GridMotion
         self._ground, self._version = Ground(), -1
         self._space: tuple[Any, GridMotion]  # over the ground of that version
 
@@ -94,26 +84,17 @@ def _edges(information, planner, motion: GridMotion) -> np.ndarray:
     return points[edges]
 
 
-def rrt(information, settings, resolution_m: float, times: int):
-    planner = og.RRT(information)
+def _biased(kind, information, settings, resolution_m: float, times: int):
+    planner = kind(information)
     planner.setGoalBias(settings.goal_bias)
     return _ranged(planner, settings, resolution_m)
+
+
+rrt, rrt_star, informed_rrt_star = (partial(_biased, kind) for kind in (og.RRT, og.RRTstar, og.InformedRRTstar))
 
 
 def rrt_connect(information, settings, resolution_m: float, times: int):
     return _ranged(og.RRTConnect(information), settings, resolution_m)
-
-
-def rrt_star(information, settings, resolution_m: float, times: int):
-    planner = og.RRTstar(information)
-    planner.setGoalBias(settings.goal_bias)
-    return _ranged(planner, settings, resolution_m)
-
-
-def informed_rrt_star(information, settings, resolution_m: float, times: int):
-    planner = og.InformedRRTstar(information)
-    planner.setGoalBias(settings.goal_bias)
-    return _ranged(planner, settings, resolution_m)
 
 
 def bit_star(information, settings, resolution_m: float, times: int):

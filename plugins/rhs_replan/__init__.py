@@ -4,44 +4,42 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from rhs.api.contracts import Blockage, Blocked, Context
-from rhs.api.errors import check_range
+from rhs.api.errors import check_ranges
 
 MOST = 100_000
 
 
-@dataclass
-class NewMission:
-    """The mission is broken off and another begun from where the robot stands (thesis 5.6); around what was seen before in
-    this attempt it only plans again."""
+class OwnPart:
+    """Settings that decide themselves: what is built of them is what was typed."""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    def build(self, context: Context) -> NewMission:
+    def build(self, context: Context) -> Any:
         return self
+
+
+@dataclass
+class NewMission(OwnPart):
+    """The mission is broken off and another begun from where the robot stands (thesis 5.6); around what was seen before in
+    this attempt it only plans again."""
 
     def blocked(self, blockage: Blockage) -> Blocked:
         return Blocked.REPLAN if blockage.known else Blocked.NEW_MISSION
 
 
 @dataclass
-class Wait:
+class Wait(OwnPart):
     """Stand still for a while, in case it goes away; then as `new_mission`."""
 
     views: int = 40
     """views to wait for something new on the path, or where there is no way round, half a second each"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
-
     def __post_init__(self) -> None:
-        check_range("replan", "views", self.views, low=0, high=MOST)
-
-    def build(self, context: Context) -> Wait:
-        return self
+        check_ranges("replan", self, views=(0, MOST))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         if (blockage.no_way or not blockage.known) and blockage.waited < self.views:
@@ -50,27 +48,21 @@ class Wait:
 
 
 @dataclass
-class GoRound:
+class GoRound(OwnPart):
     """Plan again round it, in the same mission; only where there is no way round, stand still for a while."""
 
     views: int = 40
     """views to wait where there is no way round, half a second each; then the place is left out"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
-
     def __post_init__(self) -> None:
-        check_range("replan", "views", self.views, low=0, high=MOST)
-
-    def build(self, context: Context) -> GoRound:
-        return self
+        check_ranges("replan", self, views=(0, MOST))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         return Blocked.WAIT if blockage.no_way and blockage.waited < self.views else Blocked.REPLAN
 
 
 @dataclass
-class SkipAndReturn:
+class SkipAndReturn(OwnPart):
     """Go on with the next place and come back to this one when the others are done; where no other is left, and after
     so many tries of one place, as `go_round`."""
 
@@ -79,15 +71,8 @@ class SkipAndReturn:
     views: int = 40
     """views to wait where there is neither another place nor a way round, half a second each"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
-
     def __post_init__(self) -> None:
-        check_range("replan", "tries", self.tries, low=0, high=1000)
-        check_range("replan", "views", self.views, low=0, high=MOST)
-
-    def build(self, context: Context) -> SkipAndReturn:
-        return self
+        check_ranges("replan", self, tries=(0, 1000), views=(0, MOST))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         if blockage.others and blockage.skipped < self.tries:
@@ -96,7 +81,7 @@ class SkipAndReturn:
 
 
 @dataclass
-class Ask:
+class Ask(OwnPart):
     """Stand still and ask: the event `ask` says so, the answer is a word in a file. Without one it is `skip_and_return`."""
 
     file: str = "answer.txt"
@@ -107,15 +92,8 @@ class Ask:
     tries: int = 2
     """times that a place is put off where nobody answers"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
-
     def __post_init__(self) -> None:
-        check_range("replan", "views", self.views, low=0, high=MOST)
-        check_range("replan", "tries", self.tries, low=0, high=1000)
-
-    def build(self, context: Context) -> Ask:
-        return self
+        check_ranges("replan", self, views=(0, MOST), tries=(0, 1000))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         try:

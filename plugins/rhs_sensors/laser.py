@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+import numpy as np
 
+from rhs.api.contracts import Context, Sensor
+from rhs.api.errors import ConfigError, ContractError, check_ranges
+from rhs.api.records import Capture, Observation, Scan
+
+from .degrade import Encoders, frozen
 from .wheeled import Wheeled
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
@@ -29,14 +31,42 @@ class Laser(Wheeled):
 
     def __post_init__(self) -> None:
         owner = "sensor.laser"
-        check_range(owner, "range_sigma_m", self.range_sigma_m, low=0.0, high=10.0, unit="m")
-        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_ranges(owner, self, range_sigma_m=(0.0, 10.0), min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0))
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
         self.check_wheels(owner)
 
     def build(self, context: Context) -> Sensor:
-        from .laser_sensor import LaserSensor
-
         return LaserSensor(self, context)
+
+
+class LaserSensor:
+    """Scan and wheel travel; a recording has put its own noise on both. Each noise has its own random stream."""
+
+    senses_ahead = True
+
+    def __init__(self, settings: Laser, context: Context) -> None:
+        self._settings, self._camera = settings, context.camera
+        self._range_rng, wheel_rng = context.rng.spawn(2)
+        self._encoders = Encoders(settings, wheel_rng)
+
+    def sense(self, capture: Capture) -> Observation:
+        if capture.scan is None:
+            raise ContractError(f"capture {capture.index} has no laser scan; sensor=laser needs a recording with one, or "
+                                "source.laser_beams of the simulator")
+        return Observation(
+            capture.index, capture.stamp_s, self._camera,
+            scan=self._measured(capture.scan, exact=capture.sensed), command=capture.command,
+            wheel=self._encoders.read(capture.travel, exact=capture.sensed),
+        )
+
+    def _measured(self, scan: Scan, *, exact: bool) -> Scan:
+        """The scan with noise, and with readings out of range made unknown (near) or free (far)."""
+        settings, ranges = self._settings, scan.ranges_m
+        reach = min(settings.max_range_m, scan.max_range_m)
+        if settings.noise and not exact:
+            ranges = ranges + settings.range_sigma_m * self._range_rng.standard_normal(len(ranges))
+        with np.errstate(invalid="ignore"):
+            ranges = np.where(ranges < settings.min_range_m, np.nan, ranges)
+            ranges = np.where(ranges > reach, np.inf, ranges)
+        return Scan(scan.bearings_rad, frozen(ranges), reach, scan.origin_xy_m)

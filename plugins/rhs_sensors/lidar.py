@@ -1,14 +1,17 @@
-"""The sensor `lidar`: a recorded point cloud of a scanner that looks around in space, handed on as it is."""
+"""The sensor `lidar`: a recorded point cloud of a scanner that looks around in space, which passes as an extra modality."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+import numpy as np
 
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Sensor
+from rhs.api.contracts import Context, Sensor
+from rhs.api.errors import ConfigError, ContractError, check_ranges
+from rhs.api.records import Capture, Observation, Scan
+
+from .degrade import frozen
 
 
 @dataclass
@@ -31,16 +34,41 @@ class Lidar:
 
     def __post_init__(self) -> None:
         owner = "sensor.lidar"
-        check_range(owner, "low_m", self.low_m, low=-100.0, high=100.0, unit="m")
-        check_range(owner, "high_m", self.high_m, low=-100.0, high=100.0, unit="m")
-        check_range(owner, "beams", self.beams, low=8, high=10_000)
-        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_ranges(owner, self, low_m=(-100.0, 100.0), high_m=(-100.0, 100.0), beams=(8, 10_000),
+                     min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0))
         for low, high in (("low_m", "high_m"), ("min_range_m", "max_range_m")):
             if getattr(self, low) >= getattr(self, high):
                 raise ConfigError(f"{owner}.{low}={getattr(self, low)} is not below {high}={getattr(self, high)}")
 
     def build(self, context: Context) -> Sensor:
-        from .lidar_sensor import LidarSensor
-
         return LidarSensor(self, context)
+
+
+class LidarSensor:
+    """Reads a band of the cloud as a planar scan; the recording has put its own noise on it."""
+
+    senses_ahead = True
+
+    def __init__(self, settings: Lidar, context: Context) -> None:
+        self._settings, self._camera = settings, context.camera
+        step = 2.0 * np.pi / settings.beams
+        self._bearings = frozen((np.arange(settings.beams) + 0.5) * step - np.pi)
+
+    def sense(self, capture: Capture) -> Observation:
+        if "cloud" not in capture.extras:
+            raise ContractError(f"capture {capture.index} has no cloud; sensor=lidar needs a recording with point clouds")
+        travel = None if capture.travel is None else frozen(np.array(capture.travel, float))
+        return Observation(capture.index, capture.stamp_s, self._camera, scan=self._scan(capture.extras["cloud"]),
+                           command=capture.command, wheel=travel)
+
+    def _scan(self, cloud: np.ndarray) -> Scan:
+        """The nearest point of each bearing within the band; NaN where there is none: between its rings a lidar is blind."""
+        s = self._settings
+        points = np.asarray(cloud, float)
+        ranges = np.hypot(points[:, 0], points[:, 1])
+        used = (points[:, 2] >= s.low_m) & (points[:, 2] <= s.high_m) & (ranges >= s.min_range_m) & (ranges <= s.max_range_m)
+        turn = np.arctan2(points[used, 1], points[used, 0])
+        beam = np.minimum(((turn + np.pi) * (s.beams / (2.0 * np.pi))).astype(int), s.beams - 1)
+        nearest = np.full(s.beams, np.inf)
+        np.minimum.at(nearest, beam, ranges[used])
+        return Scan(self._bearings, frozen(np.where(np.isfinite(nearest), nearest, np.nan)), s.max_range_m)

@@ -1,16 +1,16 @@
-"""Settings of the sensor `mono`: one camera without depth on a robot with wheel encoders."""
+"""The sensor `mono`: one camera without depth on a robot with wheel encoders."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.contracts import Context, Sensor
+from rhs.api.errors import check_ranges
+from rhs.api.records import Capture, Observation
 
+from .degrade import Encoders, image_of, noisy_image
 from .wheeled import Wheeled
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
@@ -24,11 +24,31 @@ class Mono(Wheeled):
     """noise of each colour channel, grey levels of 255 (1 sigma)"""
 
     def __post_init__(self) -> None:
-        owner = "sensor.mono"
-        check_range(owner, "image_sigma", self.image_sigma, low=0.0, high=255.0)
-        self.check_wheels(owner)
+        check_ranges("sensor.mono", self, image_sigma=(0.0, 255.0))
+        self.check_wheels("sensor.mono")
 
     def build(self, context: Context) -> Sensor:
-        from .mono_sensor import MonoSensor
-
         return MonoSensor(self, context)
+
+
+class MonoSensor:
+    """Takes depth and scan away; each noise has its own random stream, so that settings stay apart."""
+
+    senses_ahead = True
+
+    def __init__(self, settings: Mono, context: Context) -> None:
+        self._settings = settings
+        self._camera = context.camera
+        self._image_rng, wheel_rng = context.rng.spawn(2)
+        self._encoders = Encoders(settings, wheel_rng)
+
+    def sense(self, capture: Capture) -> Observation:
+        sigma = self._settings.image_sigma if self._settings.noise and not capture.sensed else 0.0
+        return Observation(
+            capture.index,
+            capture.stamp_s,
+            self._camera,
+            image=noisy_image(image_of(capture, self._camera), sigma, self._image_rng),
+            command=capture.command,
+            wheel=self._encoders.read(capture.travel, exact=capture.sensed),
+        )

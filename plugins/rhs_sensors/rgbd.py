@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+from rhs.api.contracts import Context, Sensor
+from rhs.api.errors import ConfigError, check_range, check_ranges
 from rhs.estimation.scans.settings import BandSettings
 from rhs.estimation.views.settings import DepthNoiseSettings
 
 from .wheeled import Wheeled
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
@@ -55,18 +53,12 @@ class Rgbd(Wheeled):
 
     def __post_init__(self) -> None:
         owner = "sensor.rgbd"
-        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_ranges(owner, self, min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0), depth_noise=(0.0, 1000.0),
+                     depth_constant_m=(0.0, 1.0), depth_quadratic_per_m=(0.0, 1.0), disparity_step_px=(0.0, 10.0),
+                     image_sigma=(0.0, 255.0), beams=(0, 10_000), scan_rows=(1, 99))
+        check_range(owner, "disparity_m_px", self.disparity_m_px, low=0.1, high=10_000.0, unit="m px")
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
-        check_range(owner, "depth_noise", self.depth_noise, low=0.0, high=1000.0)
-        check_range(owner, "depth_constant_m", self.depth_constant_m, low=0.0, high=1.0, unit="m")
-        check_range(owner, "depth_quadratic_per_m", self.depth_quadratic_per_m, low=0.0, high=1.0, unit="1/m")
-        check_range(owner, "disparity_step_px", self.disparity_step_px, low=0.0, high=10.0, unit="px")
-        check_range(owner, "disparity_m_px", self.disparity_m_px, low=0.1, high=10_000.0, unit="m px")
-        check_range(owner, "image_sigma", self.image_sigma, low=0.0, high=255.0)
-        check_range(owner, "beams", self.beams, low=0, high=10_000)
-        check_range(owner, "scan_rows", self.scan_rows, low=1, high=99)
         if self.scan_rows % 2 == 0:
             raise ConfigError(f"{owner}.scan_rows={self.scan_rows} is even; expected an odd number such as 1 or 3")
         self.check_wheels(owner)

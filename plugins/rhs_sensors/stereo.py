@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, Sensor
 from rhs.api.errors import ConfigError, check_range, check_ranges
 from rhs.estimation.scans.settings import BandSettings, FloorEndSettings
 
 from .wheeled import Wheeled
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Sensor
 
 
 @dataclass
@@ -75,16 +73,10 @@ class Stereo(Wheeled):
 
     def __post_init__(self) -> None:
         owner = "sensor.stereo"
-        check_range(owner, "image_sigma", self.image_sigma, low=0.0, high=255.0)
-        check_range(owner, "disparity_sigma_px", self.disparity_sigma_px, low=0.01, high=10.0, unit="px")
-        check_range(owner, "depth_error_share", self.depth_error_share, low=0.001, high=1.0)
-        check_range(owner, "max_range_m", self.max_range_m, low=0.0, high=1000.0, unit="m")
-        check_range(owner, "min_range_m", self.min_range_m, low=0.01, high=100.0, unit="m")
-        check_range(owner, "search_share", self.search_share, low=0.01, high=0.9)
-        check_range(owner, "uniqueness_percent", self.uniqueness_percent, low=0, high=99, unit="%")
-        check_range(owner, "left_right_px", self.left_right_px, low=0, high=100, unit="px")
-        check_range(owner, "texture", self.texture, low=0.0, high=255.0)
-        check_range(owner, "beams", self.beams, low=0, high=10_000)
+        check_ranges(owner, self, image_sigma=(0.0, 255.0), disparity_sigma_px=(0.01, 10.0),
+                     depth_error_share=(0.001, 1.0), max_range_m=(0.0, 1000.0), min_range_m=(0.01, 100.0),
+                     search_share=(0.01, 0.9), uniqueness_percent=(0, 99), left_right_px=(0, 100), texture=(0.0, 255.0),
+                     beams=(0, 10_000))
         for name, high in (("block_px", 31), ("scan_rows", 99)):
             value = getattr(self, name)
             check_range(owner, name, value, low=1, high=high)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rhs.api.errors import check_range
+from rhs.api.errors import check_ranges
 
 
 @dataclass
@@ -26,6 +26,5 @@ class Wheeled:
 
     def check_wheels(self, owner: str) -> None:
         """Raises ConfigError where one is out of range. owner: such as `sensor.rgbd`."""
-        check_range(owner, "wheel_scale_sigma", self.wheel_scale_sigma, low=0.0, high=0.5)
-        for name in ("wheel_distance_share", "wheel_turn_share", "wheel_slip_chance", "wheel_slip_share"):
-            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
+        check_ranges(owner, self, wheel_scale_sigma=(0.0, 0.5), wheel_distance_share=(0.0, 1.0), wheel_turn_share=(0.0, 1.0),
+                     wheel_slip_chance=(0.0, 1.0), wheel_slip_share=(0.0, 1.0))

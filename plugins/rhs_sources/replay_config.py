@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Source, SourceContext
+from rhs.api.contracts import Source, SourceContext
+from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
 
 FORMATS = ("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "run", "bag", "carmen", "video",
            "frames", "clouds")
@@ -105,16 +103,9 @@ class Replay:
         check_choice(owner, "format", self.format, FORMATS)
         check_choice(owner, "views", self.views, ("auto", "scans", "clouds"))
         check_choice(owner, "phase", self.phase, ("survey", "patrol", "localise", "all"))
-        check_range(owner, "depth_scale", self.depth_scale, low=0.0, high=1e6, unit="steps per metre")
-        check_range(owner, "max_depth_m", self.max_depth_m, low=0.1, high=1e4, unit="m")
-        check_range(owner, "max_difference_s", self.max_difference_s, low=0.0, high=10.0, unit="s")
-        check_range(owner, "max_truth_gap_s", self.max_truth_gap_s, low=0.0, high=1e4, unit="s")
-        check_range(owner, "max_jump_s", self.max_jump_s, low=0.01, high=1e9, unit="s")
-        check_range(owner, "rate_hz", self.rate_hz, low=0.0, high=1e4, unit="Hz")
-        check_range(owner, "start", self.start, low=0, high=1e9)
-        check_range(owner, "stride", self.stride, low=1, high=1e6)
-        check_range(owner, "count", self.count, low=0, high=1e9)
-        check_range(owner, "max_laser_m", self.max_laser_m, low=0.1, high=1e3, unit="m")
+        check_ranges(owner, self, depth_scale=(0.0, 1e6), max_depth_m=(0.1, 1e4), max_difference_s=(0.0, 10.0),
+                     max_truth_gap_s=(0.0, 1e4), max_jump_s=(0.01, 1e9), rate_hz=(0.0, 1e4), start=(0, 1e9),
+                     stride=(1, 1e6), count=(0, 1e9), max_laser_m=(0.1, 1e3))
         check_range(owner, "extent_m", self.extent_m or 1.0, low=1.0, high=1e3, unit="m")
         check_range(owner, "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
         from .replay_mounts import mount_of

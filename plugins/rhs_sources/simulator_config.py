@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Source, SourceContext
 from rhs.api.errors import ConfigError, check_choice, check_range
 from rhs.api.robot_shape import footprint_of
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Source, SourceContext
-
 
 # setting -> least, most, unit; null is allowed where it is a setting's default
 RANGES: dict[str, tuple[float, float, str]] = {

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Source, SourceContext
+from rhs.api.contracts import Source, SourceContext
+from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
 
 
 @dataclass
@@ -56,12 +54,10 @@ class Tube:
 
     def __post_init__(self) -> None:
         check_choice("source.tube", "shape", self.shape, ("round", "rectangular"))
-        for name, low, high in (("size_m", 0.01, 50.0), ("aspect", 0.1, 10.0), ("length_m", 0.01, 1000.0),
-                                ("step_m", 0.001, 10.0), ("speed_mps", 0.001, 10.0), ("wobble_share", 0.0, 0.3),
-                                ("wobble_deg", 0.0, 10.0), ("image_width", 32, 4096), ("hfov_deg", 10.0, 150.0),
-                                ("skew_px", -100.0, 100.0), ("camera_share", 0.05, 0.95), ("finest_share", 0.01, 1.0),
-                                ("command_bias_percent", 0.0, 30.0), ("command_noise_percent", 0.0, 30.0)):
-            check_range("source.tube", name, getattr(self, name), low=low, high=high)
+        check_ranges("source.tube", self, size_m=(0.01, 50.0), aspect=(0.1, 10.0), length_m=(0.01, 1000.0),
+                     step_m=(0.001, 10.0), speed_mps=(0.001, 10.0), wobble_share=(0.0, 0.3), wobble_deg=(0.0, 10.0),
+                     image_width=(32, 4096), hfov_deg=(10.0, 150.0), skew_px=(-100.0, 100.0), camera_share=(0.05, 0.95),
+                     finest_share=(0.01, 1.0), command_bias_percent=(0.0, 30.0), command_noise_percent=(0.0, 30.0))
         if len(self.distortion) not in (0, 4, 5):
             raise ConfigError(f"source.tube.distortion={list(self.distortion)} has {len(self.distortion)} numbers; "
                               "expected k1, k2, p1, p2 and perhaps k3, or none")

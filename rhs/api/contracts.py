@@ -205,6 +205,7 @@ class Odometry(Protocol):
     def revise(self) -> Revision | None:
         """At the end of the survey: better poses, scans and walls for all views so far, or None. The poses may be in any
         frame: they are moved so that the first is where the survey began."""
+        return None
 
 
 class LoopCloser(Protocol):

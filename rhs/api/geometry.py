@@ -223,10 +223,6 @@ def align(
     return se3(rotation, mean_t - scale * rotation @ mean_s), scale
 
 
-def _default_extrinsics() -> np.ndarray:
-    return se3(BODY_FROM_OPTICAL, np.zeros(3))
-
-
 @dataclass(frozen=True)
 class Camera:
     """Pinhole camera with skew and optional lens distortion (thesis eqs 2.1-2.20).
@@ -245,7 +241,7 @@ class Camera:
     cy: float
     skew: float = 0.0
     distortion: tuple[float, ...] = ()
-    body_from_camera: np.ndarray = field(default_factory=_default_extrinsics)
+    body_from_camera: np.ndarray = field(default_factory=lambda: se3(BODY_FROM_OPTICAL, np.zeros(3)))
     readout_s: float = 0.0
 
     @property

@@ -31,6 +31,11 @@ class RecordingError(RhsError):
     """A recording cannot be read or written."""
 
 
+# The last word of a name -> the unit that is said of its range.
+UNITS = {"m": "m", "m3": "m^3", "s": "s", "ms": "ms", "mps": "m/s", "rad": "rad", "radps": "rad/s", "deg": "degrees",
+         "px": "px", "mb": "MB"}
+
+
 def check_range(owner: str, name: str, value: float, *, low: float, high: float, unit: str = "") -> None:
     """Refuse a number outside the closed range [low, high]; NaN and infinities are always outside.
 
@@ -43,10 +48,12 @@ def check_range(owner: str, name: str, value: float, *, low: float, high: float,
 
 
 def check_ranges(owner: str, settings: object, **ranges: tuple[float, float]) -> None:
-    """`check_range` of several numbers of one settings object: name=(low, high). A group nested in other settings passes the
-    owner "", the key it stands under is put before the name when the configuration is read."""
+    """`check_range` of several numbers of one settings object: name=(low, high), the unit read off the end of the name. A
+    group nested in other settings passes the owner "", the key it stands under is put before the name when the configuration
+    is read."""
     for name, (low, high) in ranges.items():
-        check_range(owner, name, getattr(settings, name), low=low, high=high)
+        unit = "" if "_per_" in name else UNITS.get(name.rpartition("_")[2], "")
+        check_range(owner, name, getattr(settings, name), low=low, high=high, unit=unit)
 
 
 def check_choice(owner: str, name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import Localiser, Mapper, Odometry, Source
+from rhs.api.contracts import Mapper, Odometry, Source
 from rhs.api.errors import RhsError
 from rhs.api.floorplan import World, truth_grid
 from rhs.api.frozen import freeze
@@ -19,19 +19,22 @@ from rhs.api.records import Belief, Capture, Closure, Motion, Observation, Revis
 SURE = 1e-6 * np.eye(6)  # metres^2, radians^2
 
 
-class Watched(Source):
+class Watched:
     """A source whose survey has been taken once, without its degradations, and is shown again, view by view; then the source
     itself goes on."""
 
+    leads_ahead = False
+
     def __init__(self, source: Source) -> None:
-        self.source, self.camera, self.facts = source, source.camera, source.facts
-        self.provides, self.renderer, self.lost = source.provides, source.renderer, source.lost
-        self.timed = source.timed
+        self.source = source
         self.taken: list[tuple[Capture, np.ndarray | None, tuple[float, bool]]] = []
         while (capture := source.lead()) is not None:
             self.taken.append((capture, source.truth(), source.clearance_m()))
         self.views_expected: int | None = len(self.taken)
         self.shown = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.source, name)
 
     def lead(self) -> Capture | None:
         if self.shown == len(self.taken):
@@ -52,15 +55,6 @@ class Watched(Source):
     @property
     def _in_survey(self) -> bool:
         return bool(self.taken)
-
-    def drive(self, command: Twist) -> Capture:
-        return self.source.drive(command)
-
-    def teleport(self, world_from_body: np.ndarray) -> None:
-        self.source.teleport(world_from_body)
-
-    def close(self) -> None:
-        self.source.close()
 
 
 class TrueDrive:
@@ -141,8 +135,8 @@ class TrueMap:
 class TrueLocaliser:
     """Always right and sure."""
 
-    def __init__(self, localiser: Localiser, source: Source) -> None:
-        self._localiser, self._source = localiser, source
+    def __init__(self, source: Source) -> None:
+        self._source = source
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """It needs no places."""

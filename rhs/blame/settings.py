@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.api.errors import ConfigError, check_choice, check_ranges
 from rhs.metrics.blame import LINKS
 from rhs.patrol.tasks import Patrol
 
@@ -45,8 +45,7 @@ class Blame(Patrol):
             check_choice("", "links", link, LINKS)
         if not self.links or len(set(self.links)) < len(self.links):
             raise ConfigError(f"links={self.links}: expected one or more different words of {', '.join(LINKS)}")
-        check_range("", "orders", self.orders, low=2, high=10_000)
-        check_range("", "processes", self.processes, low=0, high=1024)
+        check_ranges("", self, orders=(2, 10_000), processes=(0, 1024))
 
     def build(self, context: RunContext) -> BlameJob:  # type: ignore[override]
         from rhs.patrol.job import with_obstacles, with_people

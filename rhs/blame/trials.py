@@ -208,7 +208,7 @@ def _patrolling(chain: Chain, parts: Parts, links: frozenset[str]) -> Parts:
     if "map" in links:
         parts.mapper = TrueMap(parts.mapper, chain.world)
     if "localise" in links:
-        parts.localiser = TrueLocaliser(parts.localiser, parts.source)
+        parts.localiser = TrueLocaliser(parts.source)
     if "plan" in links:
         exact = Chosen("astar", registry.load("planner", "astar")())
         context = Context(generator(run.seed, "planner"), parts.source.camera, parts.source.facts, run.folder, run.features)

@@ -62,15 +62,13 @@ def _searched(atlas: Atlas, folder: Path, limits: Limits) -> None:
 
 def _publish(atlas: Atlas, folder: Path) -> None:
     """atlas.json, atlas.csv, atlas.png; a line for each search."""
-    from rhs.api.files import replacing
     from rhs.reports.dial_pictures import atlas_picture
+    from rhs.reports.export import write_texts
     from rhs.sweeps.atlas import accounts, csv_of
 
     if not (results := accounts(atlas)):
         return
-    for name, text in {"atlas.json": json.dumps(results, indent=1) + "\n", "atlas.csv": csv_of(results)}.items():
-        with replacing(folder / name) as file:
-            file.write(text)
+    write_texts(folder, {"atlas.json": json.dumps(results, indent=1) + "\n", "atlas.csv": csv_of(results)})
     atlas_picture(results, folder / "atlas.png")
     width = max(len(one["combination"]) for one in results)
     for one in results:

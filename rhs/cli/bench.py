@@ -46,6 +46,7 @@ def main(words: Sequence[str]) -> int:
     from rhs.base.provenance import commit
     from rhs.card import bench
     from rhs.card.forked import ForkResult, run_forked
+    from rhs.reports.export import write_texts
 
     chosen = parse("bench", __doc__, words, positional=["set"], mine="", only=False, quick=False, ours="", entry="",
                    held_out="", data="", blame=False, jobs=JOBS, timeout=TIMEOUT)
@@ -69,19 +70,11 @@ def main(words: Sequence[str]) -> int:
     say("")
     command = " ".join(["python -m rhs bench", *words])
     page = bench.page(found, len(questions) * len(bench.SEEDS), command=command, made_at=commit() or "unknown")
-    _publish(folder, {"md": page, "csv": bench.csv_of([row for result in found.values() for row in result.items])})
+    table = bench.csv_of([row for result in found.values() for row in result.items])
+    write_texts(folder, {f"{SETS[0]}.md": page, f"{SETS[0]}.csv": table})
     sys.stdout.write(f"{page}\nfiles: {folder}\n")
     mine = found.get(next(reversed(planners))) if chosen.mine else None
     return int(mine is not None and (bool(mine.ended) or any(row["fault"] for row in mine.items)))
-
-
-def _publish(folder: Path, texts: dict[str, str]) -> None:
-    from rhs.api.files import replacing
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for suffix, text in texts.items():
-        with replacing(folder / f"{SETS[0]}.{suffix}") as file:
-            file.write(text)
 
 
 def _planners(chosen: argparse.Namespace, ours: Sequence[str]) -> tuple[dict[str, Any], Path]:

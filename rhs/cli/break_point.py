@@ -71,9 +71,8 @@ def _searched(plan: Any, folder: Path, limits: Any, runs: int) -> list[dict[str,
 
 def _publish(accounts: list[dict[str, Any]], dial: Any, folder: Path) -> None:
     """break.json and break.png."""
-    from rhs.api.files import replacing
     from rhs.reports.dial_pictures import threshold_picture
+    from rhs.reports.export import write_text
 
-    with replacing(folder / "break.json") as file:
-        file.write(json.dumps(accounts, indent=1) + "\n")
+    write_text(folder / "break.json", json.dumps(accounts, indent=1) + "\n")
     threshold_picture(accounts, dial.value, folder / "break.png")

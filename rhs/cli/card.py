@@ -27,19 +27,15 @@ HOME = Path("results") / "cards"
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    from rhs.api.files import replacing
     from rhs.card.card import card_of, table
     from rhs.card.page import page_of
+    from rhs.reports.export import write_texts
 
     output = next((Path(word.partition("=")[2]) for word in words if word.startswith("output=")), None)
     kind, name, chosen = part_of([word for word in words if not word.startswith("output=")], "card")
     card = card_of(kind, name, chosen, tell=say)
     folder = output or HOME / f"{kind}_{name}"
-    folder.mkdir(parents=True, exist_ok=True)
-    with replacing(folder / "card.json") as file:
-        file.write(json.dumps(card.content, indent=1) + "\n")
-    with replacing(folder / "card.html") as file:
-        file.write(page_of(card))
+    write_texts(folder, {"card.json": json.dumps(card.content, indent=1) + "\n", "card.html": page_of(card)})
     say("")
     for line in card.content["verdict"]:
         sys.stdout.write(f"{line}\n")

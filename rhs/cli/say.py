@@ -43,7 +43,7 @@ def of_run(row: dict[str, Any], folder: Path) -> str:
 
 def of_sweep(folder: Path) -> str:
     """The summary of a sweep's rows; the whole table and, where planners ran alone, theirs are written in the folder."""
-    from rhs.api.files import replacing
+    from rhs.reports.export import write_text
     from rhs.reports.planning_table import planning_rows, planning_table, publish
     from rhs.reports.summary import as_text, summarise
     from rhs.reports.table import rows, to_csv
@@ -51,8 +51,7 @@ def of_sweep(folder: Path) -> str:
 
     unreadable: list[str] = []
     table = rows([folder], unreadable=unreadable)
-    with replacing(folder / "table.csv") as file:
-        file.write(to_csv(table))
+    write_text(folder / "table.csv", to_csv(table))
     left_out = [*thresholds(table), *(f"not counted: {message}" for message in unreadable)]
     if not len(table):
         return "\n".join(left_out)

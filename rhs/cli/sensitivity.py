@@ -76,7 +76,7 @@ def table(found: Sequence[Effect]) -> list[str]:
 
 def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     """sensitivity.csv, sensitivity.json, sensitivity.png."""
-    from rhs.api.files import replacing
+    from rhs.reports.export import write_texts
     from rhs.reports.sensitivity_picture import sensitivity_picture
 
     changes: list[dict[str, Any]] = [
@@ -86,9 +86,8 @@ def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     content = {"part": asked.part, "measure": asked.measure, "worlds": [world for world, _ in asked.pairs],
                "effects": changes, "left_out": dict(asked.left_out)}
     lines = [",".join(row) for row in [list(COLUMNS), *map(cells, found)]]
-    for name, text in {"sensitivity.json": json.dumps(content, indent=1), "sensitivity.csv": "\n".join(lines)}.items():
-        with replacing(folder / name) as file:
-            file.write(text + "\n")
+    write_texts(folder, {"sensitivity.json": json.dumps(content, indent=1) + "\n",
+                         "sensitivity.csv": "\n".join([*lines, ""])})
     moved = [one for one in changes if not one["same"]]
     title = f"{asked.part}: {asked.measure}, new over old, {len(asked.pairs)} pairs (less is better)"
     sensitivity_picture(moved or changes, title, folder / "sensitivity.png")

@@ -148,7 +148,7 @@ def _more(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
           limits: Limits, blame: bool) -> str:
     """NAME_more.csv and NAME_more.md into the folders, beside the runs first; the page. Blamed are the runs that lost
     something."""
-    from rhs.api.files import replacing
+    from rhs.reports.export import write_texts
     from rhs.sweeps import suite_more
     from rhs.sweeps.kept import any_row, kept_rows
     from rhs.sweeps.suite import csv_of, jobs_of
@@ -168,9 +168,7 @@ def _more(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequ
             for name, building, row, folder in runs]
     text = suite_more.page(suite.name, rows)
     for folder in folders:
-        for suffix, content in {"csv": csv_of(rows, suite_more.CELLS), "md": text}.items():
-            with replacing(folder / f"{suite.name}_more.{suffix}") as file:
-                file.write(content)
+        write_texts(folder, {f"{suite.name}_more.csv": csv_of(rows, suite_more.CELLS), f"{suite.name}_more.md": text})
     return text
 
 
@@ -201,18 +199,15 @@ def _beside(suite: Suite, rows: list[dict[str, str]], made: dict[str, dict[str, 
 
 def _published(suite: Suite, table: Table, folders: Sequence[Path], note: str, mine: str) -> str:
     """NAME.csv, NAME.json and NAME.md into the folders; the page."""
-    from rhs.api.files import replacing
+    from rhs.reports.export import write_texts
     from rhs.sweeps.suite import csv_of
     from rhs.sweeps.suite_page import page
 
     rows, made = table
     text = page(suite, rows, made, note=note, mine=mine)
     for folder in folders:
-        folder.mkdir(parents=True, exist_ok=True)
-        files = {"csv": csv_of(rows, suite.cells), "json": json.dumps(made, indent=1) + "\n", "md": text}
-        for suffix, content in files.items():
-            with replacing(folder / f"{suite.name}.{suffix}") as file:
-                file.write(content)
+        write_texts(folder, {f"{suite.name}.csv": csv_of(rows, suite.cells), f"{suite.name}.md": text,
+                             f"{suite.name}.json": json.dumps(made, indent=1) + "\n"})
     return text
 
 

@@ -22,13 +22,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rhs.base.commands import Arguments, answered, plain
-from rhs.base.errors import ConfigError, PluginError, check_range
+from rhs.base.commands import answered, plain
+from rhs.base.errors import ConfigError, PluginError
 from rhs.base.strict_yaml import load_yaml
 from rhs.config.compose import RunConfig, compose_config, config_hash, from_plain
 from rhs.runfolder.row import machine_dependent, read_row, write_row
 from rhs.sweeps.jobs import Job, Limits, processors, run_jobs
 from rhs.sweeps.runs import rows_of, values_of
+
+from .arguments import JOBS, Number, parse
 
 CLASSES = ("equal", "within 1e-6", "other")
 CLOSE = 1e-6
@@ -75,31 +77,23 @@ def _shown(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)[:60]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] = ()) -> int:
     """The command."""
-    parser = Arguments(prog="python -m rhs verify", description=__doc__,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
-    parser.add_argument("--sample", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--tolerance", type=float, default=0.0)
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--golden", type=Path)
-    parser.add_argument("--update", action="store_true")
-    return answered(lambda: _checked(parser.parse_args(arguments)))
+    return answered(lambda: _checked(arguments))
 
 
-def _checked(chosen: argparse.Namespace) -> int:
-    check_range("", "--sample", chosen.sample, low=0, high=1_000_000)
-    check_range("", "--tolerance", chosen.tolerance, low=0.0, high=1.0)
-    if bool(chosen.folders) == bool(chosen.golden):
+def _checked(words: Sequence[str]) -> int:
+    chosen = parse("verify", __doc__, words, sample=Number(0, low=0, high=1_000_000), seed=Number(0, low=0, high=2**63 - 1),
+                   tolerance=Number(0.0, low=0.0, high=1.0), jobs=JOBS, golden="", update=False)
+    if bool(chosen.typed) == bool(chosen.golden):
         raise ConfigError("give run or sweep folders, or --golden FOLDER")
     return _golden(chosen) if chosen.golden else _verify(chosen)
 
 
 def _verify(chosen: argparse.Namespace) -> int:
     """Run folders again, and compare."""
-    rows = {folder: row for folder, row in rows_of(chosen.folders).items() if row.get("status") not in UNFINISHED}
+    found = rows_of([Path(word) for word in chosen.typed])
+    rows = {folder: row for folder, row in found.items() if row.get("status") not in UNFINISHED}
     if not rows:
         raise ConfigError("no finished run in these folders")
     drawn = _drawn(sorted(rows), chosen)
@@ -122,7 +116,7 @@ def _drawn(folders: list[Path], chosen: argparse.Namespace) -> list[Path]:
 
 def _golden(chosen: argparse.Namespace) -> int:
     """The jobs of a golden set against the rows that are kept of them."""
-    folder = chosen.golden.absolute()
+    folder = Path(chosen.golden).absolute()
     words = load_yaml(folder / "jobs.yaml")
     if not isinstance(words, dict) or not all(isinstance(w, list) for w in words.values()):
         raise ConfigError(f"{folder}/jobs.yaml: expected lines `name: [word, word, ...]`")

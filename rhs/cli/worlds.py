@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,31 +15,26 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.floorplan import World
-from rhs.base.commands import Arguments
-from rhs.base.errors import check_range
 from rhs.worlds.random.names import FAMILIES, PREFIX, is_random, parse
 from rhs.worlds.world import find_world, load_world, world_names
+
+from .arguments import Number
+from .arguments import parse as parsed
 
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    parser = Arguments(prog="python -m rhs worlds", description=__doc__,
-                       formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*")
-    parser.add_argument("--pictures", type=Path, metavar="FOLDER")
-    parser.add_argument("--buildings", type=int, default=4, metavar="N")
-    chosen = parser.parse_intermixed_args(list(words))
-    check_range("", "--buildings", chosen.buildings, low=1, high=1000)
-    families = [] if chosen.names or chosen.pictures else list(FAMILIES)
-    every = chosen.names or [*world_names(), *(f"{PREFIX}{family}" for family in FAMILIES if not families)]
+    chosen = parsed("worlds", __doc__, words, pictures="", buildings=Number(4, low=1, high=1000))
+    families = [] if chosen.typed or chosen.pictures else list(FAMILIES)
+    every = chosen.typed or [*world_names(), *(f"{PREFIX}{family}" for family in FAMILIES if not families)]
     names = [one for name in every for one in (numbered(name, chosen.buildings) if is_random(name) else [name])]
     worlds = [(name, load_world(name)) for name in names]
-    if chosen.pictures is not None:
+    if chosen.pictures:
         from rhs.reports.world_pictures import write_pictures
 
-        write_pictures(worlds, chosen.pictures)
+        write_pictures(worlds, Path(chosen.pictures))
     sys.stdout.write("\n".join([*listed(worlds), *(_of_family(family) for family in families), ""]))
-    if chosen.pictures is not None:
+    if chosen.pictures:
         sys.stdout.write(f"files: {chosen.pictures}\n")
     return 0
 

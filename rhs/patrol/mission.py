@@ -8,7 +8,7 @@ import numpy as np
 
 from rhs.api.contracts import Odometry
 from rhs.api.records import MissionStatus
-from rhs.base.errors import check_choice, check_range
+from rhs.base.errors import check_choice, check_range, check_ranges
 
 from .frontiers import ExploreSettings
 from .guard import GuardSettings
@@ -79,22 +79,12 @@ class MissionSettings:
 
     def __post_init__(self) -> None:
         check_choice("mission", "survey", self.survey, ("route", "explore"))
-        check_range("mission", "arrive_m", self.arrive_m, low=0.05, high=5.0, unit="m")
-        check_range("mission", "margin_m", self.margin_m, low=0.0, high=2.0, unit="m")
-        check_range("mission", "comfort_m", self.comfort_m, low=0.0, high=2.0, unit="m")
-        check_range("mission", "tries", self.tries, low=1, high=1000)
-        check_range("mission", "stuck_steps", self.stuck_steps, low=2, high=10000)
-        check_range("mission", "views_max", self.views_max, low=1, high=10_000_000)
-        check_range("mission", "watch_m", self.watch_m, low=0.2, high=20.0, unit="m")
-        check_range("mission", "wall_tolerance_m", self.wall_tolerance_m, low=0.0, high=2.0, unit="m")
-        check_range("mission", "contacts", self.contacts, low=1, high=10_000)
-        check_range("mission", "lost_views", self.lost_views, low=1, high=10_000_000)
-        check_range("mission", "lost_views_total", self.lost_views_total, low=1, high=10_000_000)
         check_choice("mission", "turn", self.turn, ("auto", "pivot", "arc"))
-        check_range("mission", "arc_radius_m", self.arc_radius_m, low=0.1, high=5.0, unit="m")
-        check_range("mission", "step_m", self.step_m, low=0.02, high=2.0, unit="m")
-        check_range("mission", "turn_step_deg", self.turn_step_deg, low=1.0, high=90.0, unit="degrees")
-        check_range("mission", "speed_mps", self.speed_mps, low=0.02, high=3.0, unit="m/s")
+        check_ranges("mission", self, arrive_m=(0.05, 5.0), margin_m=(0.0, 2.0), comfort_m=(0.0, 2.0), tries=(1, 1000),
+                     stuck_steps=(2, 10000), views_max=(1, 10_000_000), watch_m=(0.2, 20.0),
+                     wall_tolerance_m=(0.0, 2.0), contacts=(1, 10_000), lost_views=(1, 10_000_000),
+                     lost_views_total=(1, 10_000_000), arc_radius_m=(0.1, 5.0), step_m=(0.02, 2.0),
+                     turn_step_deg=(1.0, 90.0), speed_mps=(0.02, 3.0))
 
 
 def turning(settings: MissionSettings, odometry: Odometry) -> MissionSettings:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING, ClassVar, TypeGuard
 
-from rhs.base.errors import ConfigError, check_choice, check_range
+from rhs.base.errors import ConfigError, check_choice, check_range, check_ranges
 from rhs.estimation.views.settings import CameraFitSettings
 from rhs.worlds.world_moving import walkers
 
@@ -29,8 +29,7 @@ class StoredViews:
     another view shows as well are given up"""
 
     def __post_init__(self) -> None:
-        check_range("places", "every", self.every, low=1, high=100_000)
-        check_range("places", "most_mb", self.most_mb, low=1.0, high=1e6, unit="MB")
+        check_ranges("places", self, every=(1, 100_000), most_mb=(1.0, 1e6))
 
 
 @dataclass
@@ -62,14 +61,9 @@ class Gate:
 
     def __post_init__(self) -> None:
         check_choice("gate", "act", self.act, ("contradiction", "off"))
-        check_range("gate", "probability", self.probability, low=0.5, high=1.0 - 1e-12)
-        check_range("gate", "wheel_share", self.wheel_share, low=0.0, high=1.0)
-        check_range("gate", "wheel_least_m", self.wheel_least_m, low=1e-6, high=10.0, unit="m")
-        check_range("gate", "wheel_least_rad", self.wheel_least_rad, low=1e-6, high=3.0, unit="rad")
-        check_range("gate", "slip_share", self.slip_share, low=0.0, high=1.0)
-        check_range("gate", "patience", self.patience, low=1, high=1_000_000)
-        check_range("gate", "leap_mps", self.leap_mps, low=0.01, high=1000.0, unit="m/s")
-        check_range("gate", "leap_radps", self.leap_radps, low=0.01, high=1000.0, unit="rad/s")
+        check_ranges("gate", self, probability=(0.5, 1.0 - 1e-12), wheel_share=(0.0, 1.0), wheel_least_m=(1e-6, 10.0),
+                     wheel_least_rad=(1e-6, 3.0), slip_share=(0.0, 1.0), patience=(1, 1_000_000),
+                     leap_mps=(0.01, 1000.0), leap_radps=(0.01, 1000.0))
 
 
 @dataclass

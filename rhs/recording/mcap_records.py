@@ -34,12 +34,11 @@ class Schema:
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic, the encoding of its messages, their schema, and what the writer said of it."""
+    """A topic, the encoding of its messages and their schema."""
 
     topic: str
     encoding: str
     schema: Schema
-    metadata: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -95,12 +94,12 @@ def schema_of(body: bytes) -> tuple[int, Schema]:
     return number, Schema(name, encoding, body[at + 4 : at + 4 + size])
 
 
-def channel_of(body: bytes) -> tuple[int, int, str, str, dict[str, str]]:
-    """Number, number of the schema, topic, encoding, metadata."""
+def channel_of(body: bytes) -> tuple[int, int, str, str]:
+    """Number, number of the schema, topic, encoding."""
     number, schema = struct.unpack_from("<HH", body)
     topic, at = text_at(body, 4)
     encoding, at = text_at(body, at)
-    return number, schema, topic, encoding, pairs_at(body, at)
+    return number, schema, topic, encoding
 
 
 def records_in(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:

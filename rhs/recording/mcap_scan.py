@@ -133,7 +133,7 @@ class _Scan:
     def __init__(self, file: BinaryIO, report: Report):
         self._file, self._report = file, report
         self._schemas: dict[int, Schema] = {}
-        self._described: dict[int, tuple[int, int, str, str, dict[str, str]]] = {}
+        self._described: dict[int, tuple[int, int, str, str]] = {}
         self._channels: dict[int, Channel] = {}
         self._crc = zlib.crc32(MAGIC)
         self._in_data, self._jumped, self._ended = True, False, False
@@ -230,8 +230,8 @@ class _Scan:
             if text not in self._report.damage:
                 self._report.damage.append(text)
             return None
-        _, schema, topic, encoding, metadata = described
-        self._channels[number] = Channel(topic, encoding, self._schemas.get(schema, Schema("", "", b"")), metadata)
+        _, schema, topic, encoding = described
+        self._channels[number] = Channel(topic, encoding, self._schemas.get(schema, Schema("", "", b"")))
         return self._channels[number]
 
     # --- ends and damage ---------------------------------------------------------------------------------------------

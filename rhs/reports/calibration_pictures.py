@@ -14,6 +14,7 @@ from rhs.api.files import write_whole
 from rhs.metrics.calibration import PHASES, WITHIN_M, Kidnap, beliefs_of, calibration_error, reliability, searches
 from rhs.metrics.localise import FOUND_WITHIN_M
 from rhs.plots import new_figure, save
+from rhs.runfolder.run import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,11 +25,7 @@ SURE, UNSURE = "#1f6fb4", "#bbbbbb"
 def calibration_picture(folder: Path) -> Path | None:
     """knowing.png of a run folder: its kidnaps and its reliability; None where nobody knows the truth. Of task=localise
     every start is shown as a kidnap is."""
-    path = Path(folder) / "steps.csv"
-    if not path.exists():
-        return None
-    with path.open(encoding="utf-8", newline="") as file:
-        beliefs = beliefs_of([row for row in csv.DictReader(file) if row["phase"] in PHASES])
+    beliefs = beliefs_of([row for row in Run(folder).steps if row["phase"] in PHASES])
     if not len(beliefs.wrong_m):
         return None
     figure = new_figure(10.0, 4.2)

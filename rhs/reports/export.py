@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,13 @@ def write_text(path: Path, text: str) -> None:
     """Write a table's text, whole or not at all."""
     with replacing(path) as file:
         file.write(text)
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files of these names into a folder, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        write_text(folder / name, text)
 
 
 def write_parquet(table: pandas.DataFrame, path: Path) -> None:

@@ -67,7 +67,8 @@ def _outcomes(table: pandas.DataFrame) -> list[tuple[float, str]]:
 def judged(table: pandas.DataFrame) -> pandas.DataFrame:
     """The table with scores, and without the figures of paths that were not found, are invalid, or end half-way."""
     done = succeeded(table)
-    out = table.assign(success=done, spl=_spl(table, done), bucket=_bucket(table))
+    bucket = np.floor(numbers(table, "octile_claimed_m") / BUCKET_CELLS)
+    out = table.assign(success=done, spl=_spl(table, done), bucket=bucket)
     if planned(table).any():
         out = out.assign(par2_ms=_par2_ms(table, done))
     empty = [name for name in ("spl", "bucket") if not out[name].notna().any()]
@@ -112,10 +113,6 @@ def _par2_ms(table: pandas.DataFrame, done: np.ndarray) -> np.ndarray:
     took = numbers(table, "plan_ms")  # of the first answer, learning included
     limit = pd.Series(took).groupby([buildings(table), problems(table)]).transform("max").to_numpy()
     return np.where(planned(table), np.where(done == 1.0, took, 2.0 * limit), np.nan)
-
-
-def _bucket(table: pandas.DataFrame) -> np.ndarray:
-    return np.floor(numbers(table, "octile_claimed_m") / BUCKET_CELLS)
 
 
 def problems(table: pandas.DataFrame) -> np.ndarray:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import base64
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from rhs.runfolder.run import Run
 
 from .drawing import json_of
 
@@ -77,11 +78,9 @@ def _of_the_row(row: Mapping[str, Any]) -> list[str]:
 
 def _of_the_steps(folder: Path) -> list[str]:
     """How long it did not know where it was."""
-    path = folder / "steps.csv"
-    if not path.exists():
+    if not (steps := Run(folder).steps):
         return []
-    with path.open(newline="", encoding="utf-8") as file:
-        patrol = [row for row in csv.DictReader(file) if row["phase"] == "patrol"]
+    patrol = [row for row in steps if row["phase"] == "patrol"]
     lost = sum(row["belief_status"] != "tracking" for row in patrol)
     return [f"In {lost} of {len(patrol)} views it did not know where it was."] if lost else \
         [f"It knew where it was in all {len(patrol)} views."]

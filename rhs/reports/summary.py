@@ -51,7 +51,7 @@ def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Se
     scored = scored.assign(independent_=independent(table))
     parts = [((), scored)] if not by else list(scored.groupby(by, dropna=False, sort=True))
     view = pd.DataFrame([dict(zip(by, key, strict=False)) | _group_row(part, wanted, cluster) for key, part in parts])
-    view.attrs["notes"] = _notes(table, view, scored)
+    view.attrs["notes"] = _notes(table, view)
     return view
 
 
@@ -77,7 +77,7 @@ def _group_row(part: pandas.DataFrame, wanted: Sequence[str], cluster: str) -> d
     return row
 
 
-def _notes(table: pandas.DataFrame, view: pandas.DataFrame, scored: pandas.DataFrame) -> list[str]:
+def _notes(table: pandas.DataFrame, view: pandas.DataFrame) -> list[str]:
     text = " ".join(map(str, view.to_numpy().ravel()))
     notes = legend(text)
     if (view["independent"] < view["runs"]).any():

@@ -171,7 +171,7 @@ def main() -> None:
         optimum = Optimum(problem.blocked, problem.resolution_m, problem.origin_m)
         for word in chosen.planners.split(","):
             planner = registry.load("planner", word)(**values).build(SimpleNamespace(rng=np.random.default_rng(1)))
-            answer = ask(planner, problem)
+            answer = ask(planner, problem, word)
             row = path_values(shortened(answer.path, problem), problem, optimum=optimum)
             told.setdefault(word, []).append((name, row, answer.cpu_ms))
     for word, rows in told.items():

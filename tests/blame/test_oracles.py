@@ -89,7 +89,7 @@ def test_odometry_closing_and_localiser_tell_the_truth():
     second = odometry.update(None)
     assert np.array_equal(first.previous_from_body, np.eye(4)) and second.status is Tracking.OK
     assert planar(second.previous_from_body) == pytest.approx([1.0, 0.0, 0.0])
-    localiser = TrueLocaliser(None, inner)
+    localiser = TrueLocaliser(inner)
     localiser.start(Belief(se2(9.0, 9.0, 0.0), SURE))
     assert planar(localiser.update(None, second).map_from_body) == pytest.approx([2.0, 0.0, 0.0])
 

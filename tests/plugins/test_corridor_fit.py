@@ -74,7 +74,7 @@ def test_derivatives_by_the_poses_agree_with_differences():
     from rhs_odometry.corridor.update import _by_clones, _linearised
 
     camera, _, own = _linearised(cameras, found, seen)
-    analytic = _by_clones(cameras, found, camera, seen)
+    analytic = _by_clones(cameras, found, camera)
 
     def predicted(pose, n):
         clones = state.clones.copy()

@@ -8,8 +8,7 @@ from rhs.api.geometry import Camera, exp_se3, inverse, se2
 from rhs.estimation.filters.settings import Effort
 from rhs_odometry.keyframe.config import Keyframe, KeyframeAdvanced
 from rhs_odometry.keyframe.culling import Edge
-from rhs_odometry.keyframe.keyframe_map import KeyframeMap
-from rhs_odometry.keyframe.pictures import Pictures
+from rhs_odometry.keyframe.keyframe_map import KeyframeMap, Pictures
 from rhs_odometry.keyframe.surface import surfaces
 from rhs_odometry.tracks import tracks
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from rhs_odometry.__main__ import main
 from rhs_odometry.corridor.state import Plane
 from rhs_odometry.corridor.wall_map import walls_of
 from rhs_odometry.corridor.walls import with_hits
-from rhs_odometry.tracks.__main__ import main
 from rhs_odometry.tracks.replay import FilterRun, figures
 from rhs_odometry.tracks.synthetic import named_tracks
 from rhs_odometry.tracks.track_frames import Tracks, save_tracks

@@ -14,7 +14,7 @@ from rhs.api.records import PlanReason
 from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import path_valid, polyline_length
 from rhs_planners.chance import uniform
-from rhs_planners.contours import contours
+from rhs_planners.fast_marching import contours
 
 
 @pytest.mark.parametrize("name", PLANNERS)

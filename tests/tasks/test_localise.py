@@ -18,9 +18,9 @@ from rhs.api.trajectory import Trajectory
 from rhs.metrics.calibration import Beliefs, searches
 from rhs.metrics.success import success_of
 from rhs.worlds.maps import save_map
-from rhs_tasks.localise.carried_off import CarriedOff
 from rhs_tasks.localise.given_map import GivenMap, paired, read_given
 from rhs_tasks.localise.settings import Localise, checked_start
+from rhs_tasks.localise.task import CarriedOff
 
 LOG = Path(__file__).parents[1] / "golden" / "laser.clf"
 QUIET = ["recording=off", "pictures=off"]

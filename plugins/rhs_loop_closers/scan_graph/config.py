@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, LoopCloser
 from rhs.api.errors import check_ranges
 from rhs.estimation.scans.settings import PointSettings
 from rhs.estimation.views.settings import DriftBounds
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, LoopCloser
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,8 @@ def _look(graph: Graph, pair: tuple[int, int], way_m: float, windows: Windows) -
     earlier, later = pair
     window_m = min(windows.radius_m + windows.growth * way_m, windows.most_m)
     window_rad = min(windows.turn_rad + windows.turn_growth * way_m, windows.turn_most_rad)
-    there = _stretch(keys, poses, earlier, windows.target_m)
-    here = _stretch(keys, poses, later, windows.source_m)
+    there = keys.along(earlier, windows.target_m, windows.target_m)
+    here = keys.along(later, windows.source_m, windows.source_m)
     there, here = there[there < here[0]], here[here > earlier]
     walls = PointMap(*_seen(keys, poses, there, earlier, settings.points.cell_m))
     points, normals = _seen(keys, poses, here, later, THIN_M)
@@ -121,10 +121,6 @@ def _look(graph: Graph, pair: tuple[int, int], way_m: float, windows: Windows) -
         return replace(find, refused=f"{fit.share:.0%} of the points find a wall")
     share = _through(graph, walls, here, find)
     return replace(find, refused=f"beams look through {share:.0%} of the walls") if share > windows.through else find
-
-
-def _stretch(keys: Keys, poses: np.ndarray, k: int, reach_m: float) -> np.ndarray:
-    return keys.along(k, reach_m, reach_m)
 
 
 def _seen(keys: Keys, poses: np.ndarray, chosen: np.ndarray, frame: int, cell_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.geometry import Camera
+from rhs.api.geometry import Camera, inverse, log_se3, orthonormal
+from rhs.api.records import Motion, Tracking
 
 from .settings import CloudAdvanced
 
@@ -156,3 +157,28 @@ def observability(
     support = maker.supports(cloud, axes, settings)
     weakest = int(np.argmin(support))
     return Observability(j.T @ j, axes[:, weakest], float(support[weakest]))
+
+
+def judged(pose: np.ndarray, seen: Observability, settings, details: dict[str, float]) -> Motion:
+    """An alignment's pose (4x4) as a motion, as sure as its `seen` says: `degenerate` and wide along the direction that too
+    small a share of the points holds. settings: min_support, and thresholds in `advanced`."""
+    a = settings.advanced
+    information = seen.information / a.correlated + 1e-3 * np.eye(6)
+    covariance = np.linalg.inv(information) + np.diag([a.least_m] * 3 + [a.least_rad] * 3) ** 2
+    status, reason = Tracking.OK, ""
+    if seen.support < settings.min_support:
+        axis = np.concatenate([seen.weakest, np.zeros(3)])
+        covariance = covariance + a.slipped_m**2 * np.outer(axis, axis)
+        where = ", ".join(f"{v:+.2f}" for v in seen.weakest)
+        status = Tracking.DEGENERATE
+        reason = f"{100 * seen.support:.2f} % of the points hold the direction ({where}) of the body"
+    covariance = 0.5 * (covariance + covariance.T)
+    sure = np.sqrt(np.diag(np.linalg.inv(covariance)))
+    return Motion(orthonormal(pose), covariance, status, reason, sure, details=details | {"support": seen.support})
+
+
+def within_reach(pose: np.ndarray, guess: np.ndarray, a) -> bool:
+    """Whether an alignment stayed near its guess: a scan matcher that leaps has locked on to something else. a: leap_m and
+    leap_rad."""
+    off = log_se3(inverse(guess) @ pose)
+    return bool(np.linalg.norm(off[:3]) <= a.leap_m and np.linalg.norm(off[3:]) <= a.leap_rad)

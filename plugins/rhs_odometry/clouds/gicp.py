@@ -10,9 +10,9 @@ import small_gicp
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, log_so3, orthonormal
 
-from .clouds import Cloud
+from .clouds import Cloud, within_reach
 from .gicp_config import Gicp
-from .odometry import CloudOdometry, within_reach
+from .odometry import CloudOdometry
 
 
 class GicpRegistration:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range, check_ranges
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_ranges
 
 from .settings import CloudAdvanced, CloudSettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -48,11 +46,8 @@ class Gicp(CloudSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         owner = f"odometry.{self.name}"
-        check_range(owner, "voxel_m", self.voxel_m, low=0.005, high=5.0, unit="m")
-        check_range(owner, "keep_move_m", self.keep_move_m, low=0.0, high=10.0, unit="m")
-        check_range(owner, "keep_turn_deg", self.keep_turn_deg, low=0.0, high=180.0, unit="degrees")
-        check_range(owner, "reach_m", self.reach_m, low=0.01, high=10.0, unit="m")
-        check_range(owner, "iterations", self.iterations, low=1, high=100)
+        check_ranges(owner, self, voxel_m=(0.005, 5.0), keep_move_m=(0.0, 10.0), keep_turn_deg=(0.0, 180.0),
+                     reach_m=(0.01, 10.0), iterations=(1, 100))
 
     def build(self, context: Context) -> Odometry:
         from .gicp import build

@@ -12,9 +12,9 @@ from kiss_icp.kiss_icp import KissICP
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, orthonormal
 
-from .clouds import Cloud
+from .clouds import Cloud, within_reach
 from .kiss_icp_config import KissIcp
-from .odometry import CloudOdometry, within_reach
+from .odometry import CloudOdometry
 
 
 class KissRegistration:

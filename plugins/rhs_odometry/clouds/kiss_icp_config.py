@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_ranges
 
 from .settings import CloudSettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -31,10 +29,8 @@ class KissIcp(CloudSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         owner = f"odometry.{self.name}"
-        check_range(owner, "voxel_m", self.voxel_m, low=0.005, high=5.0, unit="m")
-        check_range(owner, "iterations", self.iterations, low=1, high=100)
-        check_range(owner, "initial_threshold_m", self.initial_threshold_m, low=0.01, high=10.0, unit="m")
-        check_range(owner, "min_motion_m", self.min_motion_m, low=0.0, high=10.0, unit="m")
+        check_ranges(owner, self, voxel_m=(0.005, 5.0), iterations=(1, 100), initial_threshold_m=(0.01, 10.0),
+                     min_motion_m=(0.0, 10.0))
 
     def build(self, context: Context) -> Odometry:
         from .kiss_icp import build

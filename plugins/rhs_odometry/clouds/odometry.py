@@ -14,15 +14,14 @@ from typing import Protocol
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import inverse, log_se3, orthonormal
+from rhs.api.geometry import log_se3
 from rhs.api.records import Motion, Observation, Tracking
 from rhs.estimation.filters.kalman import gate
 
 from ..features.floor import on_floor
 from ..fused.fallback import guess_motion
-from .clouds import Cloud, CloudMaker, observability
+from .clouds import Cloud, CloudMaker, judged, observability
 from .second_look import second_look
-from .settings import CloudAdvanced
 
 
 class Registration(Protocol):
@@ -43,8 +42,7 @@ class CloudOdometry(Odometry):
 
     def __init__(self, settings, context: Context, registration: Registration) -> None:
         self._settings, self._registration = settings, registration
-        a = self._advanced = settings.advanced
-        self._least = np.diag([a.least_m] * 3 + [a.least_rad] * 3) ** 2
+        self._advanced = settings.advanced
         self._maker = CloudMaker(
             context.camera, stride=settings.stride_px, min_range_m=settings.min_range_m, max_range_m=settings.max_range_m
         )
@@ -73,10 +71,6 @@ class CloudOdometry(Odometry):
             return self._done(Motion(guess, wide, Tracking.LOST, f"{trouble}; took {name}"))
         return self._done(self._checked(self._judge(cloud, pose, guess), cloud, before))
 
-    def revise(self) -> None:
-        """Nothing to say afterwards."""
-        return None
-
     def _guess(self, observation: Observation) -> tuple[str, np.ndarray, np.ndarray]:
         """The motion to start from: wheels or command where they are wanted, else the last motion again."""
         if self._settings.guess == "motion":
@@ -86,25 +80,13 @@ class CloudOdometry(Odometry):
 
     def _judge(self, cloud: Cloud, pose: np.ndarray, guess: np.ndarray) -> Motion:
         seen = observability(cloud, self._maker, on_floor=self._on_floor, settings=self._advanced)
-        information = seen.information / self._advanced.correlated + 1e-3 * np.eye(6)
         if self._on_floor:
-            pose, _ = on_floor(pose, information)
-        covariance = np.linalg.inv(information) + self._least
-        details = {"points": float(len(cloud)), "support": seen.support}
-        status, reason = Tracking.OK, ""
-        if seen.support < self._settings.min_support:
-            axis = np.concatenate([seen.weakest, np.zeros(3)])
-            covariance = covariance + self._advanced.slipped_m**2 * np.outer(axis, axis)
-            where = ", ".join(f"{v:+.2f}" for v in seen.weakest)
-            reason = f"{100 * seen.support:.2f} % of the points hold the direction ({where}) of the body"
-            status = Tracking.DEGENERATE
-            if self._settings.slipping == "guess":
-                pose = pose.copy()
-                pose[:3, 3] += seen.weakest * float(seen.weakest @ (guess[:3, 3] - pose[:3, 3]))
-                self._registration.correct(pose)
-        covariance = 0.5 * (covariance + covariance.T)
-        sure = np.sqrt(np.diag(np.linalg.inv(covariance)))
-        return Motion(orthonormal(pose), covariance, status, reason, sure, details=details)
+            pose, _ = on_floor(pose, seen.information / self._advanced.correlated + 1e-3 * np.eye(6))
+        if seen.support < self._settings.min_support and self._settings.slipping == "guess":
+            pose = pose.copy()
+            pose[:3, 3] += seen.weakest * float(seen.weakest @ (guess[:3, 3] - pose[:3, 3]))
+            self._registration.correct(pose)
+        return judged(pose, seen, self._settings, {"points": float(len(cloud))})
 
     def _checked(self, motion: Motion, cloud: Cloud, before: Cloud | None) -> Motion:
         """The motion, widened and called degenerate when another one lays the surface of this view on that of the last one
@@ -131,11 +113,5 @@ class CloudOdometry(Odometry):
 
 def _few(cloud: Cloud) -> str:
     return f"only {len(cloud)} depth points"
-
-
-def within_reach(pose: np.ndarray, guess: np.ndarray, s: CloudAdvanced) -> bool:
-    """Whether an alignment stayed near its guess: a scan matcher that leaps has locked on to something else."""
-    off = log_se3(inverse(guess) @ pose)
-    return bool(np.linalg.norm(off[:3]) <= s.leap_m and np.linalg.norm(off[3:]) <= s.leap_rad)
 
 

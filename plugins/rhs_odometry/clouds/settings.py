@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
+from rhs.api.errors import ConfigError, check_choice, check_ranges
 
 from ..advanced import GuessNoise
 
@@ -76,10 +76,7 @@ class CloudSettings:
         owner = f"odometry.{self.name}"
         check_choice(owner, "guess", self.guess, ("motion", "last"))
         check_choice(owner, "slipping", self.slipping, ("report", "guess"))
-        check_range(owner, "stride_px", self.stride_px, low=1, high=64, unit="pixels")
-        check_range(owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_ranges(owner, self, stride_px=(1, 64), min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0),
+                     min_points=(10, 1_000_000), min_support=(0.0, 1.0))
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
-        check_range(owner, "min_points", self.min_points, low=10, high=1_000_000)
-        check_range(owner, "min_support", self.min_support, low=0.0, high=1.0)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import ConfigError, check_choice, check_ranges
 
 from .advanced import CorridorAdvanced
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -61,19 +59,11 @@ class CorridorEkf:
     def __post_init__(self) -> None:
         owner = "odometry.corridor_ekf"
         check_choice(owner, "motion", self.motion, ("command", "wheel", "none"))
-        for name in ("motion_scale_sigma", "forward_noise", "turn_noise"):
-            check_range(owner, name, getattr(self, name), low=1e-4, high=1.0)
-        check_range(owner, "speed_mps", self.speed_mps, low=0.0, high=10.0, unit="m/s")
-        check_range(owner, "speed_sigma_mps", self.speed_sigma_mps, low=1e-4, high=10.0, unit="m/s")
-        check_range(owner, "height_sigma_m", self.height_sigma_m, low=1e-4, high=1.0, unit="m")
-        check_range(owner, "width_m", self.width_m, low=0.0, high=50.0, unit="m")
-        check_range(owner, "width_sigma_m", self.width_sigma_m, low=1e-4, high=10.0, unit="m")
-        for name in ("right_angle_sigma_deg", "wobble_sigma_deg", "start_heading_sigma_deg"):
-            check_range(owner, name, getattr(self, name), low=1e-3, high=30.0, unit="degrees")
-        check_range(owner, "window", self.window, low=5, high=40)
-        check_range(owner, "pixel_sigma_px", self.pixel_sigma_px, low=0.05, high=20.0, unit="px")
-        check_range(owner, "points", self.points, low=20, high=400)
-        check_range(owner, "scan_range_m", self.scan_range_m, low=0.5, high=50.0, unit="m")
+        check_ranges(owner, self, motion_scale_sigma=(1e-4, 1.0), forward_noise=(1e-4, 1.0), turn_noise=(1e-4, 1.0),
+                     speed_mps=(0.0, 10.0), speed_sigma_mps=(1e-4, 10.0), height_sigma_m=(1e-4, 1.0), width_m=(0.0, 50.0),
+                     width_sigma_m=(1e-4, 10.0), right_angle_sigma_deg=(1e-3, 30.0), wobble_sigma_deg=(1e-3, 30.0),
+                     start_heading_sigma_deg=(1e-3, 30.0), window=(5, 40), pixel_sigma_px=(0.05, 20.0), points=(20, 400),
+                     scan_range_m=(0.5, 50.0))
         if self.advanced.least_views > self.window:
             raise ConfigError(f"{owner}.advanced.least_views={self.advanced.least_views} is above window={self.window}")
         if self.motion == "none" and not self.height_known and self.width_m == 0.0:

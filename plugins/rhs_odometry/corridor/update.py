@@ -58,7 +58,7 @@ def free_rows(
 ) -> Rows:
     """Rows of tracks used as free points: three numbers of each are spent on its position."""
     camera, p, point = _linearised(cameras, fit, seen)
-    return _finish(state, (residuals(p, rays, seen), _by_clones(cameras, fit, camera, seen), point, None), seen, sigma)
+    return _finish(state, (residuals(p, rays, seen), _by_clones(cameras, fit, camera), point, None), seen, sigma)
 
 
 def plane_rows(
@@ -70,7 +70,7 @@ def plane_rows(
     _, by_angles, by_plane = plane_rho([state.planes[j] for j in which], fit.angles, fit.anchor)
     own = point[..., :2] + point[..., 2:] * by_angles[:, None, None, :]
     wall = point[..., 2:] * by_plane[:, None, None, :]
-    parts = (residuals(p, rays, seen), _by_clones(cameras, fit, camera, seen), own, (wall, which))
+    parts = (residuals(p, rays, seen), _by_clones(cameras, fit, camera), own, (wall, which))
     return _finish(state, parts, seen, sigma)
 
 
@@ -81,7 +81,7 @@ def _linearised(cameras: WindowCameras, fit: TrackFit, seen: np.ndarray):
     return camera, p, by_point(cameras, fit.angles, fit.anchor, camera)
 
 
-def _by_clones(cameras: WindowCameras, fit: TrackFit, camera: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _by_clones(cameras: WindowCameras, fit: TrackFit, camera: np.ndarray) -> np.ndarray:
     """(T, N, 2, 5) derivative of each view's ray by that view's own pose x, y, yaw, pitch, roll."""
     q, _ = seen_from(cameras, fit.angles, fit.rho, fit.anchor)
     rho = fit.rho[:, None, None]

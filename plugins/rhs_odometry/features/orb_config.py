@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_choice, check_range
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_choice, check_ranges
 
 from ..advanced import PatchSearch, SurfaceSettings
 from .procrustes_config import Procrustes, ProcrustesAdvanced
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -44,9 +42,8 @@ class Orb(Procrustes):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("odometry.orb", "features", self.features, low=20, high=20_000)
         check_choice("odometry.orb", "placing", self.placing, ("patches", "features"))
-        check_range("odometry.orb", "ratio", self.ratio, low=0.1, high=1.0)
+        check_ranges("odometry.orb", self, features=(20, 20_000), ratio=(0.1, 1.0))
 
     def build(self, context: Context) -> Odometry:
         from .orb import OrbOdometry

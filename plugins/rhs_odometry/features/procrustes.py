@@ -13,7 +13,7 @@ import numpy as np
 
 from rhs.api.contracts import Context, Odometry
 from rhs.api.geometry import adjoint, compose_covariance, inverse, log_se3
-from rhs.api.records import Features, Motion, Observation, Revision, Tracking
+from rhs.api.records import Features, Motion, Observation, Tracking
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.views import features as vision
 from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_measured
@@ -70,10 +70,6 @@ class ProcrustesOdometry(Odometry):
         self._reference = self._next_reference(current, motion)
         self._last = motion.previous_from_body
         return motion
-
-    def revise(self) -> Revision | None:
-        """Frame to frame: nothing to say afterwards."""
-        return None
 
     def _next_reference(self, current: Features, motion: Motion) -> Reference:
         """The current view; or the old one still, when the current view is lost and shows too little to go on from."""
@@ -154,7 +150,7 @@ class ProcrustesOdometry(Odometry):
         if self._floor is not None:
             pose, covariance = self._floor.hold(pose, information)
         observability = np.sqrt(np.diag(information))
-        weak = self._weakness(covariance)
+        weak = weakness(covariance, self._settings)
         status = Tracking.DEGENERATE if weak else Tracking.OK
         return Motion(pose, covariance, status, weak, observability, details=details)
 
@@ -167,15 +163,15 @@ class ProcrustesOdometry(Odometry):
         move = adjoint(inverse(pose))
         return pose, covariance + move @ reference.covariance @ move.T
 
-    def _weakness(self, covariance: np.ndarray) -> str:
-        """Why this motion is degenerate, or nothing."""
-        sigma_m = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
-        sigma_rad = np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])
-        if sigma_m > self._settings.max_sigma_m:
-            return f"translation known to {sigma_m:.3f} m only, {self._settings.max_sigma_m} m allowed"
-        if sigma_rad > self._settings.max_sigma_rad:
-            return f"rotation known to {sigma_rad:.3f} rad only, {self._settings.max_sigma_rad} rad allowed"
-        return ""
+
+def weakness(covariance: np.ndarray, settings) -> str:
+    """Why a motion with this covariance (6, 6) is degenerate, or nothing. settings: max_sigma_m, max_sigma_rad."""
+    sigma_m, sigma_rad = (np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (covariance[:3, :3], covariance[3:, 3:]))
+    if sigma_m > settings.max_sigma_m:
+        return f"translation known to {sigma_m:.3f} m only, {settings.max_sigma_m} m allowed"
+    if sigma_rad > settings.max_sigma_rad:
+        return f"rotation known to {sigma_rad:.3f} rad only, {settings.max_sigma_rad} rad allowed"
+    return ""
 
 
 def body_motion(camera_motion: Rigid, body_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

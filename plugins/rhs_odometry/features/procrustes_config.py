@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_choice, check_range, check_ranges
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_choice, check_ranges
 
 from ..advanced import GuessNoise, SwaySettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -64,14 +62,9 @@ class Procrustes:
     def __post_init__(self) -> None:
         owner = "odometry.procrustes"
         check_choice(owner, "refine", self.refine, ("none", "reprojection"))
-        check_range(owner, "hypotheses", self.hypotheses, low=1, high=100_000)
-        check_range(owner, "gate_sigma", self.gate_sigma, low=0.5, high=100.0)
-        check_range(owner, "pixel_sigma_px", self.pixel_sigma_px, low=0.01, high=100.0, unit="px")
-        check_range(owner, "depth_constant_m", self.depth_constant_m, low=1e-5, high=1.0, unit="m")
-        check_range(owner, "depth_quadratic_per_m", self.depth_quadratic_per_m, low=0.0, high=1.0, unit="1/m")
-        check_range(owner, "min_inliers", self.min_inliers, low=4, high=100_000)
-        check_range(owner, "max_sigma_m", self.max_sigma_m, low=1e-6, high=100.0, unit="m")
-        check_range(owner, "max_sigma_rad", self.max_sigma_rad, low=1e-6, high=10.0, unit="rad")
+        check_ranges(owner, self, hypotheses=(1, 100_000), gate_sigma=(0.5, 100.0), pixel_sigma_px=(0.01, 100.0),
+                     depth_constant_m=(1e-5, 1.0), depth_quadratic_per_m=(0.0, 1.0), min_inliers=(4, 100_000),
+                     max_sigma_m=(1e-6, 100.0), max_sigma_rad=(1e-6, 10.0))
 
     def build(self, context: Context) -> Odometry:
         from .procrustes import ProcrustesOdometry

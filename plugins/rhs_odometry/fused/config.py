@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range, check_ranges
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_ranges
 
 from ..clouds.gicp_config import Gicp
 from ..features.procrustes_config import Procrustes
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -67,15 +65,11 @@ class Fused:
     advanced: FusedAdvanced = field(default_factory=FusedAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "odometry.fused"
-        for name in ("picture_widening", "shape_widening"):
-            check_range(owner, name, getattr(self, name), low=0.1, high=100.0)
-        for name in ("command_forward_share", "command_turn_share", "command_floor_m", "command_floor_rad"):
-            check_range(owner, name, getattr(self, name), low=1e-5, high=1.0)
-        check_range(owner, "disagreement", self.disagreement, low=1.0, high=1e6)
-        for name in ("walls_sigma_deg", "right_angle_sigma_deg"):
-            check_range(owner, name, getattr(self, name), low=1e-3, high=30.0, unit="degrees")
-        check_range(owner, "walls_share", self.walls_share, low=0.1, high=1.01)
+        command, degrees = (1e-5, 1.0), (1e-3, 30.0)
+        check_ranges("odometry.fused", self, picture_widening=(0.1, 100.0), shape_widening=(0.1, 100.0),
+                     command_forward_share=command, command_turn_share=command, command_floor_m=command,
+                     command_floor_rad=command, disagreement=(1.0, 1e6), walls_sigma_deg=degrees,
+                     right_angle_sigma_deg=degrees, walls_share=(0.1, 1.01))
 
     def build(self, context: Context) -> Odometry:
         from .fused import FusedOdometry

@@ -143,10 +143,6 @@ class FusedOdometry(Odometry):
         return Motion(se2(forward, left, turn), covariance, status, reason,
                       np.sqrt(np.diag(np.linalg.inv(covariance))), details=details)
 
-    def revise(self) -> None:
-        """Nothing to say afterwards."""
-        return None
-
     def _join(self, observation: Observation, pictures: Motion, shape: Motion) -> tuple[Planar, list[str]]:
         """All estimates that agree with what is believed so far, the command first."""
         belief, used = self._given(observation), []

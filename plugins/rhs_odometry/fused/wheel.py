@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_ranges
 
 from ..advanced import GuessNoise
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -38,11 +36,8 @@ class Wheel:
     advanced: WheelAdvanced = field(default_factory=WheelAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "odometry.wheel"
-        for name in ("distance_share", "turn_share"):
-            check_range(owner, name, getattr(self, name), low=0.0, high=1.0)
-        check_range(owner, "least_m", self.least_m, low=1e-6, high=1.0, unit="m")
-        check_range(owner, "least_rad", self.least_rad, low=1e-6, high=1.0, unit="rad")
+        check_ranges("odometry.wheel", self, distance_share=(0.0, 1.0), turn_share=(0.0, 1.0), least_m=(1e-6, 1.0),
+                     least_rad=(1e-6, 1.0))
 
     def build(self, context: Context) -> Odometry:
         return WheelOdometry(self)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range, check_ranges
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_ranges
 
 from ..advanced import DirectSettings, GuessNoise, PatchSearch, SurfaceSettings, SwaySettings
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -154,20 +152,10 @@ class Keyframe:
     advanced: KeyframeAdvanced = field(default_factory=KeyframeAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "odometry.keyframe"
-        check_range(owner, "points", self.points, low=30, high=5000)
-        check_range(owner, "window_px", self.window_px, low=5, high=61, unit="pixels")
-        check_range(owner, "pixel_sigma", self.pixel_sigma, low=0.05, high=20.0, unit="pixels")
-        check_range(owner, "inverse_depth_sigma", self.inverse_depth_sigma, low=1e-5, high=0.5, unit="1/m")
-        check_range(owner, "keep_share", self.keep_share, low=0.05, high=1.0)
-        check_range(owner, "keep_turn_deg", self.keep_turn_deg, low=0.5, high=90.0, unit="degrees")
-        check_range(owner, "keep_move_m", self.keep_move_m, low=0.01, high=10.0, unit="m")
-        check_range(owner, "min_inliers", self.min_inliers, low=6, high=1000)
-        check_range(owner, "shake_m", self.shake_m, low=0.0, high=1.0, unit="m")
-        check_range(owner, "shake_deg", self.shake_deg, low=0.0, high=45.0, unit="degrees")
-        check_range(owner, "max_sigma_m", self.max_sigma_m, low=1e-6, high=100.0, unit="m")
-        check_range(owner, "max_sigma_rad", self.max_sigma_rad, low=1e-6, high=10.0, unit="rad")
-        check_range(owner, "revisit", self.revisit, low=0, high=10)
+        check_ranges("odometry.keyframe", self, points=(30, 5000), window_px=(5, 61), pixel_sigma=(0.05, 20.0),
+                     inverse_depth_sigma=(1e-5, 0.5), keep_share=(0.05, 1.0), keep_turn_deg=(0.5, 90.0),
+                     keep_move_m=(0.01, 10.0), min_inliers=(6, 1000), shake_m=(0.0, 1.0), shake_deg=(0.0, 45.0),
+                     max_sigma_m=(1e-6, 100.0), max_sigma_rad=(1e-6, 10.0), revisit=(0, 10))
 
     def build(self, context: Context) -> Odometry:
         from .keyframe import KeyframeOdometry

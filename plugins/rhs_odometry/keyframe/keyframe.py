@@ -26,6 +26,7 @@ from rhs.estimation.filters.settings import Effort
 from rhs.estimation.views import features as vision
 
 from ..features.floor import Floor, on_floor
+from ..features.procrustes import weakness
 from ..fused.fallback import guess_motion
 from .culling import Edge
 from .going_on import Adrift, GoingOn
@@ -86,7 +87,7 @@ class KeyframeOdometry(Odometry):
                 return self._felt(look, laid)
         if fit is None:
             reason = f"{len(self._tracker.ids)} points found, {self._settings.min_inliers} needed; took {name}"
-            if held and self._tracker.seeable(look) < 2 * self._settings.min_inliers and not self._weakness(since):
+            if held and self._tracker.seeable(look) < 2 * self._settings.min_inliers and not weakness(since, self._settings):
                 self._tracker.ids, self._tracker.pixels = followed
                 return self._skipped(orthonormal(guess), since, reason)
             return self._lost(look, orthonormal(guess), wide, reason, name == "same again")
@@ -105,7 +106,7 @@ class KeyframeOdometry(Odometry):
         both, self._spread = spread + self._spread + self._corrected(followed_to), spread
         if self._unfound():
             return self._report(both, Tracking.LOST, "followed, but not found again in the map", fit)
-        weak = self._weakness(spread)
+        weak = weakness(spread, self._settings)
         return self._report(both, Tracking.DEGENERATE if weak else Tracking.OK, weak, fit)
 
     def _corrected(self, followed_to: np.ndarray) -> np.ndarray:
@@ -170,7 +171,7 @@ class KeyframeOdometry(Odometry):
 
     def _felt(self, look: PreparedView, laid: Laid) -> Motion:
         """Go on by all pixels where there are no points to follow."""
-        weak = self._weakness(laid.adding)
+        weak = weakness(laid.adding, self._settings)
         if self._adrift is not None:
             self._adrift.spread = self._adrift.spread + laid.adding
         elif weak:
@@ -248,7 +249,7 @@ class KeyframeOdometry(Odometry):
         followed, here = (tracker.ids, tracker.pixels), tracker.pose
         poses = [here]
         if known > 0:
-            poses += [found.pose for found in self._relocation.candidates(look.observation, here, known, self._rng)]
+            poses += self._relocation.candidates(look.observation, here, known, self._rng)
         for pose in poses:
             tracker.pose = pose
             edges = self._revisit(look, k, range(known, k))
@@ -270,7 +271,7 @@ class KeyframeOdometry(Odometry):
     def _edge(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> list[Edge]:
         """The edge, unless few points or a vague pose make it: what is nearly unknown cannot be linearised."""
         few = fit.inliers.sum() < self._advanced.min_edge or fit.inliers.mean() < self._advanced.edge_share
-        return [] if few or self._weakness(fit.covariance) else [self._measured(fit, int(a), k, loop=loop)]
+        return [] if few or weakness(fit.covariance, self._settings) else [self._measured(fit, int(a), k, loop=loop)]
 
     def _measured(self, fit: PoseFit, a: int, k: int, *, loop: bool = False) -> Edge:
         """The edge that a fit measures, on the floor when the camera stands on a robot."""
@@ -354,17 +355,6 @@ class KeyframeOdometry(Odometry):
             return
         flat, _ = on_floor(b @ self._tracker.pose @ inverse(b), information)
         self._tracker.pose = inverse(b) @ flat @ b
-
-    def _weakness(self, covariance: np.ndarray) -> str:
-        """Why this pose is degenerate, or nothing."""
-        s = self._settings
-        sigma_m = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
-        sigma_rad = np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])
-        if sigma_m > s.max_sigma_m:
-            return f"translation known to {sigma_m:.3f} m only, {s.max_sigma_m} m allowed"
-        if sigma_rad > s.max_sigma_rad:
-            return f"rotation known to {sigma_rad:.3f} rad only, {s.max_sigma_rad} rad allowed"
-        return ""
 
     def _in_camera(self, body_motion: np.ndarray) -> np.ndarray:
         b = self._camera.body_from_camera

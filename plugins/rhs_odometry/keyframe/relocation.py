@@ -8,8 +8,6 @@ there. Compare the relocalisation of ORB-SLAM (Mur-Artal, Montiel and Tardos, TR
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from rhs.api.geometry import Camera
@@ -22,14 +20,6 @@ from .config import KeyframeAdvanced
 from .keyframe_map import KeyframeMap
 
 COLUMNS = 80  # of the depth that is kept of a key frame
-
-
-@dataclass(frozen=True)
-class Found:
-    """keyframe: its row; pose: map_from_camera of the view."""
-
-    keyframe: int
-    pose: np.ndarray
 
 
 class Relocation:
@@ -51,25 +41,24 @@ class Relocation:
             for serial in [serial for serial in known if serial not in held]:
                 del known[serial]
 
-    def candidates(self, view: Observation, near: np.ndarray, below: int, rng: np.random.Generator) -> list[Found]:
-        """Key frames of rows less than `below` that the view may show, and its pose by each, the best supported first.
-        near: map_from_camera as it is thought to be."""
+    def candidates(self, view: Observation, near: np.ndarray, below: int, rng: np.random.Generator) -> list[np.ndarray]:
+        """map_from_camera of the view by each key frame of rows less than `below` that it may show, the best supported
+        first. near: the same as it is thought to be."""
         now = vision.orb_features(view, self._settings.rescue_features)
-        found = []
-        for k in self._asked(near, below):
-            motion = matched(now, self._of(k), self._settings, float(self._camera.fx), rng)
-            if motion is not None and motion.count >= self._settings.min_edge:
-                found.append((motion.count, Found(k, self._map.poses[k] @ motion.a_from_b)))
-        return [each for _, each in sorted(found, key=lambda pair: -pair[0])]
+        found = [by for k in self._asked(near, below) if (by := self._found_by(now, k, rng)) is not None]
+        return [pose for _, pose in sorted(found, key=lambda by: -by[0])]
 
     def by(self, view: Observation, keyframe: int, rng: np.random.Generator) -> np.ndarray | None:
         """map_from_camera of a view by the key-points of one key frame; None when too few agree."""
-        now = vision.orb_features(view, self._settings.rescue_features)
+        found = self._found_by(vision.orb_features(view, self._settings.rescue_features), keyframe, rng)
+        return None if found is None else found[1]
+
+    def _found_by(self, now: Features, keyframe: int, rng: np.random.Generator) -> tuple[int, np.ndarray] | None:
+        """How many key-points agree, and map_from_camera by them; None when they are too few."""
         motion = matched(now, self._of(keyframe), self._settings, float(self._camera.fx), rng)
         if motion is None or motion.count < self._settings.min_edge:
             return None
-        pose: np.ndarray = self._map.poses[keyframe] @ motion.a_from_b
-        return pose
+        return motion.count, self._map.poses[keyframe] @ motion.a_from_b
 
     def _asked(self, near: np.ndarray, below: int) -> list[int]:
         """Half of those tried are the nearest, half whose turn it is."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_range, check_ranges
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import ConfigError, check_ranges
 
 
 @dataclass
@@ -88,15 +86,11 @@ class LidarOdometry:
     advanced: LidarAdvanced = field(default_factory=LidarAdvanced)
 
     def __post_init__(self) -> None:
-        check_range(self.owner, "voxel_m", self.voxel_m, low=0.0, high=10.0, unit="m")
-        check_range(self.owner, "min_range_m", self.min_range_m, low=0.0, high=100.0, unit="m")
-        check_range(self.owner, "max_range_m", self.max_range_m, low=0.1, high=1000.0, unit="m")
+        check_ranges(self.owner, self, voxel_m=(0.0, 10.0), min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0))
         if self.min_range_m >= self.max_range_m:
             raise ConfigError(f"{self.owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
-        check_range(self.owner, "min_points", self.min_points, low=10, high=1_000_000)
-        check_range(self.owner, "min_support", self.min_support, low=0.0, high=1.0)
-        check_range(self.owner, "point_sigma_m", self.point_sigma_m, low=1e-4, high=1.0, unit="m")
-        check_range(self.owner, "iterations", self.iterations, low=1, high=500)
+        check_ranges(self.owner, self, min_points=(10, 1_000_000), min_support=(0.0, 1.0), point_sigma_m=(1e-4, 1.0),
+                     iterations=(1, 500))
 
 
 @dataclass
@@ -126,8 +120,7 @@ class KissIcpLidar(LidarOdometry):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range(self.owner, "initial_threshold_m", self.initial_threshold_m, low=0.01, high=100.0, unit="m")
-        check_range(self.owner, "min_motion_m", self.min_motion_m, low=0.0, high=10.0, unit="m")
+        check_ranges(self.owner, self, initial_threshold_m=(0.01, 100.0), min_motion_m=(0.0, 10.0))
 
     def build(self, context: Context) -> Odometry:
         from .kiss_icp import KissIcp

@@ -18,6 +18,7 @@ from rhs.api.contracts import Odometry
 from rhs.api.geometry import inverse, log_se3, orthonormal, se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
+from ..clouds.clouds import Observability, judged, within_reach
 from .config import LidarAdvanced
 from .config import LidarOdometry as Settings
 from .deskew import LEAST_CLOUDS, MOST_POINTS, beam_rate, deskewed, deskewed_scan, were_straight
@@ -151,10 +152,8 @@ class LidarOdometry(Odometry):
         """What is wrong with an alignment; empty: nothing."""
         if not np.all(np.isfinite(motion)):
             return "the alignment came to nothing"
-        off = log_se3(inverse(guess) @ orthonormal(motion))
-        a = self.settings.advanced
-        leapt = np.linalg.norm(off[:3]) > a.leap_m or np.linalg.norm(off[3:]) > a.leap_rad
-        return "the alignment leapt away from the guess" if leapt else ""
+        near = within_reach(orthonormal(motion), guess, self.settings.advanced)
+        return "" if near else "the alignment leapt away from the guess"
 
     def _lost(self, guess: np.ndarray, trouble: str, by_wheel: bool) -> Motion:
         wide = np.diag([0.5**2] * 3 + [0.2**2] * 3) + float(np.abs(log_se3(guess)).max()) ** 2 * np.eye(6)
@@ -171,23 +170,12 @@ class LidarOdometry(Odometry):
         total = max(len(p), 1)
         p, n = p[flat := np.isfinite(n).all(axis=1)], n[flat]
         j = np.hstack([n, np.cross(p, n)]) / s.point_sigma_m
-        information = j.T @ j / a.correlated + 1e-3 * np.eye(6)
-        covariance = np.linalg.inv(information) + np.diag([a.least_m] * 3 + [a.least_rad] * 3) ** 2
         axes = np.zeros((3, 2))
         axes[:2] = np.linalg.eigh((n.T @ n)[:2, :2])[1]
         shares = (np.abs(n @ axes) > a.lean).sum(axis=0) / total
         weakest = int(np.argmin(shares))
-        status, reason = Tracking.OK, ""
-        if shares[weakest] < s.min_support:
-            axis = np.concatenate([axes[:, weakest], np.zeros(3)])
-            covariance = covariance + a.slipped_m**2 * np.outer(axis, axis)
-            where = ", ".join(f"{v:+.2f}" for v in axis[:3])
-            status = Tracking.DEGENERATE
-            reason = f"{100 * shares[weakest]:.2f} % of the points hold the direction ({where}) of the body"
-        covariance = 0.5 * (covariance + covariance.T)
-        sure = np.sqrt(np.diag(np.linalg.inv(covariance)))
-        details = {"points": float(len(points)), "support": float(shares[weakest])}
-        return Motion(motion, covariance, status, reason, sure, details=details)
+        seen = Observability(j.T @ j, axes[:, weakest], float(shares[weakest]))
+        return judged(motion, seen, s, {"points": float(len(points))})
 
 
 def _voxel(points: np.ndarray, a: LidarAdvanced) -> float:

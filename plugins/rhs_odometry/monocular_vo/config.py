@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from rhs.api.errors import check_range, check_ranges
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
+from rhs.api.contracts import Context, Odometry
+from rhs.api.errors import check_ranges
 
 
 @dataclass
@@ -69,14 +67,9 @@ class MonocularVo:
     advanced: MonocularVoAdvanced = field(default_factory=MonocularVoAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "odometry.monocular_vo"
-        check_range(owner, "points", self.points, low=30, high=5000)
-        check_range(owner, "window_px", self.window_px, low=5, high=61, unit="pixels")
-        check_range(owner, "pixel_sigma", self.pixel_sigma, low=0.05, high=20.0, unit="pixels")
-        check_range(owner, "start_parallax_deg", self.start_parallax_deg, low=0.05, high=45.0, unit="degrees")
-        check_range(owner, "first_depth_m", self.first_depth_m, low=0.0, high=1e4, unit="m")
-        check_range(owner, "min_inliers", self.min_inliers, low=8, high=1000)
-        check_range(owner, "max_sigma_share", self.max_sigma_share, low=1e-6, high=10.0)
+        check_ranges("odometry.monocular_vo", self, points=(30, 5000), window_px=(5, 61), pixel_sigma=(0.05, 20.0),
+                     start_parallax_deg=(0.05, 45.0), first_depth_m=(0.0, 1e4), min_inliers=(8, 1000),
+                     max_sigma_share=(1e-6, 10.0))
 
     def build(self, context: Context) -> Odometry:
         from .odometry import MonocularVoOdometry

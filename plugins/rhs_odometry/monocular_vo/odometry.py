@@ -13,20 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.geometry import adjoint, inverse, orthonormal, se3
+from rhs.api.frozen import freeze
+from rhs.api.geometry import Camera, adjoint, inverse, orthonormal, se3
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs_odometry.tracks import tracks
 
 from .config import MonocularVo
 from .local_map import LocalMap, PoseFix, Seen
 from .scale import UNKNOWN, Scale
-from .scan import scan_of
 from .two_views import first_pair, turn_of, turned
 
 BACK_PX = 1.0  # a point followed back must come back this near
 CELLS = 40  # corners lie at least an image width over this apart
 SCALE_SHARE = {True: 0.05, False: 1.0}  # of the way by which it may be wrong, with its scale known or not
 WIDE_M, WIDE_RAD = 0.5, 0.2  # sigmas of a motion that was not seen
+BEAMS = 81  # of a scan, across the field of view, as the other odometries of one camera have them
+LEVEL_RAD = 0.1  # a point belongs to the scan when it is seen this near to the camera's height
+REACH = 3.0  # times the median distance: further points are hardly placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,3 +270,22 @@ def scaled(pose: np.ndarray, metres: float) -> np.ndarray:
     out = pose.copy()
     out[:3, 3] *= metres
     return out
+
+
+def scan_of(points: np.ndarray, camera: Camera, unit_m: float) -> Scan:
+    """Sparse: of points (N, 3) in the camera frame, in units of so many metres, in each bearing the nearest one at the
+    camera's height; NaN where there is none."""
+    aside = points @ camera.body_from_camera[:3, :3].T
+    flat = np.hypot(aside[:, 0], aside[:, 1])
+    level = (np.abs(np.arctan2(aside[:, 2], flat)) < LEVEL_RAD) & (flat > 1e-6)
+    ends = camera.rays(np.array([[0.0, camera.cy], [camera.width - 1.0, camera.cy]])) @ camera.body_from_camera[:3, :3].T
+    left, right = np.arctan2(ends[:, 1], ends[:, 0])
+    bearings = np.linspace(right, left, BEAMS)
+    beam = np.rint((np.arctan2(aside[:, 1], aside[:, 0]) - right) / (left - right) * (BEAMS - 1)).astype(int)
+    use = level & (beam >= 0) & (beam < BEAMS)
+    ranges = np.full(BEAMS, np.inf)
+    np.minimum.at(ranges, beam[use], flat[use] * unit_m)
+    reach_m = REACH * unit_m * float(np.median(points[:, 2])) if len(points) else unit_m
+    ranges[~(ranges < reach_m)] = np.nan
+    origin = camera.body_from_camera[:2, 3]
+    return Scan(freeze(bearings), freeze(ranges), max(reach_m, 1e-3), (float(origin[0]), float(origin[1])))

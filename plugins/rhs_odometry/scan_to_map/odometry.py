@@ -9,8 +9,11 @@ for the next scan before anything is built on it.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from rhs.api.contracts import Odometry
 from rhs.api.geometry import se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs.estimation.scans.planar_poses import between, lifted
@@ -25,11 +28,9 @@ LOST_M, LOST_RAD = 0.5, 0.3  # of a pose that nothing was held against
 LEAST_POINTS = 20
 
 
-class ScanToMapOdometry:
+class ScanToMapOdometry(Odometry):
     """The pose of each scan in a map of the last key scans."""
 
-    keeps_moving: tuple[float, float] | None = None
-    short_steps: tuple[float, float] | None = None
     scale_from = "laser"
 
     def __init__(self, settings: ScanToMap) -> None:
@@ -107,7 +108,8 @@ class ScanToMapOdometry:
         other = self._elsewhere(cloud, guess, fit)
         if other is None:
             good = fit.share >= self._rescue.least_share
-            return (fit, True, "") if good else (replaced(blind, fit), False, f"{fit.share:.0%} of the ends lie on walls")
+            why = f"{fit.share:.0%} of the ends lie on walls"
+            return (fit, True, "") if good else (replace(blind, share=fit.share), False, why)
         if guess.expects(other.pose, self._rescue.doubt_m, self._rescue.doubt_rad):
             return other, True, ""
         self._doubt = other.pose
@@ -174,11 +176,6 @@ def _ends(cloud: Cloud | None) -> int:
 def _shows(cloud: Cloud | None) -> bool:
     """Whether they are enough to say where the scanner is."""
     return _ends(cloud) >= LEAST_POINTS
-
-
-def replaced(blind: Fit, fit: Fit) -> Fit:
-    """The guess with the share of the fit that failed."""
-    return Fit(blind.pose, blind.information, fit.share)
 
 
 def _carried(spread: np.ndarray, step: np.ndarray) -> np.ndarray:

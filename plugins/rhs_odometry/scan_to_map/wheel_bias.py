@@ -57,13 +57,10 @@ class WheelBias:
             rows = np.array(self._turns)
             self.turns, self.drift = (float(v) for v in _fitted(rows[:, :2], rows[:, 2], np.array([1.0, 0.0]), PRIOR[1:],
                                                                 NOISE_RAD))
-        self._forget()
+        self.skip()
 
     def skip(self) -> None:
-        """Something in between cannot be used: the stretch begins anew."""
-        self._forget()
-
-    def _forget(self) -> None:
+        """The stretch begins anew: it is over, or something in between cannot be used."""
         self._read, self._stepped, self._way_m, self._turn = np.zeros(3), np.zeros(3), 0.0, 0.0
         self._seen = True, True
 

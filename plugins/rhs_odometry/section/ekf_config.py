@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+from rhs.api.contracts import Context, Odometry
 from rhs.api.errors import ConfigError, check_range, check_ranges
 
 from ..tracks.settings import AlarmSettings, FollowOnly
-
-if TYPE_CHECKING:
-    from rhs.api.contracts import Context, Odometry
 
 
 @dataclass
@@ -104,15 +102,11 @@ class SectionEkf:
     shape: ClassVar[str] = "rectangular"
 
     def __post_init__(self) -> None:
-        for name, low, high in (("half_size_m", 0.1, 50.0), ("size_sigma", 1e-4, 3.0), ("aspect", 0.1, 10.0),
-                                ("speed_mps", 0.0, 10.0), ("speed_sigma_mps", 1e-4, 10.0),
-                                ("drift_sigma_mps", 1e-4, 10.0),
-                                ("speed_walk_mps", 1e-5, 10.0), ("turn_walk_radps", 1e-5, 10.0),
-                                ("start_sigma_m", 1e-4, 10.0), ("start_sigma_deg", 1e-3, 90.0),
-                                ("pixel_sigma_px", 0.05, 20.0), ("iterations", 1, 20),
-                                ("pairs", 8, 400), ("points", 20, 400),
-                                ("scan_range_m", 0.5, 50.0)):
-            check_range(self.owner, name, getattr(self, name), low=low, high=high)
+        check_ranges(self.owner, self, half_size_m=(0.1, 50.0), size_sigma=(1e-4, 3.0), aspect=(0.1, 10.0),
+                     speed_mps=(0.0, 10.0), speed_sigma_mps=(1e-4, 10.0), drift_sigma_mps=(1e-4, 10.0),
+                     speed_walk_mps=(1e-5, 10.0), turn_walk_radps=(1e-5, 10.0), start_sigma_m=(1e-4, 10.0),
+                     start_sigma_deg=(1e-3, 90.0), pixel_sigma_px=(0.05, 20.0), iterations=(1, 20), pairs=(8, 400),
+                     points=(20, 400), scan_range_m=(0.5, 50.0))
         for name, limit in (("start_error_m", 10.0), ("start_error_deg", 90.0)):
             values = getattr(self, name)
             if len(values) != 3:

@@ -1,7 +1,7 @@
 """Tracks: where the same points of the world were seen, view after view. All monocular filters eat these.
 
 Tracks do not depend on the filter, so they can be saved once and replayed through any filter in seconds
-(`python -m rhs_odometry replay`).
+(`python -m rhs_odometry`).
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def load_tracks(path: Path) -> Tracks:
         with np.load(path, allow_pickle=False) as data:
             return _tracks_of({name: data[name] for name in data.files})
     except (OSError, KeyError, ValueError, EOFError, BadZipFile) as error:
-        raise RecordingError(f"tracks {path} cannot be read ({error}); expected a file of `rhs_odometry save`") from None
+        raise RecordingError(f"tracks {path} cannot be read ({error}); odometry.save_tracks=true leaves one") from None
 
 
 def _tracks_of(data: dict[str, np.ndarray]) -> Tracks:

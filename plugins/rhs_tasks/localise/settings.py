@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+from rhs.api.errors import ConfigError, check_ranges
 from rhs.api.task import Job, TaskContext
 
 
@@ -39,11 +39,8 @@ class Localise:
 
     def __post_init__(self) -> None:
         self.start = checked_start(self.start)
-        check_range("", "start_sigma_m", self.start_sigma_m, low=1e-3, high=100.0, unit="m")
-        check_range("", "start_sigma_deg", self.start_sigma_deg, low=0.01, high=180.0, unit="degrees")
-        for name in ("restart_every_m", "kidnap_every_m"):
-            check_range("", name, getattr(self, name), low=0.0, high=1e6, unit="m")
-        check_range("", "kidnap_skip_m", self.kidnap_skip_m, low=0.1, high=1e6, unit="m")
+        check_ranges("", self, start_sigma_m=(1e-3, 100.0), start_sigma_deg=(0.01, 180.0), restart_every_m=(0.0, 1e6),
+                     kidnap_every_m=(0.0, 1e6), kidnap_skip_m=(0.1, 1e6))
         if self.restart_every_m and self.start != "unknown":
             raise ConfigError(f"restart_every_m={self.restart_every_m:g} starts from nothing again and again; leave out "
                               "start=")

@@ -12,20 +12,20 @@ import logging
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from rhs.api.contracts import Source
-from rhs.api.errors import ConfigError
+from rhs.api.errors import ConfigError, RhsError
 from rhs.api.files import replacing
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, BeliefStatus, Event, Scan, Step
+from rhs.api.records import Belief, BeliefStatus, Capture, Event, Scan, Step
 from rhs.api.task import StepJob, TaskContext
 from rhs.api.validate import check_belief, reach_of
 from rhs.estimation.scans.mount_fit import heading_doubt, heading_figures, mount_figures
 from rhs.worlds.maps import save_map
 
-from .carried_off import CarriedOff
 from .given_map import read_given, surveyed
 from .settings import Localise
 
@@ -112,3 +112,42 @@ def first_belief(settings: Localise) -> Belief | None:
     return Belief(se2(x_m, y_m, float(np.radians(yaw_deg))), np.diag(sigma**2))
 
 
+class CarriedOff:
+    """The source, less a stretch of skip_m after every every_m of way, both by the truth, else by its wheels: the robot is
+    carried off and told nothing. What the wheels counted from view to view stays: in the air they do not turn."""
+
+    leads_ahead = False  # `fresh` is asked for after each view
+
+    def __init__(self, source: Source, every_m: float, skip_m: float) -> None:
+        self._source, self._every_m, self._skip_m = source, every_m, skip_m
+        self._way_m = 0.0
+        self._last: np.ndarray | None = None
+        self.fresh = False  # the last view is the first one elsewhere
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._source, name)
+
+    def lead(self) -> Capture | None:
+        capture = self._next()
+        self.fresh = self._way_m >= self._every_m
+        if self.fresh:
+            self._way_m = 0.0
+            while capture is not None and self._way_m < self._skip_m:
+                capture = self._next()
+            self._way_m = 0.0
+        return capture
+
+    def _next(self) -> Capture | None:
+        """The next view of the source; its way is added."""
+        capture = self._source.lead()
+        if capture is None:
+            return None
+        truth, before = self._source.truth(), self._last
+        self._last = truth
+        if truth is not None and before is not None:
+            self._way_m += float(np.linalg.norm(truth[:2, 3] - before[:2, 3]))
+        elif capture.travel is not None:
+            self._way_m += float(np.hypot(*capture.travel[:2]))
+        elif truth is None and capture.index > 0:
+            raise RhsError("kidnap_every_m counts true way, or that of wheels, and this recording has neither; leave it out")
+        return capture

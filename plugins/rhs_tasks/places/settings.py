@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.errors import check_range
+from rhs.api.errors import check_ranges
 from rhs.api.task import Job, TaskContext
 
 
@@ -29,13 +29,9 @@ class Recognition:
     """... and led so far before it is judged, metres"""
 
     def __post_init__(self) -> None:
-        check_range("places", "every", self.every, low=1, high=100_000)
-        check_range("places", "ask_every", self.ask_every, low=1, high=100_000)
-        check_range("places", "checks", self.checks, low=1, high=1000)
-        check_range("places", "off_route_m", self.off_route_m, low=0.0, high=0.3, unit="m")
-        check_range("places", "off_route_deg", self.off_route_deg, low=0.0, high=15.0, unit="degrees")
-        check_range("places", "sequences", self.sequences, low=1, high=100_000)
-        check_range("places", "sequence_m", self.sequence_m, low=0.0, high=1000.0, unit="m")
+        check_ranges("places", self, every=(1, 100_000), ask_every=(1, 100_000), checks=(1, 1000),
+                     off_route_m=(0.0, 0.3), off_route_deg=(0.0, 15.0), sequences=(1, 100_000),
+                     sequence_m=(0.0, 1000.0))
 
 
 @dataclass

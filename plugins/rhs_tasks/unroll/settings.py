@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
 from rhs.api.task import Job, TaskContext
 
 
@@ -55,14 +55,12 @@ class Unrolling:
             raise ConfigError("unroll.bend=found leaves nothing to give; type unroll.pieces=[] or unroll.bend=given")
         check_choice("unroll", "pose", self.pose, ("fitted", "centred"))
         check_choice("unroll", "stitch", self.stitch, ("homography", "none"))
-        check_range("unroll", "size_m", self.size_m, low=1e-3, high=100.0, unit="m")
-        check_range("unroll", "aspect", self.aspect, low=0.1, high=10.0)
+        check_ranges("unroll", self, size_m=(1e-3, 100.0), aspect=(0.1, 10.0))
         for name in ("start_left_m", "start_up_m"):
             check_range("unroll", name, getattr(self, name), low=-0.8 * self.size_m * max(self.aspect, 1.0),
                         high=0.8 * self.size_m * max(self.aspect, 1.0), unit="m")
-        check_range("unroll", "near_sizes", self.near_sizes, low=0.2, high=20.0)
-        check_range("unroll", "far_sizes", self.far_sizes, low=self.near_sizes + 0.3, high=40.0)
-        check_range("unroll", "pixel_share", self.pixel_share, low=0.004, high=0.2)
+        check_ranges("unroll", self, near_sizes=(0.2, 20.0), far_sizes=(self.near_sizes + 0.3, 40.0),
+                     pixel_share=(0.004, 0.2))
         if len(self.pieces) % 2:
             raise ConfigError(f"unroll.pieces={list(self.pieces)} has {len(self.pieces)} numbers; expected pairs of metres "
                               "and degrees, for example [1,0,2,30]")

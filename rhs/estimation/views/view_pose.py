@@ -32,13 +32,12 @@ class Snapshot:
 @dataclass(frozen=True, eq=False)
 class Sighting:
     """stored_from_query: 4x4 pose of the querying body in the body frame of the stored view; covariance 6x6 of its
-    right perturbation. inliers: agreeing key-points; matched: matched ones; coverage: share of those stored key-points
+    right perturbation. inliers: agreeing key-points; coverage: share of those stored key-points
     that should be visible from there which were found again (0..1)."""
 
     stored_from_query: np.ndarray
     covariance: np.ndarray
     inliers: int
-    matched: int
     coverage: float
 
 
@@ -60,7 +59,7 @@ def sight(
         return None
     move = adjoint(query.camera.body_from_camera)
     bodies = stored.camera.body_from_camera @ stored_from_query @ inverse(query.camera.body_from_camera)
-    return Sighting(bodies, move @ covariance @ move.T, int(agreed.sum()), len(pairs), coverage)
+    return Sighting(bodies, move @ covariance @ move.T, int(agreed.sum()), coverage)
 
 
 def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, settings: SightingSettings,
@@ -96,9 +95,7 @@ def _rigid(p: np.ndarray, q: np.ndarray, both: np.ndarray, query: Snapshot, sett
     return found.a_from_b, found.covariance, agreed
 
 
-def _pnp(
-    points: np.ndarray, pixels: np.ndarray, lifted: np.ndarray, camera: Camera, pixel_px: float = 1.0
-) -> _CameraMotion | None:
+def _pnp(points: np.ndarray, pixels: np.ndarray, lifted: np.ndarray, camera: Camera) -> _CameraMotion | None:
     """viewer_from_points by PnP with RANSAC; points (M, 3) in their own camera frame, pixels (M, 2) in the viewer."""
     import cv2
 
@@ -107,7 +104,7 @@ def _pnp(
     distortion = np.asarray(camera.distortion, float) if camera.distortion else None
     try:
         ok, turn, shift, inliers = cv2.solvePnPRansac(
-            p, u, camera.matrix, distortion, iterationsCount=200, reprojectionError=2.0 * pixel_px, flags=cv2.SOLVEPNP_SQPNP
+            p, u, camera.matrix, distortion, iterationsCount=200, reprojectionError=2.0, flags=cv2.SOLVEPNP_SQPNP
         )
         if not ok or inliers is None or len(inliers) < 6:
             return None
@@ -116,13 +113,13 @@ def _pnp(
     except cv2.error:  # points on one spot or line fix no pose, and OpenCV says so by failing
         return None
     pose = se3(exp_so3(turn.ravel()), shift.ravel())
-    covariance = _pnp_covariance(pose, p[chosen], camera, pixel_px)
+    covariance = _pnp_covariance(pose, p[chosen], camera)
     agreed = np.zeros(len(lifted), bool)
     agreed[np.nonzero(lifted)[0][chosen]] = True
     return pose, covariance, agreed
 
 
-def _pnp_covariance(pose: np.ndarray, points: np.ndarray, camera: Camera, pixel_px: float) -> np.ndarray:
+def _pnp_covariance(pose: np.ndarray, points: np.ndarray, camera: Camera) -> np.ndarray:
     """6x6 covariance of the right perturbation of `pose`, from pixel noise; the noise of the points is left out."""
     moved = transform(pose, points)
     x, y, z = moved.T
@@ -136,7 +133,7 @@ def _pnp_covariance(pose: np.ndarray, points: np.ndarray, camera: Camera, pixel_
     motion[:, 1, 3], motion[:, 1, 5] = -pz, px
     motion[:, 2, 3], motion[:, 2, 4] = py, -px
     jacobian = by_point @ pose[:3, :3] @ motion
-    information = np.einsum("nai,naj->ij", jacobian, jacobian) / pixel_px**2
+    information = np.einsum("nai,naj->ij", jacobian, jacobian)
     return np.linalg.pinv(information) + 1e-10 * np.eye(6)
 
 

@@ -111,7 +111,7 @@ def _plain(family: str, number: int, draw: int) -> World:
     at_angle = family != "non_manhattan" and sketch.chance(0.5)
     angle = sketch.draw(-0.78, 0.78) if at_angle or family == "non_manhattan" else 0.0
     world = _laid_out(sketch, angle, np.array([sketch.draw(0.0, 1.0), sketch.draw(0.0, 1.0)]))
-    world = _led_through(world, sketch, angle)
+    world = _led_through(world, sketch)
     check_world(world, _Drawn(f"random:{family}/{number}"))
     return world
 
@@ -147,7 +147,7 @@ def _pair(point: np.ndarray) -> tuple[float, float]:
     return float(point[0]), float(point[1])
 
 
-def _led_through(world: World, sketch: Sketch, angle: float) -> World:
+def _led_through(world: World, sketch: Sketch) -> World:
     """Start, survey and places: a round tour that begins in a drawn room, and a place in three to six of the rooms."""
     rng = sketch.rng
     home = sketch.rooms[int(rng.integers(len(sketch.rooms)))]

@@ -27,7 +27,7 @@ def with_drawn_people(world: World, rng: np.random.Generator, grid: OccupancyGri
     grid, clearance (H, W): the free space of the patrol, metres to the nearest thing."""
     people: list[Person] = []
     for number in range(1, int(rng.integers(1, 4)) + 1):
-        person = _walker(world, rng, number)
+        person = _walker(rng, number)
         try:
             ground = Ground(grid, clearance, 0.5 * person.width_m + ROOM_M, world.start)
         except ConfigError:
@@ -43,7 +43,7 @@ def with_drawn_people(world: World, rng: np.random.Generator, grid: OccupancyGri
     return replace(world, moving=replace(world.moving, people=tuple(people)))
 
 
-def _walker(world: World, rng: np.random.Generator, number: int) -> Person:
+def _walker(rng: np.random.Generator, number: int) -> Person:
     """Somebody without a way."""
     look = surface(rng, ("carpet", "brick", "plaster"), light=(60.0, 190.0), rough=(15.0, 35.0))
     pet, pace = rng.uniform() < PETS, round(float(rng.uniform(0.4, 1.1)), 3)

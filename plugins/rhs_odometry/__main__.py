@@ -1,4 +1,4 @@
-"""FilterRun saved tracks through a monocular filter: `python -m rhs_odometry TRACKS FILTER [key=value ...]`.
+"""Saved tracks run again through a monocular filter: `python -m rhs_odometry TRACKS FILTER [key=value ...]`.
 
 TRACKS is a run folder (of a run with `odometry.save_tracks=true`), a tracks file, or synthetic:PLAN[:SEED] with PLAN one
 of straight, corner, square. Prints the figures; --picture FILE.png draws the errors and the top view.
@@ -30,8 +30,8 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    from .replay import figures, open_tracks, run_filter
-    from .synthetic import named_tracks
+    from .tracks.replay import draw, figures, open_tracks, run_filter
+    from .tracks.synthetic import named_tracks
 
     if chosen.tracks.startswith("synthetic:"):
         tracks = named_tracks(chosen.tracks.removeprefix("synthetic:"))
@@ -41,8 +41,6 @@ def _run(chosen: argparse.Namespace) -> int:
     for name, value in figures(run).items():
         print(f"{name:24s} {value:.4g}")
     if chosen.picture is not None:
-        from .replay_picture import draw
-
         draw(run, f"{chosen.tracks} · {chosen.filter} {' '.join(chosen.settings)}", chosen.picture)
     return 0
 
