@@ -33,7 +33,7 @@ class RecordingError(RhsError):
 
 # The last word of a name -> the unit that is said of its range.
 UNITS = {"m": "m", "m3": "m^3", "s": "s", "ms": "ms", "mps": "m/s", "rad": "rad", "radps": "rad/s", "deg": "degrees",
-         "px": "px", "mb": "MB"}
+         "px": "px", "hz": "Hz", "percent": "%", "mb": "MB"}
 
 
 def check_range(owner: str, name: str, value: float, *, low: float, high: float, unit: str = "") -> None:
