@@ -60,7 +60,12 @@ class Dial:
     def text(self, level: float) -> str:
         """The value at a level in three digits; beyond the ends, where nothing was tried, only that."""
         side = "below " if level < 0.0 else "above " if level > 1.0 else ""
-        return f"{side}{self.value(min(max(level, 0.0), 1.0)):.3g}"
+        return side + three_digits(self.value(min(max(level, 0.0), 1.0)))
+
+
+def three_digits(value: float) -> str:
+    """Such as 1220 and 0.0123: a power of ten only from a million on, and for very small ones."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def dial_between(key: str, low: float, high: float, whole: bool = False) -> Dial:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.files import write_whole
-from rhs.metrics.threshold import fit
+from rhs.metrics.threshold import fit, three_digits
 from rhs.plots import new_figure, save
 
 SHOWN = 12  # combinations in one picture
@@ -41,7 +41,7 @@ def threshold_picture(accounts: Sequence[Mapping[str, Any]], dial_value: Any, pa
         axes.set_title(f"{account['combination']}: {account['says']}; {account['runs']} runs", fontsize=9)
         axes.set_ylabel("success", fontsize=8)
     ticks = np.linspace(0.0, 1.0, 6)
-    panels[-1].set_xticks(ticks, [f"{dial_value(tick):.3g}" for tick in ticks])
+    panels[-1].set_xticks(ticks, [three_digits(dial_value(tick)) for tick in ticks])
     panels[-1].set_xlabel(f"{accounts[0]['dial']} (ticks: runs that succeeded above, that failed below; band: 95 %)",
                           fontsize=8)
     return write_whole(path, lambda where: save(figure, where))
@@ -91,4 +91,4 @@ def _in_cell(one: Mapping[str, Any]) -> str:
     if not one["found"]:
         return f"{'does not break' if one['withstood'] else 'always fails'}\n{one['runs']} runs"
     side = "above" if one["direction"] > 0 else "below"
-    return f"{one['middle']:.3g}, more {side}\n{one['between']}"
+    return f"{three_digits(one['middle'])}, more {side}\n{one['between']}"

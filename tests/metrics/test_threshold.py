@@ -141,3 +141,9 @@ def test_a_plain_sweep_tells_its_break_point():
     assert "(" not in line.partition("more above")[0]
     assert line.endswith("more above (24 runs of 1 seed, too few for an interval)")
     assert thresholds(table.assign(success=1.0)) == [] and thresholds(table[table["sensor.image_sigma"] < 4]) == []
+
+
+def test_a_level_is_told_in_three_digits_without_a_power_of_ten_where_it_can_be():
+    dial = Dial("iterations", 20.0, 4000.0)
+    assert [dial.text(level) for level in (0.30151, 1.0, 1.1)] == ["1220", "4000", "above 4000"]
+    assert Dial("share", 0.0, 1.0).text(0.01234) == "0.0123"
