@@ -18,8 +18,9 @@ from rhs.api.files import replacing
 from rhs.api.records import Capture, Twist, WorldFacts
 from rhs.api.settings import near_file
 
+from .bags.bag import open_bag
+from .bags.files import is_bag
 from .carmen.log import is_carmen, open_carmen
-from .folders.bag_files import is_bag
 from .folders.clouds import is_clouds, open_clouds
 from .folders.euroc import is_euroc, open_euroc
 from .folders.frames import is_frames, open_frames
@@ -27,7 +28,6 @@ from .folders.kitti import is_kitti, open_kitti
 from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
 from .folders.tartan import is_tartan, open_tartan
 from .folders.video import is_video, open_video
-from .replay_bag import open_bag
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import UNREADABLE, Recording, is_tum, open_tum

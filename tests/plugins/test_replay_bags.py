@@ -12,8 +12,8 @@ from helpers.replayed import refused, views
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 from rhs.recording.ros import camera_info
-from rhs_sources.replay_bag import choose_topics
-from rhs_sources.replay_bag_messages import camera_of, points_of
+from rhs_sources.bags.bag import choose_topics
+from rhs_sources.bags.messages import camera_of, points_of
 from rhs_sources.replay_config import Replay
 
 ALL_KINDS = pytest.mark.parametrize("kind", KINDS)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rhs.api.errors import ConfigError
-from rhs_sources.replay_bag_messages import color_of, depth_of
-from rhs_sources.replay_rvl import unpacked_rvl
+from rhs_sources.bags.messages import color_of, depth_of
+from rhs_sources.bags.rvl import unpacked_rvl
 
 
 def packed(depth):

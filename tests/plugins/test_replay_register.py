@@ -9,7 +9,7 @@ from painted_room import observe, paintings
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, exp_se3, inverse, se2, se3
-from rhs_sources.replay_bag_depth import depth_camera_of
+from rhs_sources.bags.depth import depth_camera_of
 from rhs_sources.replay_cameras import DEPTH_CAMERAS
 from rhs_sources.replay_config import Replay
 from rhs_sources.replay_register import DepthCamera, typed_depth_camera

@@ -13,7 +13,7 @@ import rhs
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL
 from rhs.config.compose import compose_config
-from rhs_sources.folders.bag_files import opened as open_files
+from rhs_sources.bags.files import opened as open_files
 from rhs_sources.replay import open_recording
 from rhs_sources.replay_config import Replay
 

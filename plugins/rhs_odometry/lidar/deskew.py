@@ -46,9 +46,8 @@ def beam_rate(points: np.ndarray, after_s: np.ndarray) -> float:
     rate = sign * 2.0 * np.pi / np.ptp(times)  # nearly once round
     off = turn - rate * times
     off = wrap(off - np.angle(np.exp(1j * off).mean()))
-    more, _ = np.polyfit(times, off, 1)
-    left = off - np.polyval(np.polyfit(times, off, 1), times)
-    return float(rate + more) if np.std(left) < UNEVEN_RAD else float("nan")
+    line = np.polyfit(times, off, 1)
+    return float(rate + line[0]) if np.std(off - np.polyval(line, times)) < UNEVEN_RAD else float("nan")
 
 
 def were_straight(rates: np.ndarray) -> bool:

@@ -13,9 +13,9 @@ from rhs.api.geometry import Camera, rotation_of_quaternion, se3, transform
 from rhs.api.pictures import HEAD_BYTES, MOST_PIXELS, check_size
 from rhs.api.records import Scan
 
-from .replay_images import UnreadableImage, metres
-from .replay_rvl import unpacked_rvl
-from .replay_stamps import TIME_FIELDS
+from ..replay_images import UnreadableImage, metres
+from ..replay_stamps import TIME_FIELDS
+from .rvl import unpacked_rvl
 
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}

@@ -15,18 +15,18 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
 
-from . import replay_bag_messages as ros
-from .carmen.log import NO_CAMERA, end_of_range
-from .folders.bag_files import opened
-from .folders.bag_wheels import beside_wheels, odometry_in_tf, readings_in_tf
-from .replay_bag_depth import SAID_REGISTERED, color_from, depth_camera_of
-from .replay_bag_truth import read_truth
-from .replay_cameras import chosen_camera
-from .replay_images import UnreadableImage, check_depth, check_pair
-from .replay_mounts import Mounts, check_scanners_own, links_of, mount_of, mounted, optical, tf_topics
-from .replay_register import DepthCamera, typed_depth_camera
-from .replay_stamps import cloud_extras
-from .replay_tum import UNREADABLE, Recording
+from ..carmen.log import NO_CAMERA, end_of_range
+from ..replay_cameras import chosen_camera
+from ..replay_images import UnreadableImage, check_depth, check_pair
+from ..replay_mounts import Mounts, check_scanners_own, links_of, mount_of, mounted, optical, tf_topics
+from ..replay_register import DepthCamera, typed_depth_camera
+from ..replay_stamps import cloud_extras
+from ..replay_tum import UNREADABLE, Recording
+from . import messages as ros
+from .depth import SAID_REGISTERED, color_from, depth_camera_of
+from .files import opened
+from .truth import read_truth
+from .wheels import beside_wheels, odometry_in_tf, readings_in_tf
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max

@@ -12,8 +12,8 @@ import numpy as np
 
 from rhs.api.geometry import Camera
 
-from .replay_mounts import UNTURNED, Mounts
-from .replay_register import DepthCamera
+from ..replay_mounts import UNTURNED, Mounts
+from ..replay_register import DepthCamera
 
 log = logging.getLogger("rhs.replay")
 SAME = 2e-3  # of the width: intrinsics that differ by less are of one camera

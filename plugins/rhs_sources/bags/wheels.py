@@ -9,8 +9,8 @@ from itertools import chain
 
 import numpy as np
 
-from .. import replay_bag_messages as ros
 from ..replay_stamps import between
+from . import messages as ros
 
 log = logging.getLogger("rhs.replay")
 SAME_CLOCK_S = 1.0  # a view that is older than all wheels by less was taken as they began

@@ -9,9 +9,9 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
-from . import replay_bag_messages as ros
-from .replay_mounts import tf_topics
-from .replay_stamps import Truth, ascending
+from ..replay_mounts import tf_topics
+from ..replay_stamps import Truth, ascending
+from . import messages as ros
 
 
 @dataclass(frozen=True, eq=False)
