@@ -78,7 +78,8 @@ class Threshold:
     """What is known of a break point, in shares of the dial. low, high: the central 95 % of the posterior. direction: +1
     where success falls with the level, -1 where it rises. beyond: chance that it lies outside the dial. success: expected
     in the middle of the dial. idle: the outcomes are at least as likely if the level does nothing. two_sided: a middle
-    differs from both sides, which no one threshold explains."""
+    differs from both sides, which no one threshold explains. spread: standard deviation of it if slope and lapses were
+    known (root mean square over what they may be), as more runs will make them."""
 
     middle: float
     low: float
@@ -91,6 +92,7 @@ class Threshold:
     runs: int
     idle: bool
     two_sided: bool
+    spread: float
 
     @property
     def found(self) -> bool:
@@ -100,8 +102,7 @@ class Threshold:
     @property
     def runs_needed(self) -> int:
         """Runs after which nine of ten such searches are within CLOSE: the spread falls with the root of their number."""
-        spread = (self.high - self.low) / (2.0 * 1.96)
-        return math.ceil(self.runs * (1.645 * spread / CLOSE) ** 2) if math.isfinite(spread) else self.runs
+        return math.ceil(self.runs * (1.645 * self.spread / CLOSE) ** 2)
 
 
 class Posterior:
@@ -166,7 +167,13 @@ class Posterior:
         outside = float(of_threshold[(THRESHOLDS < 0.0) | (THRESHOLDS > 1.0)].sum())
         return Threshold(middle, low, high, float(np.exp(weight @ np.log(self._slope))),
                          float(weight @ self._lapse), 1 if weight @ self._direction >= 0 else -1, outside,
-                         float(self._curves[len(LEVELS) // 2] @ weight), self.runs, self._idle(), two_sided(self.tried))
+                         float(self._curves[len(LEVELS) // 2] @ weight), self.runs, self._idle(), two_sided(self.tried),
+                         self._spread())
+
+    def _spread(self) -> float:
+        weight = self.weights().reshape(self._shape[0], -1)
+        mean = THRESHOLDS @ weight / np.maximum(weight.sum(axis=0), 1e-300)
+        return math.sqrt(float((weight * (THRESHOLDS[:, None] - mean) ** 2).sum()))
 
     def _idle(self) -> bool:
         """Whether the outcomes are as likely or more so by a constant chance of which nothing is known before."""

@@ -49,11 +49,12 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Stitched:
-    """One strip: along_m of its view; points followed from the last view; correlation with the
+    """One strip: along_m of its view; points followed from the last view; rms of their fit, px; correlation with the
     mosaic where they overlap, NaN for the first; registered: enough points agreed; values (6,) of the place."""
 
     along_m: float
     points: int
+    residual_px: float
     agreement: float
     registered: bool
     values: np.ndarray
@@ -76,22 +77,21 @@ class Unroller:
 
     def add(self, picture: np.ndarray) -> Stitched:
         """Unrolling one (H, W) gray view and stitch it on."""
-        place, points = self.place, 0
+        place, points, residual = self.place, 0, np.nan
         if self._last is not None:
-            place, points = self._moved(picture, self._last)
+            place, points, residual = self._moved(picture, self._last)
         strip = self.strip(picture, place.values)
         warp, agreed = np.eye(3), 0
         if self._settings.stitch == "homography" and not self.mosaic.empty:
-            under = self.mosaic.part(strip.first, strip.grey.shape[1])
-            warp, agreed = homography(*follow(strip, *under), MOST_PX[self._settings.pose])
+            warp, agreed = homography(*follow(strip, *self._under(strip)), MOST_PX[self._settings.pose])
         registered = self._last is None or max(points, agreed) >= ENOUGH
         agreement = self.mosaic.put(strip, warp)
         self._step = None if self._last is None else float(place.values[ALONG] - self.place.values[ALONG])
         self.place, self._last = place, picture
         along_m = float(place.values[ALONG]) * self._size_m
-        return Stitched(along_m, max(points, agreed), agreement, registered, place.values)
+        return Stitched(along_m, max(points, agreed), residual, agreement, registered, place.values)
 
-    def _moved(self, picture: np.ndarray, last: np.ndarray) -> tuple[Place, int]:
+    def _moved(self, picture: np.ndarray, last: np.ndarray) -> tuple[Place, int, float]:
         """The place of this view: as far on as the last step took, put right by how the strip lies best on the last view,
         then by the filter."""
         values = self.place.values.copy()
@@ -102,15 +102,15 @@ class Unroller:
         shift = shift_between(self.strip(picture, values), self.mosaic, 0.6 * wide if self._step is None else 0.25)
         values[ALONG] += shift[0]
         if self._settings.pose == "centred":
-            return Place(values, self.place.covariance), 0
+            return Place(values, self.place.covariance), 0, np.nan
         fresh = keep**2 * self.place.covariance + np.diag((1.0 - keep**2) * STRAYS**2)
         return self._filtered(picture, last, Place(values, fresh), keep)
 
-    def _filtered(self, picture: np.ndarray, last: np.ndarray, expected: Place, keep: float) -> tuple[Place, int]:
+    def _filtered(self, picture: np.ndarray, last: np.ndarray, expected: Place, keep: float) -> tuple[Place, int, float]:
         """The update of eq. 4.6: states are the last place (without the way), this place and the step."""
         wall, seen = self.followed((picture, expected.values), (last, self.place.values))
         if len(wall) < ENOUGH:
-            return expected, len(wall)
+            return expected, len(wall), np.nan
         before = self._by_last(wall)
         covariance = np.zeros((11, 11))  # last place 0-4, this place 5-9, step 10
         covariance[:5, :5], covariance[5:10, 5:10] = self.place.covariance, expected.covariance
@@ -131,7 +131,8 @@ class Unroller:
             change = correct_information(covariance, (stacked.T * pull) @ stacked, stacked.T @ (pull * innovation))
             delta = change.delta
             values = expected.values + np.concatenate([delta[10:], delta[5:10]])
-        return Place(values, change.covariance[5:10, 5:10]), int((size < 2.0 * scale).sum())
+        near = size < 2.0 * scale
+        return Place(values, change.covariance[5:10, 5:10]), int(near.sum()), float(np.sqrt(np.mean(size[near] ** 2)))
 
     def followed(self, this: View, last: View) -> tuple[np.ndarray, np.ndarray]:
         """Points of the wall (N, 2) as the last view saw them, and their pixels (N, 2) in this one.
@@ -175,6 +176,8 @@ class Unroller:
         columns = [(self.project(values, wall + n) - self.project(values, wall - n)) / 2e-5 for n in nudges]
         return np.stack(columns, axis=2)
 
+    def _under(self, strip: Strip) -> tuple[np.ndarray, np.ndarray]:
+        return self.mosaic.part(strip.first, strip.grey.shape[1])
 
     def strip(self, picture: np.ndarray, values: np.ndarray) -> Strip:
         """The wall between near and far ahead of the view, as seen from a place, on the mosaic's own grid."""

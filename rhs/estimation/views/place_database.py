@@ -44,12 +44,14 @@ class Recognised:
 class PlaceAnswer:
     """best: the place recognised, or None when abstained, for `reason`. verified: the best candidate of each different place
     that passed the check, most inliers first. distinct: those of them that the picture does not refute, best explained
-    first."""
+    first. ranked (T,): the candidates as retrieved, with their scores (T,)."""
 
     best: Recognised | None
     reason: str
     verified: tuple[Recognised, ...]
     distinct: tuple[Recognised, ...]
+    ranked: np.ndarray
+    scores: np.ndarray
 
     @property
     def abstained(self) -> bool:
@@ -82,8 +84,8 @@ class PlaceDatabase:
         contradicted by answers that never looked at it.
         """
         if self.retrieval is None or len(query.pixels) < 2:
-            return PlaceAnswer(None, "nothing stored" if self.retrieval is None else "no key-points in the view", (), ())
-        ranked, _ = self.retrieval.rank(query.descriptors, 4 * max(self._settings.checks, self._rules.faint_checks))
+            return _abstained("nothing stored" if self.retrieval is None else "no key-points in the view")
+        ranked, scores = self.retrieval.rank(query.descriptors, 4 * max(self._settings.checks, self._rules.faint_checks))
         believed = [int(view) for pose in also for view in nearest_views(self.memory, pose, 1, self._rules.explain)]
         view = _Asked(Snapshot(query, camera), blocks(query.thumbnail, camera))
         likely = self._likely([*self._spread(ranked, self._settings.checks), *believed], view, self._settings.sighting)
@@ -92,7 +94,7 @@ class PlaceDatabase:
             faint = replace(self._settings.sighting, min_inliers=self._rules.faint_inliers)
             more = self._likely([*self._spread(ranked, self._rules.faint_checks), *believed], view, faint)
             likely = [item for item in more if self._enough(item) or self._fits(item)]
-        return self._judged(likely)
+        return self._judged(likely, ranked, scores)
 
     def _spread(self, ranked: np.ndarray, most: int) -> list[int]:
         """The best candidates, no more than two of them from one neighbourhood: look-alikes get a hearing."""
@@ -120,7 +122,7 @@ class PlaceDatabase:
         covariance = compose_covariance(_place_covariance(self._rules), seen.stored_from_query, seen.covariance)
         return Recognised(place, seen, self.memory.poses[place] @ seen.stored_from_query, covariance)
 
-    def _judged(self, likely: Sequence[Recognised]) -> PlaceAnswer:
+    def _judged(self, likely: Sequence[Recognised], ranked: np.ndarray, scores: np.ndarray) -> PlaceAnswer:
         fitting = [item for item in likely if self._fits(item)]
         left = [r for r in likely if not any(outdoes(other.fit, r.fit) > self._rules.level for other in fitting)]
         distinct = tuple(sorted(left, key=lambda r: -r.score))
@@ -133,7 +135,7 @@ class PlaceDatabase:
             reason = "the picture does not look like the place"
         else:
             best = distinct[0]
-        return PlaceAnswer(best, reason, tuple(likely), distinct)
+        return PlaceAnswer(best, reason, tuple(likely), distinct, ranked, scores)
 
     def _looked(self, item: Recognised, view: _Asked) -> Recognised:
         """The candidate with its score (explainability) and with how the picture fits there."""
@@ -184,3 +186,7 @@ def apart(pose_a: np.ndarray, pose_b: np.ndarray, rules: PlaceRules = USUAL) -> 
 
 def _place_covariance(rules: PlaceRules) -> np.ndarray:
     return np.diag([rules.place_sigma_m**2] * 3 + [np.radians(rules.place_sigma_deg) ** 2] * 3)
+
+
+def _abstained(reason: str) -> PlaceAnswer:
+    return PlaceAnswer(None, reason, (), (), np.empty(0, int), np.empty(0))

@@ -32,12 +32,13 @@ class Snapshot:
 @dataclass(frozen=True, eq=False)
 class Sighting:
     """stored_from_query: 4x4 pose of the querying body in the body frame of the stored view; covariance 6x6 of its
-    right perturbation. inliers: agreeing key-points; coverage: share of those stored key-points
+    right perturbation. inliers: agreeing key-points; matched: matched ones; coverage: share of those stored key-points
     that should be visible from there which were found again (0..1)."""
 
     stored_from_query: np.ndarray
     covariance: np.ndarray
     inliers: int
+    matched: int
     coverage: float
 
 
@@ -59,7 +60,7 @@ def sight(
         return None
     move = adjoint(query.camera.body_from_camera)
     bodies = stored.camera.body_from_camera @ stored_from_query @ inverse(query.camera.body_from_camera)
-    return Sighting(bodies, move @ covariance @ move.T, int(agreed.sum()), coverage)
+    return Sighting(bodies, move @ covariance @ move.T, int(agreed.sum()), len(pairs), coverage)
 
 
 def _camera_motion(stored: Snapshot, query: Snapshot, pairs: np.ndarray, settings: SightingSettings,
