@@ -33,7 +33,8 @@ def test_the_texture_of_a_tube_comes_back(tmp_path):
     assert json.loads((tmp_path / "row.json").read_text())["task"] == "unroll"
     for name in ("mosaic.png", "truth.png", "overview.png", "strips.csv", "config.yaml"):
         assert (tmp_path / name).stat().st_size > 100
-    assert {"along_m", "points", "residual_px", "agreement"} <= set((tmp_path / "strips.csv").read_text().split("\n")[0].split(","))
+    columns = (tmp_path / "strips.csv").read_text().splitlines()[0].split(",")
+    assert {"along_m", "points", "residual_px", "agreement"} <= set(columns)
 
 
 def test_a_lens_that_distorts_is_undone(tmp_path):
