@@ -9,16 +9,25 @@ from typing import Any
 
 import numpy as np
 
+UNUSUAL = 2718281828  # a seed that nobody else takes: who seeds with 0 where it was 0 before would leave all as it was
+
 
 @contextmanager
 def untouched(*given: Any) -> Iterator[None]:
     """AssertionError if, meanwhile, a global generator of Python or numpy was used or seeded, or an array in `given`
-    (records, sequences, arrays) was written to."""
-    python, shared = random.getstate(), _numpy_state()
+    (records, sequences, arrays) was written to. Both generators are afterwards as they were."""
+    states = random.getstate(), np.random.get_state()  # noqa: NPY002 - kept, never drawn from
     before = [(array, array.copy()) for value in given for array in _arrays(value)]
-    yield
-    assert _numpy_state() == shared, "it used numpy's global generator; draw from context.rng only"
-    assert random.getstate() == python, "it used Python's global generator; draw from context.rng only"
+    random.seed(UNUSUAL)
+    np.random.seed(UNUSUAL)  # noqa: NPY002 - so that every use shows
+    python, shared = random.getstate(), _numpy_state()
+    try:
+        yield
+        assert _numpy_state() == shared, "it used numpy's global generator; draw from context.rng only"
+        assert random.getstate() == python, "it used Python's global generator; draw from context.rng only"
+    finally:
+        random.setstate(states[0])
+        np.random.set_state(states[1])  # noqa: NPY002
     for array, copy in before:
         same = np.array_equal(array, copy, equal_nan=array.dtype.kind == "f")
         assert same, f"it wrote to an array it was given, of shape {array.shape}"

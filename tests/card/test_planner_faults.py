@@ -244,6 +244,18 @@ def test_a_planted_bug_is_found_and_named(cls):
     assert PLANTED[cls] in FAULTS
 
 
+def test_seeding_what_was_seeded_alike_before_is_found_too():
+    """The planted seed 0 went unseen wherever somebody had seeded with 0 last."""
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(0)  # noqa: NPY002
+    seeded = np.random.get_state()[1].copy()  # noqa: NPY002
+    try:
+        assert "global_randomness" in faults_found(Seeds)
+        assert (np.random.get_state()[1] == seeded).all()  # noqa: NPY002 - the check itself leaves it alone
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
+
+
 @pytest.mark.parametrize("name", ["astar", "theta_star", "prm", "potential_field"])
 def test_ours_have_none(name):
     result = run_forked(lambda: answers(registry.load("planner", name)(), ASKED), patience_s=60.0)
