@@ -337,22 +337,27 @@ class Surroundings:
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
     def hidden(self) -> np.ndarray:
-        """(K, 2) middles of cells near the robot, in its body frame, that no view of the last remember_s has covered beside
-        a thing that the map does not know: one face of it was seen, and the rest may stand there."""
+        """(K, 2) middles of cells near the robot, in its body frame, where the rest of a thing that the map does not know
+        may stand: one face of it was seen, and no view of the last remember_s has covered them, or, beside a low one, which
+        the scan at the camera's height looks over, shown their floor."""
         row, column = self._cells(self.pose[None, :2, 3])[0]
         reach = np.arange(-round(HIDDEN_M / CELL_M), round(HIDDEN_M / CELL_M) + 1)
         rows, columns = (grid.ravel() for grid in np.meshgrid(row + reach, column + reach, indexing="ij"))
-        unseen = self.seen_s[rows, columns] < self.now_s - self.remember_s
-        points = (np.stack([columns, rows], axis=1)[unseen] + 0.5) * CELL_M + self.at_eye.origin_m
-        return self.in_body(points[self._behind_things(points)])
+        body = self._middles(np.stack([rows, columns], axis=1))
+        old_s = self.now_s - self.remember_s
+        unseen, looked_over = self.seen_s[rows, columns] < old_s, self.floor_s[rows, columns] < old_s
+        things, low = self._unknown()
+        unseen[unseen] = _near(body[unseen], things, HIDES_M)
+        looked_over[looked_over] = _near(body[looked_over], things[low], HIDES_M)
+        return body[unseen | looked_over]
 
-    def _behind_things(self, points_m: np.ndarray) -> np.ndarray:
-        """(K,) bool: of points (K, 2) of this frame that nobody saw, those that may be the rest of what the map does not
-        know; none while the robot is lost: all walls are unknown then."""
-        if self.map_m is None or not len(points_m):
-            return np.zeros(len(points_m), bool)
-        things = self.things()
-        return _near(self.in_body(points_m), things[~self._on_map(things)], HIDES_M)
+    def _unknown(self) -> tuple[np.ndarray, np.ndarray]:
+        """((K, 2) things that the map does not know, in the body frame, (K,) bool: only the whole depth image showed them);
+        none while the robot is lost: all walls are unknown then."""
+        things = NOTHING if self.map_m is None else self.things()
+        things = things[~self._on_map(things)]
+        rows, columns = self._cells(things @ self.pose[:2, :2].T + self.pose[:2, 3]).T
+        return things, np.isfinite(self.since_s[rows, columns])
 
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
         """Those of the points (K, 2) of this frame that no view since since_s has covered, or, where something moves, of
@@ -366,7 +371,7 @@ class Surroundings:
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better; but what may be the rest of something
         was not."""
-        self._saw(self._cells(points_m[~self._behind_things(points_m)]))
+        self._saw(self._cells(points_m[~_near(self.in_body(points_m), self._unknown()[0], HIDES_M)]))
 
     def in_body(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) points of this frame, in the robot's body frame."""

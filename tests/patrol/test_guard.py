@@ -152,22 +152,6 @@ def test_a_trail_too_near_to_be_seen_cleared_is_forgotten_while_something_moves(
         assert blocked == (0.5 * (index - 1) <= seconds)
 
 
-def test_where_one_face_of_a_thing_was_seen_the_rest_of_it_may_stand_unless_all_that_is_seen_is_unknown():
-    """A face 0.3 m to the left of the way and 0.6 m ahead, past which an arc to the left leads over ground behind it. On the
-    map it is a wall, and what is behind it the map knows; a lost robot has no map."""
-    watched, behind = guard(), Twist(0.4, 1.0, 0.5)
-    face = np.where(BEARINGS > 0.35, 0.6 / np.cos(BEARINGS), 5.0)
-    watched.observe(seen(1, face), STILL)
-    forward = Motion(se2(0.6, 0.0, 0.0), 1e-6 * np.eye(6), Tracking.OK)
-    watched.observe(seen(2, 5.0), forward)
-    face_m = watched.around.things()
-    way_m = {}
-    for name, known in (("unknown", np.zeros((0, 2))), ("on the map", face_m), ("lost", None)):
-        watched.around.map_m = known
-        way_m[name] = watched.around.free_way_m(behind, 0.05, 0.5, walls_m=watched.around.hidden())
-    assert len(face_m) and way_m["unknown"] < 0.2 and way_m["on the map"] == way_m["lost"] > 0.3
-
-
 def test_a_robot_beside_a_door_post_turns_until_it_has_room_and_goes_on():
     """A post 0.38 m ahead to the right, of a robot of 0.3 m: straight on it would come nearer than 0.05 m."""
     watched = guard()

@@ -1,0 +1,44 @@
+"""Of a thing that stands in the way one face was seen: the rest of it may stand where no view has looked."""
+
+from dataclasses import replace
+
+import numpy as np
+from flatland import BEARINGS
+from test_guard import STILL, guard, seen
+
+from rhs.api.geometry import se2
+from rhs.api.records import Motion, Scan, Tracking, Twist
+
+
+def test_where_one_face_of_a_thing_was_seen_the_rest_of_it_may_stand_unless_all_that_is_seen_is_unknown():
+    """A face 0.3 m to the left of the way and 0.6 m ahead, past which an arc to the left leads over ground behind it. On the
+    map it is a wall, and what is behind it the map knows; a lost robot has no map."""
+    watched, behind = guard(), Twist(0.4, 1.0, 0.5)
+    face = np.where(BEARINGS > 0.35, 0.6 / np.cos(BEARINGS), 5.0)
+    watched.observe(seen(1, face), STILL)
+    forward = Motion(se2(0.6, 0.0, 0.0), 1e-6 * np.eye(6), Tracking.OK)
+    watched.observe(seen(2, 5.0), forward)
+    face_m = watched.around.things()
+    way_m = {}
+    for name, known in (("unknown", np.zeros((0, 2))), ("on the map", face_m), ("lost", None)):
+        watched.around.map_m = known
+        way_m[name] = watched.around.free_way_m(behind, 0.05, 0.5, walls_m=watched.around.hidden())
+    assert len(face_m) and way_m["unknown"] < 0.2 and way_m["on the map"] == way_m["lost"] > 0.3
+
+
+def test_looking_over_a_low_box_is_not_seeing_what_lies_behind_its_face():
+    """The face of above, of a box lower than the camera: the scan at the camera's height passes over it and all behind it.
+    Where a view has shown the floor there before, nothing is hidden."""
+    face = np.where(BEARINGS > 0.35, 0.6 / np.cos(BEARINGS), 5.0)
+    low, floor = (Scan(BEARINGS, np.broadcast_to(ranges_m, 41).astype(float), 6.0) for ranges_m in (face, 5.0))
+    over = replace(floor, blind_m=3.0)  # from nearer than that the floor is below the picture
+    way_m = []
+    for shown in (over, floor):
+        watched = guard()
+        watched.around.map_m = np.zeros((0, 2))
+        watched.observe(seen(1, 5.0, obstacle=shown), STILL)
+        watched.observe(seen(2, 5.0, obstacle=low), STILL)
+        watched.observe(seen(3, 5.0, obstacle=over), Motion(se2(0.6, 0.0, 0.0), 1e-6 * np.eye(6), Tracking.OK))
+        hidden_m = watched.around.hidden()
+        way_m.append(watched.around.free_way_m(Twist(0.4, 1.0, 0.5), 0.05, 0.5, walls_m=hidden_m))
+    assert way_m[0] < 0.2 and way_m[1] > 0.3, way_m
