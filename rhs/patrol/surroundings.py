@@ -10,6 +10,7 @@ from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
 from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
+from .company import close_to, in_company
 from .control import ARC_STEP_M, arc
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
@@ -52,6 +53,7 @@ class Surroundings:
         self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
         self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
         self.floor_s = np.full((cells, cells), -np.inf)  # the same, or when the robot stood there or could not see it better
+        self.behind_s = np.full((cells, cells), -np.inf)  # when a view last showed the face of something low before a cell
         self.since_s = np.full((cells, cells), np.inf)  # when the layer below first saw what stands there
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
         self.scan: Scan | None = None  # of the last view
@@ -67,7 +69,7 @@ class Surroundings:
         """Take one view; scans that an odometry only believes in do not count as sight. A motion that nobody knows (the gate
         replaced it, or no scan can follow the last by it: wheels spun, or somebody carried the robot) makes what was seen
         before worthless."""
-        from rhs.estimation.scans.votes import low_only
+        from rhs.estimation.scans.votes import behind, low_only
         from rhs.estimation.views.motion_consistency import Continuity, scan_continuity
 
         if motion.status is Tracking.LOST and (motion.replaced or scan_continuity(
@@ -91,8 +93,11 @@ class Surroundings:
             seen.append((self.at_eye, self.looked_s[0], self.at_eye.votes.copy(), self.at_eye.look(
                 self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M)))
         if obstacle is not None:
+            low = low_only(obstacle, scan)
             seen.append((self.below, self.looked_s[1], self.below.votes.copy(), self.below.look(
-                self.pose, obstacle, hits=low_only(obstacle, scan), within_m=0.4 * SIDE_M)))
+                self.pose, obstacle, hits=low, within_m=0.4 * SIDE_M)))
+            rows, columns = self._cells_at(behind(obstacle, low, HIDES_M, step_m=CELL_M)).T
+            self.behind_s[rows, columns] = self.now_s
         for layer, looked_s, votes, cells in seen:
             if motion.status is Tracking.OK:  # else what was seen before may stand elsewhere in this frame
                 self._note_what_came(layer.votes, votes, cells, (looked_s, things))
@@ -158,7 +163,7 @@ class Surroundings:
         """Nothing was seen yet."""
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
-        self.seen_s[:] = self.below_s[:] = self.floor_s[:] = -np.inf
+        self.seen_s[:] = self.below_s[:] = self.floor_s[:] = self.behind_s[:] = -np.inf
         self.came_s[:] = self.since_s[:] = np.inf
         for looked_s in self.looked_s:
             looked_s[:] = -np.inf
@@ -166,7 +171,7 @@ class Surroundings:
     def forget_near(self, points_m: np.ndarray, within_m: float) -> bool:
         """Forget what stands near the points (K, 2) of the body frame. Whether anything did."""
         cells = np.argwhere((self.at_eye.votes > 0.0) | (self.below.votes > 0.0))
-        gone = cells[_near(self._middles(cells), points_m, within_m)]
+        gone = cells[close_to(self._middles(cells), points_m, within_m)]
         for layer in (self.at_eye, self.below):
             layer.votes[gone[:, 0], gone[:, 1]] = 0.0
         return len(gone) > 0
@@ -175,7 +180,7 @@ class Surroundings:
         """What one cell alone holds for a thing, however often it was seen: the flying pixels of an edge make such, and
         nearer than the camera sees the floor nothing clears them."""
         cells = np.argwhere(np.maximum(self.at_eye.votes, self.below.votes) >= THING)
-        lone = cells[~in_company(cells * CELL_M)]
+        lone = cells[~in_company(cells * CELL_M, SPECK_M)]
         for layer in (self.at_eye, self.below):
             layer.votes[lone[:, 0], lone[:, 1]] = 0.0
 
@@ -201,7 +206,7 @@ class Surroundings:
         if np.abs(off).max() < KEPT_M:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, *self.looked_s)]
+        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, self.behind_s, *self.looked_s)]
         ages = [(array, np.inf) for array in (self.came_s, self.since_s)]
         for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), *ages, *times):
             kept = np.full_like(array, empty)
@@ -218,6 +223,10 @@ class Surroundings:
         """(K, 2) row and column of (K, 2) points of the frame."""
         column_row = np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)
         return np.clip(column_row[:, ::-1], 0, len(self.seen_s) - 1)
+
+    def _cells_at(self, points_m: np.ndarray) -> np.ndarray:
+        """(K, 2) row and column of (K, 2) points of the body frame."""
+        return self._cells(points_m @ self.pose[:2, :2].T + self.pose[:2, 3])
 
     def things(self, within_s: float = np.inf, *, least: float = THING) -> np.ndarray:
         """(K, 2) things near the robot that were looked at in the last within_s seconds, metres in its body frame. least:
@@ -243,19 +252,19 @@ class Surroundings:
         low |= below & beside & (below_s >= self.now_s - self.remember_s)
         found = low | (at_eye & ((fresh & (seen_s >= self.now_s - within_s)) | (beside & remembered)))
         points, votes = points[found], np.maximum(self.at_eye.votes[cells], self.below.votes[cells])[found]
-        body = self.in_body(points[(votes >= SPECK_VOTES) | in_company(points)])
+        body = self.in_body(points[(votes >= SPECK_VOTES) | in_company(points, SPECK_M)])
         return body[np.hypot(*body.T) < NEAR_M]
 
     def _on_map(self, points_m: np.ndarray) -> np.ndarray:
         """(K,) bool: of points (K, 2) of the body frame, those where the map knows something: that does not go."""
-        return _near(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
+        return close_to(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
 
     def bump(self, ahead: float, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back: where something is known to stand, by what was seen or
         else known_m (K, 2) in the body frame, else in the middle; the (K, 2) points of it in the body frame."""
         angles = np.radians(np.linspace(-30.0, 30.0, 7)) + self._touched_at_rad(ahead, known_m)
         points = ((self._reach_m(angles) + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
-        cells = self._cells(points @ self.pose[:2, :2].T + self.pose[:2, 3])
+        cells = self._cells_at(points)
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
         self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._saw(cells)
@@ -336,19 +345,20 @@ class Surroundings:
         ahead = self._patches[(gaps < self.radius_m) & (np.hypot(*self._patches.T) > self.radius_m + margin_m)]
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
-    def hidden(self) -> np.ndarray:
+    def hidden(self, *, low: bool = True) -> np.ndarray:
         """(K, 2) middles of cells near the robot, in its body frame, where the rest of a thing that the map does not know
-        may stand: one face of it was seen, and no view of the last remember_s has covered them, or, beside a low one, which
-        the scan at the camera's height looks over, shown their floor."""
+        may stand: one face of it was seen, and no view of the last remember_s has covered them, or, behind the face of a
+        low one, which the scan at the camera's height looks over, shown their floor. low: whether those count too."""
         row, column = self._cells(self.pose[None, :2, 3])[0]
         reach = np.arange(-round(HIDDEN_M / CELL_M), round(HIDDEN_M / CELL_M) + 1)
         rows, columns = (grid.ravel() for grid in np.meshgrid(row + reach, column + reach, indexing="ij"))
         body = self._middles(np.stack([rows, columns], axis=1))
         old_s = self.now_s - self.remember_s
-        unseen, looked_over = self.seen_s[rows, columns] < old_s, self.floor_s[rows, columns] < old_s
-        things, low = self._unknown()
-        unseen[unseen] = _near(body[unseen], things, HIDES_M)
-        looked_over[looked_over] = _near(body[looked_over], things[low], HIDES_M)
+        unseen = self.seen_s[rows, columns] < old_s
+        looked_over = low & (self.floor_s[rows, columns] < old_s) & (self.behind_s[rows, columns] >= old_s)
+        things, lies_low = self._unknown()
+        unseen[unseen] = close_to(body[unseen], things, HIDES_M)
+        looked_over[looked_over] = close_to(body[looked_over], things[lies_low], HIDES_M)
         return body[unseen | looked_over]
 
     def _unknown(self) -> tuple[np.ndarray, np.ndarray]:
@@ -356,7 +366,7 @@ class Surroundings:
         none while the robot is lost: all walls are unknown then."""
         things = NOTHING if self.map_m is None else self.things()
         things = things[~self._on_map(things)]
-        rows, columns = self._cells(things @ self.pose[:2, :2].T + self.pose[:2, 3]).T
+        rows, columns = self._cells_at(things).T
         return things, np.isfinite(self.since_s[rows, columns])
 
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
@@ -371,29 +381,9 @@ class Surroundings:
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better; but what may be the rest of something
         was not."""
-        self._saw(self._cells(points_m[~_near(self.in_body(points_m), self._unknown()[0], HIDES_M)]))
+        self._saw(self._cells(points_m[~close_to(self.in_body(points_m), self._unknown()[0], HIDES_M)]))
 
     def in_body(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) points of this frame, in the robot's body frame."""
         body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
         return body
-
-
-def _near(points_m: np.ndarray, others_m: np.ndarray, within_m: float) -> np.ndarray:
-    """(K,) bool: the point (K, 2) has one of the others (L, 2) so near."""
-    from scipy.spatial import cKDTree
-
-    if not len(points_m) or not len(others_m):
-        return np.zeros(len(points_m), bool)
-    near: np.ndarray = np.isfinite(cKDTree(others_m).query(points_m, distance_upper_bound=within_m)[0])
-    return near
-
-
-def in_company(points_m: np.ndarray) -> np.ndarray:
-    """(K,) bool: the point (K, 2) has another within SPECK_M."""
-    if not len(points_m):
-        return np.zeros(0, bool)
-    from scipy.spatial import cKDTree
-
-    near: np.ndarray = cKDTree(points_m).query_ball_point(points_m, SPECK_M, return_length=True) > 1
-    return near

@@ -87,3 +87,10 @@ def low_only(obstacle: Scan, scan: Scan | None) -> np.ndarray:
     return low
 
 
+def behind(scan: Scan, hits: np.ndarray, up_to_m: float, *, step_m: float) -> np.ndarray:
+    """(K, 2) points of the body frame behind the ends of the beams hits (N,) bool, up to so far behind them."""
+    ranges_m = scan.ranges_m[hits][:, None] + np.arange(step_m, up_to_m, step_m)
+    bearings_rad = scan.bearings_rad[hits][:, None]
+    along = np.stack([np.cos(bearings_rad) * ranges_m, np.sin(bearings_rad) * ranges_m], axis=-1)
+    points: np.ndarray = along.reshape(-1, 2) + np.asarray(scan.origin_xy_m)
+    return points
