@@ -81,10 +81,12 @@ def test_an_effect_by_hand():
 
 def test_maps_without_fault_are_compared_too():
     """Of five maps one is whole before and one after: all five count, a thousandth being added to what is lacking."""
-    asked = ask(["mapper=occupancy", "zip(world=square_small,square,corridor,lobby,office seed=0,1,2,3,4)"], only=["resolution_m"])
+    five = "zip(world=square_small,square,corridor,lobby,office seed=0,1,2,3,4)"
+    asked = ask(["mapper=occupancy", five], only=["resolution_m"])
     asked = replace(asked, changes=(Change("mapper.a", 1.0, 2.0, 2.0),))
+    maps = ((1.0, 0.99, 0.98, 0.97, 1.0), (1.0, 0.99, 0.98, 1.0, 0.999))
     rows = [{"status": "ok", asked.measure: share, "n": number, "success": 1.0}
-            for number, shares in enumerate(((1.0, 0.99, 0.98, 0.97, 1.0), (1.0, 0.99, 0.98, 1.0, 0.999))) for share in shares]
+            for number, shares in enumerate(maps) for share in shares]
     (one,) = effects(asked, rows)
     assert one.pairs == 5 and one.change == pytest.approx((1 / 31 * 2) ** (1 / 5) - 1)
 
