@@ -44,7 +44,7 @@ def test_what_is_no_atlas_is_refused_in_one_line(changes, says, tmp_path):
 
 def test_words_may_be_a_list_and_quoted_as_in_a_shell(tmp_path):
     both = {"line": "planner=rrt 'planner.iterations=50'", "list": ["planner=rrt", "planner.iterations=60"]}
-    found = atlas.read_atlas(written(tmp_path, combinations=both, dials=["planner.step_m=0.1..1"]))
+    found = atlas.read_atlas(written(tmp_path, combinations=both, dials=["planner.goal_bias=0.01..0.9"]))
     assert found.combinations == ["line", "list"]
 
 
