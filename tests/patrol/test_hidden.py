@@ -8,6 +8,7 @@ from test_guard import STILL, guard, seen
 
 from rhs.api.geometry import se2
 from rhs.api.records import Motion, Scan, Tracking, Twist
+from rhs.patrol.guard import MOST_HELD
 
 
 def test_where_one_face_of_a_thing_was_seen_the_rest_of_it_may_stand_unless_all_that_is_seen_is_unknown():
@@ -42,3 +43,20 @@ def test_looking_over_a_low_box_is_not_seeing_what_lies_behind_its_face():
         hidden_m = watched.around.hidden()
         way_m.append(watched.around.free_way_m(Twist(0.4, 1.0, 0.5), 0.05, 0.5, walls_m=hidden_m))
     assert way_m[0] < 0.2 and way_m[1] > 0.3, way_m
+
+
+def test_what_is_hidden_behind_something_low_bars_the_way_to_a_place_twenty_times_at_most():
+    """Only what the camera looked over is let go of; what no view has covered is not."""
+    face = np.where(BEARINGS > 0.35, 0.6 / np.cos(BEARINGS), 5.0)
+    low, over = (Scan(BEARINGS, np.broadcast_to(ranges_m, 41).astype(float), 6.0, blind_m=blind_m)
+                 for ranges_m, blind_m in ((face, 0.0), (5.0, 3.0)))
+    watched = guard()
+    watched.observe(seen(1, 5.0, obstacle=over), STILL)
+    watched.observe(seen(2, 5.0, obstacle=low), STILL)
+    watched.observe(seen(3, 5.0, obstacle=over), Motion(se2(0.6, 0.0, 0.0), 1e-6 * np.eye(6), Tracking.OK))
+    watched.around.map_m = np.zeros((0, 2))
+    watched.around.seen_s[:] = watched.around.now_s  # the camera has looked everywhere
+    refused = 0
+    while refused < 30 and watched.allow(Twist(0.4, 1.0, 0.5))[0] is None:
+        refused, watched._held = refused + 1, 0  # between two it drives elsewhere
+    assert watched.doubts == refused == MOST_HELD
