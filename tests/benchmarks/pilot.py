@@ -4,7 +4,8 @@
 
 Odometry and localiser are the truth with the error of the default chain put on (2 mm and 0.06 degrees a view; 1.2 cm and 0.3
 degrees that come and go within ten views), pictures are 160 px wide. All else is an ordinary run: what goes wrong in it is
-the pilot's doing. `reachable` as in buildings.py. Writes pilot.csv; a building whose run has a row is not run again.
+the pilot's doing. --boxes 8: so many boxes that the survey did not see in the place of one to three, for touches in plenty.
+`reachable` as in buildings.py. Writes pilot.csv; a building whose run has a row is not run again.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from buildings import rows, table
 from shared import write
 
 import rhs.patrol.run
+import rhs.worlds.random.building
 from rhs.api.frozen import freeze
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.randomness import generator
@@ -27,6 +29,7 @@ from rhs.api.records import Belief, Motion, Tracking
 from rhs.base.provenance import commit
 from rhs.config.compose import compose_config
 from rhs.worlds.random.names import FAMILIES
+from rhs.worlds.random.obstacles import _with_box
 
 SURE, KNOWN = 1e-6 * np.eye(6), 1e-4 * np.eye(6)
 STEP = np.array([0.002, 0.002, 0.001])  # of a motion, metres and radians
@@ -67,6 +70,7 @@ def main() -> int:
     parser.add_argument("--families", nargs="+", default=[f"{family}+obstacles+people" for family in FAMILIES])
     parser.add_argument("--seeds", default="600", help="first-last, both included")
     parser.add_argument("--out", type=Path, default=Path("runs/pilot"))
+    parser.add_argument("--boxes", type=int, default=0, help="that the survey did not see, where the family has any")
     parser.add_argument("words", nargs="*", help="key=value words of a run")
     options = parser.parse_intermixed_args()
     first, _, last = options.seeds.partition("-")
@@ -77,7 +81,14 @@ def main() -> int:
         told = Told(parts.source, generator(more["seed"], "told"))
         return replace(parts, odometry=told, localiser=told)
 
+    def boxed(world: Any, rng: np.random.Generator) -> Any:
+        for _ in range(options.boxes):
+            world = _with_box(world, rng)
+        return world
+
     rhs.patrol.run.build = build
+    if options.boxes:
+        rhs.worlds.random.building.with_drawn_obstacles = boxed
     for seed in range(int(first), int(last or first) + 1):
         for family in options.families:
             folder = options.out / f"{family},seed={seed}"
