@@ -90,6 +90,9 @@ class Replay:
     camera_mount: list[float] = field(default_factory=list)
     """Where the camera sits on the body, looking along its own x: [x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg]; empty: what a
     bag's tf says, else at the body. Not of a run.mcap, which knows it."""
+    deskew: bool = True
+    """Put right the scans of a bag's laser whose beams go round while the robot turns, by the wheels, where the scans show
+    that they do; clouds of a lidar: odometry.deskew."""
     extent_m: float = 0.0
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
     with a lidar 200 m, and as much more as is seen."""

@@ -6,7 +6,6 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
-from os.path import commonprefix
 from pathlib import Path
 
 import numpy as np
@@ -23,50 +22,16 @@ from ..replay_register import DepthCamera, typed_depth_camera
 from ..replay_stamps import cloud_extras
 from ..replay_tum import UNREADABLE, Recording
 from . import messages as ros
-from .depth import SAID_REGISTERED, color_from, depth_camera_of
+from .depth import color_from, depth_camera_of
 from .files import opened
+from .topics import Topics, choose_topics
 from .truth import read_truth
-from .wheels import beside_wheels, odometry_in_tf, readings_in_tf
+from .turning import Turning, turning_in
+from .wheels import beside_wheels, odometry_in_tf, wheel_readings
 
-IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
-NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
 DESKEWED = ("deskew", "undistort", "compensated")  # in the names of topics
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
-
-
-@dataclass(frozen=True)
-class Topics:
-    """The topics of a bag that are used; empty when there is none."""
-
-    color: str = ""
-    depth: str = ""
-    cloud: str = ""
-    info: str = ""
-    scan: str = ""
-    wheel: str = ""
-    depth_info: str = ""
-    tf: str = ""
-    odometry: tuple[str, str] = ("", "")  # parent and child of the wheels' link in tf, where no topic has them
-
-    def provide(self) -> frozenset[str]:
-        """What the views will hold, in the words of a part's needs."""
-        held = {"image": self.color, "gray": self.color, "depth": self.depth or (self.cloud if self.color else ""),
-                "scan": self.scan, "wheel": self.wheel or self.tf, "cloud": self.around}
-        return frozenset(word for word, topic in held.items() if topic)
-
-    @property
-    def around(self) -> str:
-        """The topic of a lidar: clouds that no camera goes with."""
-        return "" if self.color else self.cloud
-
-    @property
-    def sees(self) -> str:
-        """The topic whose messages are the views."""
-        return self.color or self.around or self.scan
-
-    def used(self) -> set[str]:
-        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel, self.tf) if t}
 
 
 def open_bag(path: Path, settings) -> Recording:
@@ -79,6 +44,7 @@ def open_bag(path: Path, settings) -> Recording:
         links, moving = links_of(_transforms(reader, topics.sees))
         topics = _with_wheels(reader, topics, settings, moving)
         placed = _placed(reader, topics, settings, links)
+        turning = _turning(reader, topics, settings, placed)
         camera = NO_CAMERA
         if topics.color:
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
@@ -94,7 +60,8 @@ def open_bag(path: Path, settings) -> Recording:
     lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
     found_views = _views(reader, topics, settings, (camera, placed), counts, lost)
-    views = islice(beside_wheels(found_views, waits="wheel" in topics.provide()), settings.start, stop, settings.stride)
+    with_wheels = beside_wheels(found_views, waits="wheel" in topics.provide(), for_s=abs(turning.span_s), made=turning.seen)
+    views = islice(with_wheels, settings.start, stop, settings.stride)
 
     def captures():
         wheel_before = None
@@ -110,68 +77,6 @@ def open_bag(path: Path, settings) -> Recording:
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
     return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
-
-
-def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
-    """Which of the topics (name -> type) are colour, depth, ...; the user's word first, else the only fitting one."""
-    images = [t for t, kind in found.items() if kind in IMAGES and not any(word in t.lower() for word in NEITHER)]
-    deep = [t for t in images if "depth" in t.lower()]
-    plain = [t for t in images if t not in deep and "/ir" not in t.lower() and "infra" not in t.lower()]
-
-    def pick(name: str, fitting: list[str]) -> str:
-        wanted = getattr(settings, f"{name}_topic")
-        if wanted == "none":
-            return ""
-        if wanted and wanted not in found:
-            raise ConfigError(f"{where}: no topic {wanted}; found {_listed(found)}")
-        return wanted or _best(name, fitting, where)
-
-    def of(*kinds: str) -> list[str]:
-        return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
-
-    alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": ("PointCloud2",)}.get(settings.views, ())
-    if of(*alone):
-        plain, deep = [], []
-    color, depth = pick("color", plain), pick("depth", deep)
-    scan = pick("scan", of("LaserScan", "MultiEchoLaserScan"))
-    scan = "" if settings.views == "clouds" and of(*alone) else scan
-    clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
-    if not color and not scan and len(clouds) > 1:
-        raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")
-    cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
-    depth = "" if cloud == depth else depth
-    if not color and not scan and not cloud:
-        raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}")
-    if color and not depth and not cloud and settings.depth_topic != "none":
-        raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
-    infos = of("CameraInfo")
-    info = pick("info", _beside(color, infos)) if color else ""
-    deep = _beside(depth, infos) if depth else []
-    return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
-
-
-def _beside(topic: str, infos: list[str]) -> list[str]:
-    """Of the topics of CameraInfo those whose names have the most folders in common with a topic's."""
-    def shared(info: str) -> int:
-        return len(commonprefix([topic.split("/"), info.split("/")]))
-
-    most = max(map(shared, infos), default=0)
-    return [info for info in infos if shared(info) == most]
-
-
-def _best(name: str, fitting: list[str], where: str) -> str:
-    """The only fitting topic; of several the one registered to colour, or the raw one of a raw-compressed pair."""
-    if len(fitting) > 1:
-        better = [t for t in fitting if any(word in t for word in SAID_REGISTERED)] if name == "depth" else []
-        raw = [t for t in (better or fitting) if not t.endswith(("/compressed", "/compressedDepth"))]
-        fitting = raw or better or fitting
-    if len(fitting) > 1:
-        raise ConfigError(f"{where}: several {name} topics ({', '.join(fitting)}); type source.{name}_topic=NAME")
-    return fitting[0] if fitting else ""
-
-
-def _listed(found: dict[str, str]) -> str:
-    return ", ".join(f"{t} ({kind.rsplit('/', 1)[-1]})" for t, kind in sorted(found.items())) or "no topic at all"
 
 
 def _recorded(reader, info: str, images: str) -> Camera | None:
@@ -223,6 +128,12 @@ def _most_m(reader, topic: str) -> float:
     ranges = [ros.ranges_of(one) for one in scans]
     end_m = end_of_range([one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)])
     return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
+
+
+def _turning(reader, topics: Topics, settings, placed: Placed) -> Turning:
+    """How the beams of the laser go round, where its scans are the views and there are wheels to put them right by."""
+    asked = settings.deskew and topics.sees == topics.scan and "wheel" in topics.provide()
+    return turning_in(reader, topics, placed.scan, placed.most_m) if asked else Turning(0.0, placed.scan, topics.scan)
 
 
 def _with_wheels(reader, topics: Topics, settings, moving: dict[str, str]) -> Topics:
@@ -303,7 +214,7 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
     scan = None
     for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used()), lost):
         if topic == topics.tf:
-            yield from ((None, reading) for reading in readings_in_tf(message, topics.odometry, topic))
+            yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
             continue
         if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
             counts["other_frame"] += 1  # a second sensor on one topic
@@ -315,13 +226,13 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["jump"] += 1
         last[topic] = stamp
         if topic == topics.wheel:
-            yield None, (stamp, ros.pose_of(message, topic))
+            yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
+        elif topic == topics.scan == topics.sees:
+            yield Capture(0, stamp, scan=ros.scan_of(message, topic, placed.most_m), sensed=True), None
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
-            if not topics.color and not topics.around:
-                yield Capture(0, stamp, scan=scan, sensed=True), None
         elif topic == topics.around:
             yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), None
         else:
