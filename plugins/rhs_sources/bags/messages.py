@@ -15,6 +15,7 @@ from rhs.api.records import Scan
 
 from ..replay_images import UnreadableImage, metres
 from ..replay_stamps import TIME_FIELDS
+from ..unread import VIDEO
 from .rvl import unpacked_rvl
 
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
@@ -72,6 +73,9 @@ def color_of(message, topic: str) -> np.ndarray:
     """(H, W, 3) uint8 RGB of an Image or CompressedImage."""
     if hasattr(message, "format"):
         encoding = message.format.split(";")[0].strip()
+        if encoding.lower() in VIDEO:
+            raise ConfigError(f"{topic}: its images are {encoding} video, which is not read; republish them as images "
+                              "(image_transport republish) and record these")
         if encoding not in BAYER:
             return _decoded(message.data, topic, color=True)
         mosaic = _decoded(message.data, topic, color=False)  # image_transport packs it as it is, unless it made colour of it

@@ -7,6 +7,7 @@ from os.path import commonprefix
 
 from rhs.api.errors import ConfigError
 
+from ..unread import of_topics
 from .depth import SAID_REGISTERED
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -76,7 +77,8 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
     cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
     depth = "" if cloud == depth else depth
     if not color and not scan and not cloud:
-        raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}")
+        raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}"
+                          f"{of_topics(found)}")
     if color and not depth and not cloud and settings.depth_topic != "none":
         raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
     infos = of("CameraInfo")

@@ -1,0 +1,52 @@
+"""Recordings of forms that are not read say which program makes one that is; those whose names hold a number and a time."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from bags import BagFile, picture
+from helpers.replayed import refused, views
+
+
+@pytest.mark.parametrize(("name", "said"), [
+    ("scene0000_00.sens", "reader.py --filename scene0000_00.sens --output_path FOLDER"), ("a.svo2", "zed_wrapper"),
+    ("a.pcap", "record the PointCloud2"), ("a.bag.active", "rosbag reindex a.bag.active"), ("a.rawlog", "CARMEN log"),
+])
+def test_a_file_of_another_form_says_what_makes_it_one_that_is_read(tmp_path, name, said):
+    (tmp_path / name).write_bytes(b"\0" * 100)
+    assert said in refused(tmp_path / name) and said in refused(tmp_path)
+
+
+def test_a_log_of_player_is_named(tmp_path):
+    (tmp_path / "a.log").write_text("## Player version 2.0.5\n## File version: 0.3.0\n1.0 16777343 6665 laser 00 001 001\n")
+    assert "a log of Player" in refused(tmp_path / "a.log")
+
+
+def test_images_of_video_in_a_bag_are_named(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.camera_info("/camera/camera_info", 1.0)
+        bag.put("/camera/image/compressed", 1.0, bag.make(
+            "sensor_msgs/msg/CompressedImage", header=bag.header(1.0), format="h264", data=np.zeros(50, np.uint8)))
+    assert "h264 video, which is not read; republish" in refused(bag.path, depth_topic="none")
+
+
+def test_of_names_with_a_number_and_a_time_the_time_is_the_stamp(tmp_path, caplog):
+    """SUN3D and Redwood's objects: colour and depth have numbers of their own, and microseconds since the beginning."""
+    (tmp_path / "image").mkdir()
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "intrinsics.txt").write_text("50 0 31.5\n0 50 23.5\n0 0 1\n")
+    row = np.arange(1500, 1564, dtype=np.uint16)
+    for k in range(4):
+        cv2.imwrite(str(tmp_path / "image" / f"{k + 1:07d}-{33333 * k:012d}.jpg"), picture(k))
+        shifted = np.tile(row << 3, (48, 1))
+        cv2.imwrite(str(tmp_path / "depth" / f"{k + 3:07d}-{33333 * k + 150:012d}.png"), shifted)
+    _, seen = views(tmp_path)
+    assert len(seen) == 4 and seen[3][0].stamp_s == pytest.approx(0.1, abs=1e-4)
+    assert "type source.depth_scale=8000" in caplog.text
+    _, seen = views(tmp_path, depth_scale=8000)
+    assert seen[0][0].depth[0, 0] == pytest.approx(1.5)
+
+
+def test_a_focal_length_below_zero_is_answered(tmp_path):
+    assert "type 480" in refused(tmp_path, camera=[481.2, -480.0, 319.5, 239.5])
