@@ -135,7 +135,7 @@ def _check_intrinsics(owner: str, values) -> None:
         found = f"{owner}.camera={values} is neither a preset nor four, eight or nine numbers"
         raise ConfigError(f"{found}; type source.camera=[fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]")
     if numbers[1] < 0.0:
-        raise ConfigError(f"{owner}.camera fy={numbers[1]:g}: an axis that looks up (ICL-NUIM's own); images are read with y "
+        raise ConfigError(f"{owner}.camera fy={numbers[1]:g}: an axis that looks up (ICL-NUIM's own); images have y "
                           f"down: type {-numbers[1]:g}")
     for name, value in zip(("fx", "fy"), numbers, strict=False):
         check_range(owner, f"camera {name}", value, low=1.0, high=1e5, unit="pixels")

@@ -17,13 +17,14 @@ from rhs.api.records import Capture
 from ..carmen.log import NO_CAMERA, end_of_range
 from ..replay_cameras import chosen_camera
 from ..replay_images import UnreadableImage, check_depth, check_pair
-from ..replay_mounts import Mounts, check_scanners_own, links_of, mount_of, mounted, optical, tf_topics
+from ..replay_mounts import Mounts, links_of, mount_of, mounted, optical, tf_topics
 from ..replay_register import DepthCamera, typed_depth_camera
 from ..replay_stamps import cloud_extras
 from ..replay_tum import UNREADABLE, Recording
 from . import messages as ros
 from .depth import color_from, depth_camera_of
 from .files import opened
+from .own_frame import check_scanners_own
 from .topics import Topics, choose_topics
 from .truth import read_truth
 from .turning import Turning, turning_in
@@ -162,9 +163,8 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
         return found
 
     if topics.around:
-        if typed_scan is None:
-            check_scanners_own(_frame(reader, topics.around), topics.around)
-        return Placed(None, None, of(topics.around) if typed_scan is None else typed_scan)
+        own = typed_scan is None and check_scanners_own(reader, topics, _frame(reader, topics.around))
+        return Placed(None, None, typed_scan if typed_scan is not None else of(topics.around) if own else None)
     scan = of(topics.scan) if typed_scan is None else typed_scan
     frame = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
     camera = optical(frame, _frame(reader, topics.color)) if typed_camera is None else frame

@@ -22,7 +22,7 @@ from rhs.estimation.scans.settings import PointSettings
 
 from ..replay_mounts import UNTURNED, mounted
 from . import messages as ros
-from .wheels import wheel_readings
+from .wheels import first_with_wheels
 
 log = logging.getLogger("rhs.replay")
 LEAST_RADPS = 0.3  # by which two scans of a pair turn differently
@@ -78,15 +78,9 @@ class Turning:
 
 def turning_in(reader, topics, mount: np.ndarray | None, most_m: float) -> Turning:
     """How the beams of a bag's laser go round, by its first scans that come beside wheels; said where they do."""
-    scans: list[tuple[float, float, Scan]] = []
-    wheels: list[tuple[float, np.ndarray]] = []
-    for topic, stamp, message in ros.stamped(reader, {topics.scan, topics.wheel or topics.tf}):
-        if topic != topics.scan:
-            wheels += [one for one in wheel_readings(message, stamp, topics, topic) if not wheels or one[0] > wheels[-1][0]]
-        elif len(message.ranges) > LEAST_BEAMS and (not scans or stamp > scans[-1][0]):
-            scans.append((stamp, float(message.time_increment), ros.scan_of(message, topic, most_m)))
-        if len(scans) == LOOKED_AT:
-            break
+    found, wheels = first_with_wheels(reader, topics.scan, topics, LOOKED_AT)
+    scans = [(stamp, float(message.time_increment), ros.scan_of(message, topics.scan, most_m)) for stamp, message in found
+             if len(message.ranges) > LEAST_BEAMS]
     turning = replace(turning_of(scans, readings(wheels), mount), topic=topics.scan)
     if turning.span_s:
         log.warning("%s: a scan takes %.0f ms, in which the robot turns: scans are put right by the wheels "

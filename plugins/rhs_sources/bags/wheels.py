@@ -49,6 +49,20 @@ def wheel_readings(message, stamp_s: float, topics, topic: str) -> Iterator[tupl
         yield stamp_s, ros.pose_of(message, topic)
 
 
+def first_with_wheels(reader, topic: str, topics, most: int) -> tuple[list, list[tuple[float, np.ndarray]]]:
+    """(stamp, message) of the first messages of a topic, `most` of them, and (stamp, 4x4 pose) of the wheels until then."""
+    found: list = []
+    wheels: list[tuple[float, np.ndarray]] = []
+    for name, stamp, message in ros.stamped(reader, {topic, topics.wheel or topics.tf}):
+        if name != topic:
+            wheels += [one for one in wheel_readings(message, stamp, topics, name) if not wheels or one[0] > wheels[-1][0]]
+        elif not found or stamp > found[-1][0]:
+            found.append((stamp, message))
+        if len(found) == most:
+            break
+    return found, wheels
+
+
 def beside_wheels(found: Iterator, *, waits: bool, for_s: float = 0.0,
                   made: Made = lambda capture, wheels: capture) -> Iterator:
     """(Capture, pose of the wheels when it was taken or None) of views and wheels as a bag holds them. waits: a view stands
