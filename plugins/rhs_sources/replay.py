@@ -183,13 +183,13 @@ USED_BY = {
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video", "clouds",
                                             "carmen"),
-    "truth_topic": ("bag",), "truth_frame": ("bag",),
+    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",),
 }
 
 
 def _check_used(kind: str, settings) -> None:
     for name, kinds in USED_BY.items():
-        typed = getattr(settings, name)
+        typed = getattr(settings, name) if name != "deskew" else not settings.deskew
         if not typed or (name == "camera" and typed == "auto") or kind in kinds or kind not in FORMATS:
             continue
         if name == "stereo":

@@ -133,6 +133,9 @@ def _most_m(reader, topic: str) -> float:
 
 def _turning(reader, topics: Topics, settings, placed: Placed) -> Turning:
     """How the beams of the laser go round, where its scans are the views and there are wheels to put them right by."""
+    if not settings.deskew and topics.sees != topics.scan:
+        raise ConfigError("source.deskew=false: the views of this bag are no scans of a laser; leave it out (of a lidar's "
+                          "clouds type odometry.deskew=false)")
     asked = settings.deskew and topics.sees == topics.scan and "wheel" in topics.provide()
     return turning_in(reader, topics, placed.scan, placed.most_m) if asked else Turning(0.0, placed.scan, topics.scan)
 
