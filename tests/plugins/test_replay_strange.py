@@ -50,3 +50,21 @@ def test_of_names_with_a_number_and_a_time_the_time_is_the_stamp(tmp_path, caplo
 
 def test_a_focal_length_below_zero_is_answered(tmp_path):
     assert "type 480" in refused(tmp_path, camera=[481.2, -480.0, 319.5, 239.5])
+
+
+def test_stamps_that_do_not_tell_images_apart_give_way_to_when_they_arrived(tmp_path, caplog):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(20):
+            bag.clock_s = 1e9 + 0.1 * k
+            bag.image("/camera/image_raw", float(int(bag.clock_s)), picture(k), "rgb8")
+            bag.camera_info("/camera/camera_info", bag.clock_s)
+    _, seen = views(bag.path, depth_topic="none")
+    assert len(seen) == 20 and seen[7][0].stamp_s == pytest.approx(1e9 + 0.7)
+    assert "of its first 10 messages 1 have stamps of their own" in caplog.text
+
+
+def test_a_bag_of_infrared_images_says_what_to_type(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.image("/camera/infra1/image_rect_raw", 1.0, picture()[:, :, 0], "mono8")
+        bag.image("/camera/depth/image_rect_raw", 1.0, np.full((48, 64), 2000, np.uint16), "16UC1")
+    assert "type source.color_topic=/camera/infra1/image_rect_raw" in refused(bag.path)

@@ -215,7 +215,8 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
     frames: dict[str, str] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
     scan = None
-    for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used()), lost):
+    coarse = ros.coarse_topics(reader, {topics.sees, topics.depth} - {""})
+    for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used(), coarse), lost):
         if topic == topics.tf:
             yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
             continue

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from itertools import islice
 
 import numpy as np
@@ -18,12 +20,14 @@ from ..replay_stamps import TIME_FIELDS
 from ..unread import VIDEO
 from .rvl import unpacked_rvl
 
+log = logging.getLogger("rhs.replay")
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
 BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_gbrg8": "BayerGBRG2RGB",
          "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 YUV = {"yuv422": "YUV2RGB_UYVY", "uyvy": "YUV2RGB_UYVY", "yuv422_yuy2": "YUV2RGB_YUY2", "yuyv": "YUV2RGB_YUY2"}  # of webcams
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+FEW, SAME = 10, 0.34  # messages; share of them with stamps of their own from which on stamps are believed
 LOOKED_AT, NEAR_S = 100, 60.0  # messages of a topic for its first stamp; it is of a clock that began at zero
 MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled ends add
 FURTHEST_M = 500.0  # that lasers which look round see
@@ -51,13 +55,31 @@ def messages(reader, connections: list) -> Iterator:
         raise UnreadableBag(f"{reader.paths[0]}: cannot be read further ({said})") from error
 
 
-def stamped(reader, topics: Collection[str]) -> Iterator:
-    """(topic, stamp, message) in the order of the bag; a header that was left at zero, or none, means when it arrived."""
+def stamped(reader, topics: Collection[str], coarse: Collection[str] = ()) -> Iterator:
+    """(topic, stamp, message) in the order of the bag; a header that was left at zero, or none, means when it arrived, as
+    do those of the topics that are coarse."""
     chosen = [c for c in reader.connections if c.topic in topics]
     simulated = {c.topic for c in chosen if _begins_at_zero(reader, c)}
     for topic, arrived_s, message in messages(reader, chosen):
         stamp = stamp_of(message) if hasattr(message, "header") else 0.0
-        yield topic, stamp if stamp or topic in simulated else arrived_s, message
+        yield topic, stamp if topic not in coarse and (stamp or topic in simulated) else arrived_s, message
+
+
+def coarse_topics(reader, topics: Collection[str]) -> set[str]:
+    """Of the topics those whose headers hardly tell their messages apart (whole seconds, or a stamp that never changes); said
+    once."""
+    found = set()
+    for topic in topics:
+        first: list = []
+        with suppress(UnreadableBag):  # said where the views are read
+            first += islice(messages(reader, [c for c in reader.connections if c.topic == topic]), FEW)
+        stamps = {stamp_of(message) for _, _, message in first if hasattr(message, "header")}
+        arrived = {arrived_s for _, arrived_s, _ in first}
+        if len(first) == FEW and 0 < len(stamps) <= SAME * FEW and len(arrived) == FEW and stamps != {0.0}:
+            found.add(topic)
+            log.warning("%s: of its first %d messages %d have stamps of their own; each is taken to be of when it arrived",
+                        topic, FEW, len(stamps))
+    return found
 
 
 def _begins_at_zero(reader, connection) -> bool:

@@ -77,6 +77,9 @@ def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
     cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
     depth = "" if cloud == depth else depth
     if not color and not scan and not cloud:
+        if seen := [t for t in images if t not in deep]:
+            raise ConfigError(f"{where}: no images of colour, but infrared ones; type source.color_topic={seen[0]} to go by "
+                              "them")
         raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}"
                           f"{of_topics(found)}")
     if color and not depth and not cloud and settings.depth_topic != "none":
