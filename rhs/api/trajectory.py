@@ -22,7 +22,7 @@ from .geometry import align, inverse, se3
 _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
 _NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
-_EUROC_ROW = re.compile(r"\d{19},([^,]+,){6,}[^,]+")
+_EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
 _DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
 ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rhs.api.geometry import BODY_FROM_OPTICAL, inverse, quaternion_xyzw, se2, se3
-from rhs.api.trajectory import Trajectory, read_tum, write_tum
+from rhs.api.trajectory import Trajectory, in_tum_order, read_tum, write_tum
 from rhs.base.errors import ConfigError, RecordingError
 from rhs.metrics.evaluate import evaluate_pair, pair_fault
 from rhs.metrics.trajectory_forms import read_trajectory
@@ -94,6 +94,11 @@ def test_other_forms_of_the_same_way(tmp_path, form, begins_s):
     (tmp_path / "truth.txt").write_text(form(WAY))
     read = read_trajectory(tmp_path / "truth.txt")
     assert np.allclose(read.poses, WAY.poses, atol=1e-6) and np.allclose(read.stamps_s, begins_s + WAY.stamps_s, atol=1e-3)
+
+
+def test_a_matrix_behind_a_stamp_is_not_taken_for_a_quaternion():
+    line = mulran(WAY).splitlines()[1]
+    assert in_tum_order(line) == line
 
 
 def test_a_quaternion_that_is_none_is_refused(tmp_path):

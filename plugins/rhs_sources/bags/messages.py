@@ -66,7 +66,7 @@ def stamped(reader, topics: Collection[str], coarse: Collection[str] = ()) -> It
 
 
 def coarse_topics(reader, topics: Collection[str]) -> set[str]:
-    """Of the topics those whose headers hardly tell their messages apart (whole seconds, or a stamp that never changes); said
+    """Of the topics those whose headers hardly tell their messages apart (whole seconds, a stamp that never changes); said
     once."""
     found = set()
     for topic in topics:
