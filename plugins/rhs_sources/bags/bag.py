@@ -22,6 +22,7 @@ from ..replay_register import DepthCamera, typed_depth_camera
 from ..replay_stamps import cloud_extras
 from ..replay_tum import UNREADABLE, Recording
 from . import messages as ros
+from . import realsense
 from .depth import color_from, depth_camera_of
 from .files import opened
 from .own_frame import check_scanners_own
@@ -42,6 +43,8 @@ def open_bag(path: Path, settings) -> Recording:
         counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
         found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
         topics = choose_topics(found, settings, str(path))
+        if topics.depth and not settings.depth_scale:
+            settings = replace(settings, depth_scale=realsense.depth_scale(reader, topics.depth))
         links, moving = links_of(_transforms(reader, topics.sees))
         topics = _with_wheels(reader, topics, settings, moving)
         placed = _placed(reader, topics, settings, links)
@@ -85,9 +88,19 @@ def _recorded(reader, info: str, images: str) -> Camera | None:
     return ros.camera_of(_first(reader, info), rectified="rect" in images) if info else None
 
 
+def _recorded_color(reader, topics: Topics, settings) -> Camera | None:
+    """The same of colour; None where its lens is not read, and the camera was typed."""
+    try:
+        return _recorded(reader, topics.info, topics.color)
+    except ConfigError:
+        if settings.camera == "auto":
+            raise
+        return None
+
+
 def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -> Camera:
     """The camera: of the user, else of the first CameraInfo; its size checked against the first image."""
-    recorded = _recorded(reader, topics.info, topics.color)
+    recorded = _recorded_color(reader, topics, settings)
     first = ros.color_of(_first(reader, topics.color), topics.color)
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:
@@ -187,7 +200,10 @@ def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera 
     if typed is not None or not topics.depth:
         return typed
     frames = _frame(reader, topics.color), _frame(reader, topics.depth)
-    cameras = _recorded(reader, topics.info, topics.color), _recorded(reader, topics.depth_info, topics.depth)
+    cameras = _recorded_color(reader, topics, settings), _recorded(reader, topics.depth_info, topics.depth)
+    told, own = realsense.color_from_depth(reader, topics.color, topics.depth), cameras[1] or cameras[0]
+    if told is not None and own is not None:
+        return DepthCamera(own.fx, own.fy, own.cx, own.cy, told, own.distortion)
     return depth_camera_of(frames, links, cameras, topics.depth)
 
 

@@ -49,10 +49,21 @@ def messages(reader, connections: list) -> Iterator:
     """(topic, when it arrived in seconds, message) in the order of the bag. Raises UnreadableBag."""
     try:
         for connection, arrived_ns, raw in reader.messages(connections=connections) if connections else ():  # of none: all
-            yield connection.topic, arrived_ns * 1e-9, reader.deserialize(raw, connection.msgtype)
+            yield connection.topic, arrived_ns * 1e-9, _read(reader, raw, connection.msgtype)
     except Exception as error:  # the library raises many kinds for damaged files
         said = " ".join(f"{type(error).__name__}: {error}".split())[:150]
         raise UnreadableBag(f"{reader.paths[0]}: cannot be read further ({said})") from error
+
+
+def _read(reader, raw, kind: str):
+    """The message, also of an image behind which a recorder writes more than its definition tells."""
+    try:
+        return reader.deserialize(raw, kind)
+    except Exception as error:
+        if "size mismatch" not in str(error) or not kind.endswith("/Image"):
+            raise
+        definition = reader.typestore.get_msgdef(kind)
+        return definition.deserialize_ros1(raw, 0, definition.cls, reader.typestore)[0]
 
 
 def stamped(reader, topics: Collection[str], coarse: Collection[str] = ()) -> Iterator:
