@@ -68,3 +68,26 @@ def test_a_bag_of_infrared_images_says_what_to_type(tmp_path):
         bag.image("/camera/infra1/image_rect_raw", 1.0, picture()[:, :, 0], "mono8")
         bag.image("/camera/depth/image_rect_raw", 1.0, np.full((48, 64), 2000, np.uint16), "16UC1")
     assert "type source.color_topic=/camera/infra1/image_rect_raw" in refused(bag.path)
+
+
+def test_depth_is_told_by_its_encoding_too(tmp_path):
+    """OAK's depth is called /stereo/image_raw; a picture of depth in colours is neither."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(3):
+            bag.image("/oak/rgb/image_raw", 1e9 + k, picture(k), "rgb8")
+            bag.image("/oak/stereo/image_raw", 1e9 + k, np.full((48, 64), 2000, np.uint16), "16UC1")
+            bag.image("/oak/depth_colored", 1e9 + k, picture(k), "bgr8")
+        bag.camera_info("/oak/rgb/camera_info", 1e9)
+    _, seen = views(bag.path)
+    assert len(seen) == 3 and seen[0][0].depth[0, 0] == pytest.approx(2.0) and seen[0][0].image[0, 0, 0] == 50
+
+
+def test_scans_whose_angles_contradict_each_other_are_said(tmp_path, caplog):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(3):
+            bag.put("/scan", 1e9 + k, bag.make(
+                "sensor_msgs/msg/LaserScan", header=bag.header(1e9 + k, "laser"), angle_min=-1.5, angle_max=1.5,
+                angle_increment=0.0125, time_increment=0.0, scan_time=0.1, range_min=0.1, range_max=10.0,
+                ranges=np.full(121, 3.0, np.float32), intensities=np.zeros(0, np.float32)))
+    views(bag.path)
+    assert "121 beams, 0.0125 rad apart, end at 0.00 rad, and angle_max says 1.50" in caplog.text

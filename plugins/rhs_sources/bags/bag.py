@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -26,7 +27,7 @@ from . import realsense
 from .depth import color_from, depth_camera_of
 from .files import opened
 from .own_frame import check_scanners_own
-from .topics import Topics, choose_topics
+from .topics import IMAGES, Topics, choose_topics
 from .truth import read_truth
 from .turning import Turning, turning_in
 from .wheels import beside_wheels, odometry_in_tf, wheel_readings
@@ -42,7 +43,7 @@ def open_bag(path: Path, settings) -> Recording:
     try:
         counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
         found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
-        topics = choose_topics(found, settings, str(path))
+        topics = choose_topics(found, settings, str(path), _encodings(reader, found))
         if topics.depth and not settings.depth_scale:
             settings = replace(settings, depth_scale=realsense.depth_scale(reader, topics.depth))
         links, moving = links_of(_transforms(reader, topics.sees))
@@ -81,6 +82,15 @@ def open_bag(path: Path, settings) -> Recording:
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
     return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
+
+
+def _encodings(reader, found: dict[str, str]) -> dict[str, str]:
+    """Of the first image of each topic of raw ones."""
+    out = {}
+    for topic in (topic for topic, kind in found.items() if kind == IMAGES[0]):
+        with suppress(ros.UnreadableBag):  # said where it is read
+            out |= {topic: message.encoding for _, _, message in islice(ros.stamped(reader, {topic}), 1)}
+    return out
 
 
 def _recorded(reader, info: str, images: str) -> Camera | None:
@@ -139,6 +149,8 @@ class Placed:
 def _most_m(reader, topic: str) -> float:
     """The largest reading of a laser, if that stands for nothing and is nearly its range_max: metres, else inf."""
     scans = [message for _, _, message in islice(ros.stamped(reader, {topic}), LOOKED_AT)]
+    for scan in scans[:1]:
+        ros.say_angles(scan, topic)
     ranges = [ros.ranges_of(one) for one in scans]
     end_m = end_of_range([one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)])
     return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf

@@ -30,6 +30,7 @@ DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 FEW, SAME = 10, 0.34  # messages; share of them with stamps of their own from which on stamps are believed
 LOOKED_AT, NEAR_S = 100, 60.0  # messages of a topic for its first stamp; it is of a clock that began at zero
 MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled ends add
+OFF = 0.05  # of what a scan covers, by which its end may be off
 FURTHEST_M = 500.0  # that lasers which look round see
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **FLOATS}
@@ -196,6 +197,15 @@ def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
     # A wall just there is less likely than none, as drivers clip; pointcloud_to_laserscan writes the largest float there is.
     most_m = min(most_m, float(message.range_max), FURTHEST_M)
     return Scan(bearings, np.where(known >= most_m, np.inf, known), most_m)
+
+
+def say_angles(message, topic: str) -> None:
+    """Says so where angle_max is not where the beams end by angle_increment, as in scans that somebody has thinned."""
+    beams, step = len(message.ranges), float(message.angle_increment)
+    ends, said = message.angle_min + step * (beams - 1), float(message.angle_max)
+    if beams > 1 and np.isfinite(said) and abs(said - ends) > max(3.0 * abs(step), OFF * abs(ends - message.angle_min)):
+        log.warning("%s: its %d beams, %.4f rad apart, end at %.2f rad, and angle_max says %.2f: angle_increment is "
+                    "believed, and if it is wrong so is the map", topic, beams, step, ends, said)
 
 
 def ranges_of(message) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os.path import commonprefix
 
@@ -11,6 +12,8 @@ from ..unread import of_topics
 from .depth import SAID_REGISTERED
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+METRIC, PICTURES = ("16UC1", "32FC1"), ("rgb8", "bgr8", "8UC3", "rgba8", "bgra8")  # encodings of depth; of its pictures
+NOTHING: Mapping[str, str] = {}
 NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
 
 
@@ -48,10 +51,12 @@ class Topics:
         return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel, self.tf) if t}
 
 
-def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
-    """Which of the topics (name -> type) are colour, depth, ...; the user's word first, else the only fitting one."""
+def choose_topics(found: dict[str, str], settings, where: str, encodings: Mapping[str, str] = NOTHING) -> Topics:
+    """Which of the topics (name -> type) are colour, depth, ...; the user's word first, else the only fitting one.
+    encodings: of topics of raw images: depth is called so, or is in metres (OAK's /stereo/image_raw), and no picture."""
     images = [t for t, kind in found.items() if kind in IMAGES and not any(word in t.lower() for word in NEITHER)]
-    deep = [t for t in images if "depth" in t.lower()]
+    images = [t for t in images if not ("depth" in t.lower() and encodings.get(t) in PICTURES)]
+    deep = [t for t in images if "depth" in t.lower() or encodings.get(t) in METRIC]
     plain = [t for t in images if t not in deep and "/ir" not in t.lower() and "infra" not in t.lower()]
 
     def pick(name: str, fitting: list[str]) -> str:
