@@ -89,7 +89,8 @@ def _encodings(reader, found: dict[str, str]) -> dict[str, str]:
     out = {}
     for topic in (topic for topic, kind in found.items() if kind == IMAGES[0]):
         with suppress(ros.UnreadableBag):  # said where it is read
-            out |= {topic: message.encoding for _, _, message in islice(ros.stamped(reader, {topic}), 1)}
+            for _, _, message in islice(ros.stamped(reader, {topic}), 1):
+                out[topic] = str(message.encoding)
     return out
 
 
