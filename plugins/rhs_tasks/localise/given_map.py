@@ -98,8 +98,8 @@ def _looked_at(grid: OccupancyGrid, path: Path) -> OccupancyGrid:
     """The map; what is odd about it is said, for in such a one nobody finds himself."""
     walls, floor = int(grid.occupied().sum()), int(grid.free().sum())
     if walls > floor:
-        log.warning("%s: more of it is wall (%d cells) than floor (%d); for a dark floor turn `negate` round (mode: raw of a "
-                    "map in percent)", path.name, walls, floor)
+        log.warning("%s: more of it is wall (%d cells) than floor (%d); for a dark floor turn `negate` round (mode: raw of "
+                    "a map in percent)", path.name, walls, floor)
     if grid.resolution_m >= WIDE_M:
         log.warning("%s: its cells are %g m wide; `resolution` is in metres (5 cm: 0.05)", path.name, grid.resolution_m)
     return grid
