@@ -157,8 +157,9 @@ def _tum_row(words: list[str], where: str) -> list[float]:
 def check_unit(quaternion: Sequence[float], where: str) -> None:
     """Refuse four numbers that are no unit quaternion, but for rounding: angles, or a column too many."""
     if abs(float(np.linalg.norm(quaternion)) - 1.0) > _UNIT:
-        raise RecordingError(f"{where}: quaternion {list(quaternion)} is {np.linalg.norm(quaternion):.3g} long; expected a "
-                             "unit quaternion qx qy qz qw behind stamp x y z")
+        long = np.linalg.norm(quaternion)
+        raise RecordingError(f"{where}: quaternion {list(quaternion)} {f'is {long:.3g} long' if long else 'has no direction'}; "
+                             "expected a unit quaternion qx qy qz qw behind stamp x y z")
 
 
 def _poses(positions: np.ndarray, quaternions_xyzw: np.ndarray) -> np.ndarray:

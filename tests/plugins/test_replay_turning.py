@@ -26,8 +26,9 @@ def ranges_at(time_s, bearings):
     ray = np.stack([np.cos(pose[:, 2] + bearings), np.sin(pose[:, 2] + bearings)], axis=1)[:, None]
     start, along = WALLS[None, :, 0] - pose[:, None, :2], (WALLS[:, 1] - WALLS[:, 0])[None]
     cross = ray[..., 0] * along[..., 1] - ray[..., 1] * along[..., 0]
-    reach = (start[..., 0] * along[..., 1] - start[..., 1] * along[..., 0]) / cross
-    share = (start[..., 0] * ray[..., 1] - start[..., 1] * ray[..., 0]) / cross
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = (start[..., 0] * along[..., 1] - start[..., 1] * along[..., 0]) / cross
+        share = (start[..., 0] * ray[..., 1] - start[..., 1] * ray[..., 0]) / cross
     return np.where((reach > 0) & (share >= 0) & (share <= 1), reach, np.inf).min(axis=1)
 
 
