@@ -156,10 +156,11 @@ def _tum_row(words: list[str], where: str) -> list[float]:
 
 def check_unit(quaternion: Sequence[float], where: str) -> None:
     """Refuse four numbers that are no unit quaternion, but for rounding: angles, or a column too many."""
-    if abs(float(np.linalg.norm(quaternion)) - 1.0) > _UNIT:
-        long = np.linalg.norm(quaternion)
-        raise RecordingError(f"{where}: quaternion {list(quaternion)} {f'is {long:.3g} long' if long else 'has no direction'}; "
-                             "expected a unit quaternion qx qy qz qw behind stamp x y z")
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > _UNIT:
+        how = f"is {length:.3g} long" if length else "has no direction"
+        raise RecordingError(f"{where}: quaternion {list(quaternion)} {how}; expected a unit quaternion qx qy qz qw behind "
+                             "stamp x y z")
 
 
 def _poses(positions: np.ndarray, quaternions_xyzw: np.ndarray) -> np.ndarray:
