@@ -114,7 +114,7 @@ def test_few_points_that_agree_among_many_that_do_not_tell_no_more_than_the_comm
 
 
 def corridor(seed: int) -> list[TrackFrame]:
-    """Four metres straight ahead, told exactly and driven to 3 %, between walls of points 2 m apart, seen to half a pixel."""
+    """Four metres straight ahead, told exactly and driven to 3 %, between walls of points 2 m apart, seen to 0.5 pixels."""
     rng = np.random.default_rng(seed)
     along, across, up = rng.uniform(0.0, 9.0, 400), rng.uniform(-1.0, 1.0, 400), rng.uniform(0.1, 2.0, 400)
     floor = rng.random(400) < 0.3
@@ -132,7 +132,7 @@ def corridor(seed: int) -> list[TrackFrame]:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_view_tells_the_heading_with_which_the_map_begins(seed: int) -> None:
-    """Unknown by 3 degrees at the start, it is unknown by as much after a corridor, in which hundreds of points were seen."""
+    """Unknown by 3 degrees at the start, it is unknown by as much after a corridor, full of points."""
     core = ground_filter(GroundMsckf(), CAMERA, np.zeros(3))
     yaw = core.state.first_clone + 2
     core.state.covariance[yaw, yaw] = np.radians(3.0) ** 2
