@@ -31,6 +31,7 @@ from .folders.video import is_video, open_video
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import UNREADABLE, Recording, is_tum, open_tum
+from .unread import of_file
 
 log = logging.getLogger("rhs.replay")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
@@ -167,6 +168,9 @@ def open_recording(settings) -> Recording:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
+    inner = sorted(path.iterdir()) if path.is_dir() else [path]
+    if advice := next(filter(None, map(of_file, inner)), ""):
+        raise ConfigError(f"source.path={settings.path}: found {advice}")
     raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI, EuRoC or "
                       "TartanAir folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
 
@@ -179,13 +183,13 @@ USED_BY = {
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video", "clouds",
                                             "carmen"),
-    "truth_topic": ("bag",), "truth_frame": ("bag",),
+    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",),
 }
 
 
 def _check_used(kind: str, settings) -> None:
     for name, kinds in USED_BY.items():
-        typed = getattr(settings, name)
+        typed = getattr(settings, name) if name != "deskew" else not settings.deskew
         if not typed or (name == "camera" and typed == "auto") or kind in kinds or kind not in FORMATS:
             continue
         if name == "stereo":

@@ -90,6 +90,9 @@ class Replay:
     camera_mount: list[float] = field(default_factory=list)
     """Where the camera sits on the body, looking along its own x: [x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg]; empty: what a
     bag's tf says, else at the body. Not of a run.mcap, which knows it."""
+    deskew: bool = True
+    """Put right the scans of a bag's laser whose beams go round while the robot turns, by the wheels, where the scans show
+    that they do; clouds of a lidar: odometry.deskew."""
     extent_m: float = 0.0
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
     with a lidar 200 m, and as much more as is seen."""
@@ -131,6 +134,9 @@ def _check_intrinsics(owner: str, values) -> None:
     if len(numbers) not in (4, 8, 9):
         found = f"{owner}.camera={values} is neither a preset nor four, eight or nine numbers"
         raise ConfigError(f"{found}; type source.camera=[fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]")
+    if numbers[1] < 0.0:
+        raise ConfigError(f"{owner}.camera fy={numbers[1]:g}: an axis that looks up (ICL-NUIM's own); images have y "
+                          f"down: type {-numbers[1]:g}")
     for name, value in zip(("fx", "fy"), numbers, strict=False):
         check_range(owner, f"camera {name}", value, low=1.0, high=1e5, unit="pixels")
     for name, value in zip(("cx", "cy"), numbers[2:4], strict=True):

@@ -20,6 +20,7 @@ SEEN_M = (0.05, 100.0)  # typical depths that cameras see
 LOOKED_AT = 12  # images of depth whose scale nobody typed
 
 
+SHIFTED, LEAST_VALUES = 8, 20  # SUN3D keeps depth three bits to the left; different depths of an image that tell
 log = logging.getLogger("rhs.replay")
 
 
@@ -127,6 +128,10 @@ def hint_scale(files: Sequence[Path], *, scale: float, where: str) -> None:
     for k in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)):
         with suppress(UnreadableImage):
             depths.append(read_depth(files[k], scale=scale, max_depth_m=np.inf))
+    values = [np.rint(depth[np.isfinite(depth)] * scale).astype(int) for depth in depths]
+    if sum(map(len, values)) and all((one % SHIFTED == 0).all() and len(np.unique(one)) > LEAST_VALUES for one in values):
+        log.warning("%s: all of its depths are whole times %d: of SUN3D, whose bits are shifted? type source.depth_scale=%d",
+                    where, SHIFTED, 1000 * SHIFTED)
     _hint(depths, scale=scale, where=where)
 
 

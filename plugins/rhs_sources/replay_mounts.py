@@ -20,7 +20,6 @@ from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, log_so3, se3, w
 from rhs.api.records import Scan
 
 BODIES = ("base_footprint", "base_link")
-WORLDS = ("map", "odom", "world", "earth", "camera_init")  # the last is LOAM's and FAST-LIO's
 STILL_M, STILL_RAD = 1e-3, 1e-3  # a link of /tf that moves by less is fixed
 MOST_TILT = 0.2  # rise of a beam per length; a scanner tilted more sees floor and ceiling, no floor plan
 MOST_LINKS = 50
@@ -139,14 +138,6 @@ def links_of(transforms) -> tuple[dict[str, tuple[str, np.ndarray]], dict[str, s
             moving.add(child)
     fixed = {child: link for child, link in links.items() if child not in moving}
     return fixed, {child: links[child][0] for child in moving}
-
-
-def check_scanners_own(frame: str, topic: str) -> None:
-    """Refuse clouds of a frame in which the robot moves (REP 105): it would seem to stand still. Raises ConfigError."""
-    if frame.strip("/").split("/")[-1] in WORLDS:
-        raise ConfigError(f"{topic}: its clouds are of the frame {frame}, in which the robot moves: somebody's estimate has "
-                          "put them there; type source.depth_topic=NAME of clouds as the scanner saw them, or "
-                          "source.scan_mount=[0,0,0,0,0,0] if these are such")
 
 
 def mounted(scan: Scan, body_from_scanner: np.ndarray | None, where: str) -> Scan:

@@ -12,7 +12,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, rotation_of_quaternion, se3, transform
 from rhs.api.settings import near_file
-from rhs.api.trajectory import in_tum_order, seconds_in
+from rhs.api.trajectory import check_unit, in_tum_order, seconds_in
 
 UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
 CLOUD_TIME = "cloud_time_s"
@@ -188,6 +188,7 @@ def read_tum_truth(path, settings) -> Truth:
         if not np.all(np.isfinite(values)):  # how some systems write that they saw nothing
             unknown += 1
             continue
+        check_unit(values[4:], where)
         try:
             poses.append(se3(rotation_of_quaternion(np.array(values[4:])), np.array(values[1:4])))
         except ValueError as error:

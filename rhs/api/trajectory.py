@@ -7,6 +7,7 @@ names its columns may have them in any order.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,10 @@ from .geometry import align, inverse, se3
 
 _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
 _NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov")
+_TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
+_EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
 _DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
+_UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
 ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")
 
 
@@ -90,15 +94,17 @@ def seconds_in(stamp: float) -> float:
 
 def in_tum_order(text: str) -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
-    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, commented or not); line by line. Another text as it is."""
+    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, commented or not), or EuRoC's, which begins with whole
+    nanoseconds and a comma, without one; line by line. Another text as it is."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
         if order:
             nano = re.search(r"stamp[^,;]*\[ns\]|_ns\b|nsec|nanosec", line) is not None
             return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
-        if line.split("#", 1)[0].strip():
-            break
+        if words := line.split("#", 1)[0].strip():
+            plain = _EUROC if _EUROC_ROW.match(words) else _TUM if ";" in words else []
+            return "\n".join(_ordered(row, plain, nano=False) for row in lines) if plain else text
     return text
 
 
@@ -129,7 +135,7 @@ def _ordered(row: str, order: list[int], *, nano: bool) -> str:
 def _text(path: Path) -> str:
     try:
         check_regular(path)
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise RecordingError(f"{path} is not text (byte {error.start}); expected a TUM trajectory file") from error
     except OSError as error:
@@ -144,9 +150,17 @@ def _tum_row(words: list[str], where: str) -> list[float]:
     if len(row) != 8 or not np.all(np.isfinite(row)):
         raise RecordingError(f"{where}: found '{' '.join(words)[:60]}', expected 8 finite numbers: "
                              f"stamp x y z qx qy qz qw")
-    if np.linalg.norm(row[4:]) < 1e-6:
-        raise RecordingError(f"{where}: quaternion {row[4:]} has no direction; expected a unit quaternion, w last")
+    check_unit(row[4:], where)
     return row
+
+
+def check_unit(quaternion: Sequence[float], where: str) -> None:
+    """Refuse four numbers that are no unit quaternion, but for rounding: angles, or a column too many."""
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > _UNIT:
+        how = f"is {length:.3g} long" if length else "has no direction"
+        raise RecordingError(f"{where}: quaternion {list(quaternion)} {how}; expected a unit quaternion qx qy qz qw behind "
+                             "stamp x y z")
 
 
 def _poses(positions: np.ndarray, quaternions_xyzw: np.ndarray) -> np.ndarray:

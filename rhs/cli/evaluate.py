@@ -1,11 +1,12 @@
 """`python -m rhs.evaluate`: the figures again, from files.
 
     python -m rhs.evaluate RUN_FOLDER            recompute the row's figures and compare them with row.json
-    python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM, KITTI or EuRoC files
+    python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM, KITTI, EuRoC, MulRan, TartanAir,
+                                                 g2o or TORO files
     python -m rhs.evaluate EST --relations FILE  errors of published relations between scans; EST: a TUM file or a run folder
 
 Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the
-poses have a partner, or of the relations both poses, or when the truth is by another clock.
+poses have a partner, or of the relations both poses, or when the truth is by another clock or its poses mean something else.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pathlib import Path
 from rhs.api.trajectory import ALIGNMENTS
 from rhs.base.commands import Arguments, answered, check_regular, complain
 from rhs.base.errors import ConfigError
-from rhs.metrics.evaluate import evaluate_folder, evaluate_pair, evaluate_relations
+from rhs.metrics.evaluate import evaluate_folder, evaluate_pair, evaluate_relations, pair_fault
 from rhs.metrics.success import HALF
 from rhs.metrics.survey import TOLERANCE_S
 from rhs.metrics.truth_clock import clock_fault
@@ -64,8 +65,8 @@ def _print(chosen: argparse.Namespace) -> int:
     if len(chosen.paths) == 2:
         values = evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)
         sys.stdout.write(_lines(values))
-        if clock := clock_fault(values):
-            return complain(clock, 3)
+        if fault := clock_fault(values) or pair_fault(chosen.paths[0], chosen.paths[1], chosen.tolerance):
+            return complain(fault, 3)
         return _doubted(float(str(values["matched_share"])), chosen.tolerance)
     if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
         raise ConfigError("expected one run folder, or two trajectories (TUM, KITTI, EuRoC): ESTIMATE TRUTH")

@@ -26,6 +26,7 @@ def one_run(config: RunConfig, debug: bool) -> int:
     """Run it under a progress bar, say what came of it; the exit code."""
     from rhs.api.jit import on_compile
     from rhs.base.system import processors
+    from rhs.metrics.evaluate import folder_fault
     from rhs.metrics.truth_clock import clock_fault
     from rhs.patrol.observers import bar
     from rhs.patrol.run import run_config
@@ -40,8 +41,9 @@ def one_run(config: RunConfig, debug: bool) -> int:
         cause = row.pop("_cause", None)
         print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
     status = row.get("status")
-    if clock := clock_fault(row):
-        print(f"rhs: {clock}", file=sys.stderr)
+    for fault in (clock_fault(row), folder_fault(claim.folder) if status == "ok" else ""):
+        if fault:
+            print(f"rhs: {fault}", file=sys.stderr)
     if status == "ok" and row.get("lost"):
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
         return 3

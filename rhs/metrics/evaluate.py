@@ -15,9 +15,10 @@ from rhs.config.dictionary import GROUPS, RUN, TASKS, metrics_by_group
 from rhs.runfolder.row import plain_value
 from rhs.runfolder.run import Run
 
+from .pose_forms import pose_fault
 from .relations import LOG_WAY, read_relations, relation_values
 from .survey import TOLERANCE_S, Values, trajectory_values
-from .trajectory_forms import read_trajectory
+from .trajectory_forms import numbered, read_trajectory
 
 LONGEST_FAULT = 300  # characters of what one metric raised, of all that went wrong
 
@@ -30,10 +31,28 @@ def evaluate_folder(folder: Path) -> Values:
 
 
 def evaluate_pair(estimate: Path, truth: Path, *, alignment: str = "se3", tolerance_s: float = TOLERANCE_S) -> Values:
-    """ATE, RPE and completeness of two trajectories, each in TUM, KITTI or EuRoC form."""
+    """ATE, RPE and completeness of two trajectories, each in a form of trajectory_forms. Raises ConfigError where one of
+    them tells no time."""
     check_choice("evaluate", "alignment", alignment, ALIGNMENTS)
     check_range("evaluate", "tolerance", tolerance_s, low=0.0, high=10.0, unit="s")
-    return trajectory_values(read_trajectory(estimate), read_trajectory(truth), alignment=alignment, tolerance_s=tolerance_s)
+    ways = read_trajectory(estimate), read_trajectory(truth)
+    untimed = [path for path, way in zip((estimate, truth), ways, strict=True) if numbered(way)]
+    if len(untimed) == 1:
+        raise ConfigError(f"{untimed[0]}: its lines have no stamps and those of the other file have; write times.txt beside "
+                          "it (seconds, a line for each pose; of the form of KITTI) or a stamp before each line")
+    return trajectory_values(*ways, alignment=alignment, tolerance_s=tolerance_s)
+
+
+def pair_fault(estimate: Path, truth: Path, tolerance_s: float = TOLERANCE_S) -> str:
+    """What two trajectories show of how they were misread; empty where nothing is seen."""
+    return pose_fault(read_trajectory(estimate), read_trajectory(truth), tolerance_s)
+
+
+def folder_fault(folder: Path) -> str:
+    """The same of the way and the truth of a run folder."""
+    way, truth = folder / "corrected.tum", folder / "truth_survey.tum"
+    way = way if way.is_file() else folder / "estimate.tum"
+    return pair_fault(way, truth) if way.is_file() and truth.is_file() else ""
 
 
 def evaluate_relations(estimate: Path, relations: Path) -> Values:

@@ -58,8 +58,10 @@ def mount_fault(row: Mapping[str, object]) -> str:
     if not (roll or yaw) or math.isnan(roll + yaw):
         return ""
     how = " and ".join(words for words, off in (("upside down", roll), (f"turned by {yaw:.0f} degrees", yaw)) if off)
+    wheels = "; if the wheels count right turns as left (NED axes), source.wheel_topic=none, else the map is a mirror's"
     return (f"by its scans and the wheels the laser is mounted {how}, which nobody told; type "
-            f"source.scan_mount=[0,0,0,{roll:.0f},0,{yaw:.0f}], or turn the mount that was told by so much")
+            f"source.scan_mount=[0,0,0,{roll:.0f},0,{yaw:.0f}], or turn the mount that was told by so much"
+            f"{wheels if roll else ''}")
 
 
 def wheel_fault(row: Mapping[str, object]) -> str:

@@ -1,8 +1,10 @@
-"""Trajectories in the forms that people have: TUM, KITTI odometry and EuRoC.
+"""Trajectories in the forms that people have: TUM, KITTI odometry, EuRoC, TartanAir, MulRan, g2o and TORO.
 
-KITTI (Geiger et al. 2012): twelve numbers a line, the upper rows of world_from_camera; stamps are those of a times.txt
-beside it, else the numbers of the lines in place of seconds. EuRoC (Burri et al. 2016): commas; nanoseconds, x y z,
-qw qx qy qz, and whatever follows. A header that names the columns is believed. Anything else is read as TUM.
+Told apart by the first line. KITTI (Geiger et al. 2012): twelve numbers a line, the upper rows of world_from_camera, or
+sixteen (Replica); stamps are those of a times.txt beside it, else the numbers of the lines in place of seconds. MulRan: a
+stamp before the twelve. TartanAir: x y z qx qy qz qw without a stamp. Graphs (g2o, TORO): their vertices, numbered as they
+are. EuRoC (Burri et al. 2016): commas; nanoseconds, x y z, qw qx qy qz, and whatever follows. A header that names the
+columns is believed. Anything else is read as TUM.
 """
 
 from __future__ import annotations
@@ -11,64 +13,109 @@ from pathlib import Path
 
 import numpy as np
 
-from rhs.api.geometry import rotation_of_quaternion, se3
-from rhs.api.trajectory import Trajectory, in_tum_order, read_tum
+from rhs.api.geometry import rotation_of_quaternion, se2, se3
+from rhs.api.trajectory import Trajectory, check_unit, in_tum_order, read_tum, seconds_in
 from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
 
-KITTI_NUMBERS, EUROC_NUMBERS = 12, 8
+MATRIX, WHOLE, UNTIMED, EUROC_NUMBERS = 12, 16, 7, 8  # numbers a line
 SKEW = 0.05  # a rotation may be so far from one; files are rounded
+PLANAR, SPATIAL = ("VERTEX_SE2", "VERTEX2"), ("VERTEX_SE3:QUAT", "VERTEX3")  # of g2o and of TORO
+Rows = list[tuple[int, list[str]]]
 
 
 def read_trajectory(path: Path) -> Trajectory:
-    """A trajectory in any of the three forms, told apart by its first line. Raises RecordingError with file and line."""
+    """A trajectory in any of these forms. Raises RecordingError with file and line."""
     check_regular(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError):
         return read_tum(path)  # which says what is wrong
-    if in_tum_order(text) is not text:  # a header says which column is which
-        return read_tum(path)
     lines = enumerate(text.splitlines(), start=1)
-    rows = [(number, line) for number, line in lines if line.strip() and not line.startswith("#")]
-    first = rows[0][1] if rows else ""
-    if len(first.split()) == KITTI_NUMBERS:
-        return _kitti(path, rows)
-    if first.count(",") >= EUROC_NUMBERS - 1 and first.split(",")[0].strip().isdigit():
+    rows = [(number, line.replace(",", " ").split()) for number, line in lines if line.strip() and not line.startswith("#")]
+    first = rows[0][1] if rows else [""]
+    if first[0].startswith("VERTEX"):
+        return _graph(path, rows)
+    for stamped in (0, 1):  # EuRoC's has seventeen too, but no rotation there
+        if len(first) - stamped in (MATRIX, WHOLE) and (not stamped or _is_rotation(first[1:])):
+            return _matrices(path, rows, stamped)
+    if len(first) == UNTIMED:
+        return _untimed(path, rows)
+    if first[0].isdigit() and in_tum_order(text) is text and text.count(",") >= (EUROC_NUMBERS - 1) * len(rows):
         return _euroc(path, rows)
     return read_tum(path)
 
 
-def _kitti(path: Path, rows: list[tuple[int, str]]) -> Trajectory:
-    poses = np.tile(np.eye(4), (len(rows), 1, 1))
-    for k, (number, line) in enumerate(rows):
-        values = finite_numbers(line.split(), f"{path}:{number}", KITTI_NUMBERS, "of a KITTI pose")
-        pose = np.array(values).reshape(3, 4)
-        if np.abs(pose[:, :3] @ pose[:, :3].T - np.eye(3)).max() > SKEW or np.linalg.det(pose[:, :3]) < 0:
-            raise RecordingError(f"{path}:{number}: the first three columns are no rotation; expected a KITTI pose")
-        poses[k, :3] = pose
-    times = path.parent / "times.txt"
+def numbered(way: Trajectory) -> bool:
+    """Whether the stamps of a trajectory are the numbers of its lines, because its file tells no time."""
+    return len(way) > 1 and np.array_equal(way.stamps_s, np.arange(len(way)))
+
+
+def _is_rotation(words: list[str]) -> bool:
+    turn = np.array(finite_numbers(words[:MATRIX], "", MATRIX, "")).reshape(3, 4)[:, :3]
+    return bool(np.abs(turn @ turn.T - np.eye(3)).max() <= SKEW and np.linalg.det(turn) > 0)
+
+
+def _matrices(path: Path, rows: Rows, stamped: int) -> Trajectory:
+    poses, width = np.tile(np.eye(4), (len(rows), 1, 1)), len(rows[0][1])
     stamps = np.arange(len(rows), dtype=float)
-    if times.is_file():
+    for k, (number, words) in enumerate(rows):
+        values = finite_numbers(words, f"{path}:{number}", width, "of a KITTI pose")
+        if not _is_rotation(words[stamped:]):
+            raise RecordingError(f"{path}:{number}: the first three columns are no rotation; expected a KITTI pose")
+        poses[k, :3] = np.array(values[stamped : stamped + MATRIX]).reshape(3, 4)
+        stamps[k] = values[0] * seconds_in(values[0]) if stamped else k
+    times = path.parent / "times.txt"
+    if times.is_file() and not stamped:
         stamps = np.array([finite_numbers([word], str(times), 1, "a line")[0] for word in times.read_text("utf-8").split()])
         if len(stamps) != len(rows) or (np.diff(stamps) <= 0).any():
             raise RecordingError(f"{times}: {len(stamps)} stamps for {len(rows)} poses; expected as many, increasing")
-    return Trajectory(stamps, poses)
+    return _ascending(stamps, poses)
 
 
-def _euroc(path: Path, rows: list[tuple[int, str]]) -> Trajectory:
+def _untimed(path: Path, rows: Rows) -> Trajectory:
+    poses = [_pose(finite_numbers(words, f"{path}:{number}", UNTIMED, "x y z qx qy qz qw"), f"{path}:{number}")
+             for number, words in rows]
+    return Trajectory(np.arange(len(rows), dtype=float), np.array(poses).reshape(-1, 4, 4))
+
+
+def _graph(path: Path, rows: Rows) -> Trajectory:
+    numbers, poses = [], []
+    for number, words in rows:
+        if words[0] not in (*PLANAR, *SPATIAL):
+            continue
+        where, flat = f"{path}:{number}", words[0] in PLANAR
+        count = 3 if flat else 6 if words[0] == SPATIAL[1] else 7
+        values = finite_numbers(words[1 : 2 + count], where, 1 + count, "of a vertex")
+        numbers.append(values[0])
+        poses.append(se2(*values[1:]) if flat else _pose(values[1:], where))
+    return _ascending(np.array(numbers), np.array(poses).reshape(-1, 4, 4))
+
+
+def _pose(values: list[float], where: str) -> np.ndarray:
+    """4x4 of x y z and a quaternion qx qy qz qw, or roll, pitch and yaw."""
+    from scipy.spatial.transform import Rotation
+
+    if len(values) == UNTIMED:
+        check_unit(values[3:], where)
+        return se3(rotation_of_quaternion(np.array(values[3:])), np.array(values[:3]))
+    return se3(Rotation.from_euler("ZYX", values[:2:-1]).as_matrix(), np.array(values[:3]))
+
+
+def _euroc(path: Path, rows: Rows) -> Trajectory:
     stamps, poses = [], []
-    for number, line in rows:
+    for number, words in rows:
         where = f"{path}:{number}"
-        values = finite_numbers(line.split(",")[:EUROC_NUMBERS], where, EUROC_NUMBERS, "ns x y z qw qx qy qz")
-        try:
-            rotation = rotation_of_quaternion(np.array([*values[5:8], values[4]]))
-        except ValueError as error:
-            raise RecordingError(f"{where}: {error}") from None
+        values = finite_numbers(words[:EUROC_NUMBERS], where, EUROC_NUMBERS, "ns x y z qw qx qy qz")
+        poses.append(_pose([*values[1:4], *values[5:8], values[4]], where))
         stamps.append(1e-9 * values[0])
-        poses.append(se3(rotation, np.array(values[1:4])))
-    _, kept = np.unique(np.array(stamps), return_index=True)
-    return Trajectory(np.array(stamps)[kept], np.array(poses).reshape(-1, 4, 4)[kept])
+    return _ascending(np.array(stamps), np.array(poses).reshape(-1, 4, 4))
+
+
+def _ascending(stamps: np.ndarray, poses: np.ndarray) -> Trajectory:
+    """By time; of equal stamps the first counts."""
+    _, kept = np.unique(stamps, return_index=True)
+    return Trajectory(stamps[kept], poses[kept])
 
 
 def finite_numbers(words: list[str], where: str, count: int, what: str) -> list[float]:

@@ -19,6 +19,7 @@ from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_wor
 from .maps import advice_on, is_shaded, load_map, read_header, writing_in
 from .mesh_files import MESHES
 from .mesh_world import read_solid
+from .other_maps import advice_for
 from .robot import shape_of
 from .scene_files import SCENES
 from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
@@ -53,6 +54,8 @@ def read_building(path: Path, file: Section) -> Building:
         raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > "
                           f"{Path(path.stem).stem}.urdf")
     if path.suffix.lower() not in (".yaml", ".yml"):
+        if advice := advice_for(path):
+            raise ConfigError(f"{path}: {advice}")
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
     map_from_image = _map_from_image(path)

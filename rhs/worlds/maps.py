@@ -33,6 +33,7 @@ log = logging.getLogger("rhs.worlds")
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 MOST_CELLS = 25_000_000  # 250 m x 250 m at 5 cm; the head of a small file could ask for all the memory there is
 UNKNOWN_AS_SAVED = (255 - UNKNOWN_GREY) / 255  # occupancy of that grey; nav2's map_saver writes free_thresh: 0.25 to it
+MOST_YAW_RAD = 2.0 * np.pi + 0.01
 READ = "PGM, PNG, BMP, JPEG, WebP, TIFF or GIF"
 SHADED = 0.2  # share of a picture in greys between wall and floor from which it is taken for a photograph
 _LOOKED_AT = 1_000_000  # pixels of a picture from which is told what is wrong with it
@@ -119,6 +120,9 @@ def read_header(yaml_path: str | FilePath, *, origin: tuple[float, float, float]
     if free > occupied:
         raise ConfigError(f"{path}: free_thresh {free} is above occupied_thresh {occupied}; expected it below")
     x, y, yaw = (*map(float, corner), 0.0)[:3]
+    if abs(yaw) > MOST_YAW_RAD:
+        raise ConfigError(f"{path}: origin has a yaw of {yaw:g}; expected radians: {np.radians(yaw):.6g} if these are "
+                          "degrees")
     return MapHeader(
         image=_image_of(path, str(keys["image"])),
         resolution_m=_number(path, keys, "resolution", 0.0, low=1e-6, high=1e6),

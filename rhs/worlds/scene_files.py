@@ -23,6 +23,7 @@ from rhs.base.errors import ConfigError
 
 from .gazebo import as_saved, downloaded, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
+from .other_maps import stage_advice
 from .soup import Part, box, cylinder, part, sphere
 
 SCENES = (".world", ".sdf", ".urdf")
@@ -78,6 +79,8 @@ def _xml(path: Path) -> Element:
     try:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
+        if advice := stage_advice(path):
+            raise ConfigError(f"{path}: {advice}") from None
         raise ConfigError(f"{path}: this XML cannot be read ({' '.join(str(error).split())[:120]})") from error
 
 

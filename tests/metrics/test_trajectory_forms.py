@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rhs.api.geometry import quaternion_xyzw, se2
-from rhs.api.trajectory import Trajectory, read_tum, write_tum
-from rhs.base.errors import RecordingError
-from rhs.metrics.evaluate import evaluate_pair
+from rhs.api.geometry import BODY_FROM_OPTICAL, inverse, quaternion_xyzw, se2, se3
+from rhs.api.trajectory import Trajectory, in_tum_order, read_tum, write_tum
+from rhs.base.errors import ConfigError, RecordingError
+from rhs.metrics.evaluate import evaluate_pair, pair_fault
 from rhs.metrics.trajectory_forms import read_trajectory
 
 WAY = Trajectory(np.arange(6.0), np.array([se2(0.5 * k, 0.1 * k * k, 0.1 * k) for k in range(6)]))
@@ -63,3 +63,82 @@ def test_unix_times_are_seconds_in_whatever_unit_they_were_written(tmp_path, sta
     """ORB-SLAM3's trajectories of EuRoC are in ns with six zeros behind the point."""
     (tmp_path / "a.txt").write_text(f"{stamp} 0 0 0 0 0 0 1\n")
     assert read_tum(tmp_path / "a.txt").stamps_s[0] == pytest.approx(1403636579.763555584, abs=1e-6)
+
+
+def mulran(way):
+    lines = zip(way.stamps_s, kitti(way).splitlines(), strict=True)
+    return "".join(f"{int(1e9 * (1.6e9 + stamp))},{line.replace(' ', ',')}\n" for stamp, line in lines)
+
+
+def tum(way, *, w_first=False, ahead=""):
+    quaternions = [quaternion_xyzw(pose[:3, :3])[[3, 0, 1, 2] if w_first else [0, 1, 2, 3]] for pose in way.poses]
+    return ahead + "".join(" ".join(f"{v:.9f}" for v in (stamp, *pose[:3, 3], *q)) + "\n" for stamp, pose, q in
+                           zip(way.stamps_s, way.poses, quaternions, strict=True))
+
+
+@pytest.mark.parametrize(("form", "begins_s"), [
+    (lambda way: "".join(line + " 0 0 0 1\n" for line in kitti(way).splitlines()), 0.0),  # Replica's traj.txt
+    (mulran, 1.6e9),
+    (lambda way: "".join(line.split(" ", 1)[1] + "\n" for line in tum(way).splitlines()), 0.0),  # TartanAir's pose_left.txt
+    (lambda way: "".join(f"VERTEX_SE3:QUAT {k} {line.split(' ', 1)[1]}\n" for k, line in enumerate(tum(way).splitlines())) +
+     "EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1\n", 0.0),
+    (lambda way: "".join(f"VERTEX2 {k} {p[0, 3]} {p[1, 3]} {np.arctan2(p[1, 0], p[0, 0])}\n"
+                         for k, p in enumerate(way.poses)), 0.0),
+    (lambda way: "".join(f"VERTEX3 {k} {p[0, 3]} {p[1, 3]} 0 0 0 {np.arctan2(p[1, 0], p[0, 0])}\n"
+                         for k, p in enumerate(way.poses)), 0.0),
+    (lambda way: tum(way).replace(" ", ";"), 0.0),
+    (lambda way: "\ufeff" + tum(way), 0.0),
+    (lambda way: tum(way, w_first=True, ahead="#Time px py pz qw qx qy qz\n"), 0.0),
+])
+def test_other_forms_of_the_same_way(tmp_path, form, begins_s):
+    (tmp_path / "truth.txt").write_text(form(WAY))
+    read = read_trajectory(tmp_path / "truth.txt")
+    assert np.allclose(read.poses, WAY.poses, atol=1e-6) and np.allclose(read.stamps_s, begins_s + WAY.stamps_s, atol=1e-3)
+
+
+def test_a_matrix_behind_a_stamp_is_not_taken_for_a_quaternion():
+    line = mulran(WAY).splitlines()[1]
+    assert in_tum_order(line) == line
+
+
+def test_a_quaternion_that_is_none_is_refused(tmp_path):
+    (tmp_path / "angles.txt").write_text("1.0 0 0 0 0.1 0.2 1.5 0\n")  # roll, pitch and yaw
+    with pytest.raises(RecordingError, match="angles.txt:1: quaternion .* is 1.52 long; expected a unit quaternion"):
+        read_trajectory(tmp_path / "angles.txt")
+
+
+def test_stamps_beside_numbers_of_lines_are_refused(tmp_path):
+    (tmp_path / "00.txt").write_text(kitti(WAY))
+    write_tum(tmp_path / "way.tum", Trajectory(WAY.stamps_s + 1.6e9, WAY.poses))
+    with pytest.raises(ConfigError, match="00.txt: its lines have no stamps .*; write times.txt beside it"):
+        evaluate_pair(tmp_path / "way.tum", tmp_path / "00.txt")
+
+
+def turning_way(count=200):
+    """A body that goes along a curve in space and looks where it goes, nodding."""
+    from scipy.spatial.transform import Rotation
+
+    time_s = 0.1 * np.arange(count)
+    place = np.stack([2.0 * np.cos(0.3 * time_s), 1.5 * np.sin(0.4 * time_s), 0.3 * np.sin(0.7 * time_s)], axis=1)
+    ahead = np.gradient(place, axis=0)
+    angles = np.stack([np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0])), 0.1 * np.sin(time_s), 0.1 * np.cos(1.3 * time_s)], 1)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_euler("ZYX", angles).as_matrix(), place
+    return Trajectory(time_s, poses)
+
+
+def test_poses_that_are_read_another_way_than_they_were_meant_are_said(tmp_path):
+    way = turning_way()
+    write_tum(tmp_path / "truth.tum", way)
+    camera = Trajectory(way.stamps_s, way.poses @ se3(BODY_FROM_OPTICAL, np.zeros(3)))
+    texts = {"right": tum(way), "w_first": tum(way, w_first=True), "camera": tum(camera),
+             "round": tum(Trajectory(way.stamps_s, inverse(way.poses)))}
+    said = {}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.tum").write_text(text)
+        said[name] = pair_fault(tmp_path / f"{name}.tum", tmp_path / "truth.tum")
+    assert said["right"] == "" and "qw first" in said["w_first"] and "Tcw" in said["round"]
+    assert "turned by 120 degrees" in said["camera"]
+    unlike = Trajectory(way.stamps_s, way.poses[::-1])
+    (tmp_path / "unlike.tum").write_text(tum(unlike))  # of another way nothing is said
+    assert pair_fault(tmp_path / "unlike.tum", tmp_path / "truth.tum") == ""

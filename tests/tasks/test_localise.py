@@ -186,3 +186,13 @@ def test_a_mesh_is_a_map_to_be_found_in(tmp_path):
     grid = read_given(str(tmp_path / "room.obj")).grid
     assert grid.free()[tuple(grid.cells(np.array([3.0, 2.0]))[0])] and grid.occupied().any()
     assert grid.free().sum() * grid.resolution_m**2 == pytest.approx(24.0, abs=2.0)
+
+
+@pytest.mark.parametrize(("grey", "metres", "said"), [(0, 0.05, "more of it is wall (100 cells) than floor (0)"),
+                                                      (254, 5.0, "its cells are 5 m wide"), (254, 0.05, "")])
+def test_a_map_in_which_nobody_finds_himself_is_said(tmp_path, caplog, grey, metres, said):
+    (tmp_path / "m.pgm").write_bytes(b"P5\n10 10\n255\n" + bytes([grey] * 100))
+    (tmp_path / "m.yaml").write_text(f"image: m.pgm\nresolution: {metres}\norigin: [0, 0, 0]\nnegate: 0\n"
+                                     "occupied_thresh: 0.65\nfree_thresh: 0.196\n")
+    read_given(str(tmp_path / "m.yaml"))
+    assert (said in caplog.text) if said else not caplog.text

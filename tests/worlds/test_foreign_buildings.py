@@ -216,6 +216,9 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("k.ply", "ply\nformat ascii 1.0\nelement vertex 9999999999\n", "k.ply"),
     ("l.obj", "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n", "which is no building of 2 to 300 m; give unit_m"),
     ("m.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n", "nothing stands between 0.04 and 0.25 m above the floor"),
+    ("p.pbstream", "", "cartographer_pbstream_to_ros_map -pbstream_filename p.pbstream -map_filestem NAME"),
+    ("q.world", 'include "map.inc"\nfloorplan ( name "q" bitmap "q.png" size [16 8 0.8] pose [1 0 0 0] )\n',
+     "write q.yaml beside it with the lines `image: q.png`, `resolution: 16 / its pixels in width`, `origin: [-7, -4, 0]`"),
     ("n.xyz", "", "no building is read from .xyz files"),
     ("o.urdf.xacro", "<robot/>", "expand it first: xacro o.urdf.xacro > o.urdf"),
 ])

@@ -282,3 +282,9 @@ def test_a_plan_of_too_many_cells_is_told_how_much_smaller_it_has_to_be(tmp_path
     (tmp_path / "m.png").write_bytes(data)
     with pytest.raises(ConfigError, match=r"16000 x 16000 cells are more .* scale it down 4 times \(4000 x 4000\)"):
         load_map(path)
+
+
+def test_a_yaw_in_degrees_is_refused(tmp_path):
+    path = write_map(tmp_path, np.full((4, 4), 254), origin="[0, 0, 90]")
+    with pytest.raises(ConfigError, match="yaw of 90; expected radians: 1.5708 if these are degrees"):
+        load_map(path)

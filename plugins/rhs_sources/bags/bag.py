@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from os.path import commonprefix
 from pathlib import Path
 
 import numpy as np
@@ -18,55 +18,23 @@ from rhs.api.records import Capture
 from ..carmen.log import NO_CAMERA, end_of_range
 from ..replay_cameras import chosen_camera
 from ..replay_images import UnreadableImage, check_depth, check_pair
-from ..replay_mounts import Mounts, check_scanners_own, links_of, mount_of, mounted, optical, tf_topics
+from ..replay_mounts import Mounts, links_of, mount_of, mounted, optical, tf_topics
 from ..replay_register import DepthCamera, typed_depth_camera
 from ..replay_stamps import cloud_extras
 from ..replay_tum import UNREADABLE, Recording
 from . import messages as ros
-from .depth import SAID_REGISTERED, color_from, depth_camera_of
+from . import realsense
+from .depth import color_from, depth_camera_of
 from .files import opened
+from .own_frame import check_scanners_own
+from .topics import IMAGES, Topics, choose_topics
 from .truth import read_truth
-from .wheels import beside_wheels, odometry_in_tf, readings_in_tf
+from .turning import Turning, turning_in
+from .wheels import beside_wheels, odometry_in_tf, wheel_readings
 
-IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
-NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
 DESKEWED = ("deskew", "undistort", "compensated")  # in the names of topics
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
-
-
-@dataclass(frozen=True)
-class Topics:
-    """The topics of a bag that are used; empty when there is none."""
-
-    color: str = ""
-    depth: str = ""
-    cloud: str = ""
-    info: str = ""
-    scan: str = ""
-    wheel: str = ""
-    depth_info: str = ""
-    tf: str = ""
-    odometry: tuple[str, str] = ("", "")  # parent and child of the wheels' link in tf, where no topic has them
-
-    def provide(self) -> frozenset[str]:
-        """What the views will hold, in the words of a part's needs."""
-        held = {"image": self.color, "gray": self.color, "depth": self.depth or (self.cloud if self.color else ""),
-                "scan": self.scan, "wheel": self.wheel or self.tf, "cloud": self.around}
-        return frozenset(word for word, topic in held.items() if topic)
-
-    @property
-    def around(self) -> str:
-        """The topic of a lidar: clouds that no camera goes with."""
-        return "" if self.color else self.cloud
-
-    @property
-    def sees(self) -> str:
-        """The topic whose messages are the views."""
-        return self.color or self.around or self.scan
-
-    def used(self) -> set[str]:
-        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel, self.tf) if t}
 
 
 def open_bag(path: Path, settings) -> Recording:
@@ -75,10 +43,13 @@ def open_bag(path: Path, settings) -> Recording:
     try:
         counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
         found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
-        topics = choose_topics(found, settings, str(path))
+        topics = choose_topics(found, settings, str(path), _encodings(reader, found))
+        if topics.depth and not settings.depth_scale:
+            settings = replace(settings, depth_scale=realsense.depth_scale(reader, topics.depth))
         links, moving = links_of(_transforms(reader, topics.sees))
         topics = _with_wheels(reader, topics, settings, moving)
         placed = _placed(reader, topics, settings, links)
+        turning = _turning(reader, topics, settings, placed)
         camera = NO_CAMERA
         if topics.color:
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
@@ -94,7 +65,8 @@ def open_bag(path: Path, settings) -> Recording:
     lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
     found_views = _views(reader, topics, settings, (camera, placed), counts, lost)
-    views = islice(beside_wheels(found_views, waits="wheel" in topics.provide()), settings.start, stop, settings.stride)
+    with_wheels = beside_wheels(found_views, waits="wheel" in topics.provide(), for_s=abs(turning.span_s), made=turning.seen)
+    views = islice(with_wheels, settings.start, stop, settings.stride)
 
     def captures():
         wheel_before = None
@@ -112,66 +84,14 @@ def open_bag(path: Path, settings) -> Recording:
     return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
 
 
-def choose_topics(found: dict[str, str], settings, where: str) -> Topics:
-    """Which of the topics (name -> type) are colour, depth, ...; the user's word first, else the only fitting one."""
-    images = [t for t, kind in found.items() if kind in IMAGES and not any(word in t.lower() for word in NEITHER)]
-    deep = [t for t in images if "depth" in t.lower()]
-    plain = [t for t in images if t not in deep and "/ir" not in t.lower() and "infra" not in t.lower()]
-
-    def pick(name: str, fitting: list[str]) -> str:
-        wanted = getattr(settings, f"{name}_topic")
-        if wanted == "none":
-            return ""
-        if wanted and wanted not in found:
-            raise ConfigError(f"{where}: no topic {wanted}; found {_listed(found)}")
-        return wanted or _best(name, fitting, where)
-
-    def of(*kinds: str) -> list[str]:
-        return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
-
-    alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": ("PointCloud2",)}.get(settings.views, ())
-    if of(*alone):
-        plain, deep = [], []
-    color, depth = pick("color", plain), pick("depth", deep)
-    scan = pick("scan", of("LaserScan", "MultiEchoLaserScan"))
-    scan = "" if settings.views == "clouds" and of(*alone) else scan
-    clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
-    if not color and not scan and len(clouds) > 1:
-        raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")
-    cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
-    depth = "" if cloud == depth else depth
-    if not color and not scan and not cloud:
-        raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}")
-    if color and not depth and not cloud and settings.depth_topic != "none":
-        raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
-    infos = of("CameraInfo")
-    info = pick("info", _beside(color, infos)) if color else ""
-    deep = _beside(depth, infos) if depth else []
-    return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
-
-
-def _beside(topic: str, infos: list[str]) -> list[str]:
-    """Of the topics of CameraInfo those whose names have the most folders in common with a topic's."""
-    def shared(info: str) -> int:
-        return len(commonprefix([topic.split("/"), info.split("/")]))
-
-    most = max(map(shared, infos), default=0)
-    return [info for info in infos if shared(info) == most]
-
-
-def _best(name: str, fitting: list[str], where: str) -> str:
-    """The only fitting topic; of several the one registered to colour, or the raw one of a raw-compressed pair."""
-    if len(fitting) > 1:
-        better = [t for t in fitting if any(word in t for word in SAID_REGISTERED)] if name == "depth" else []
-        raw = [t for t in (better or fitting) if not t.endswith(("/compressed", "/compressedDepth"))]
-        fitting = raw or better or fitting
-    if len(fitting) > 1:
-        raise ConfigError(f"{where}: several {name} topics ({', '.join(fitting)}); type source.{name}_topic=NAME")
-    return fitting[0] if fitting else ""
-
-
-def _listed(found: dict[str, str]) -> str:
-    return ", ".join(f"{t} ({kind.rsplit('/', 1)[-1]})" for t, kind in sorted(found.items())) or "no topic at all"
+def _encodings(reader, found: dict[str, str]) -> dict[str, str]:
+    """Of the first image of each topic of raw ones."""
+    out = {}
+    for topic in (topic for topic, kind in found.items() if kind == IMAGES[0]):
+        with suppress(ros.UnreadableBag):  # said where it is read
+            for _, _, message in islice(ros.stamped(reader, {topic}), 1):
+                out[topic] = str(message.encoding)
+    return out
 
 
 def _recorded(reader, info: str, images: str) -> Camera | None:
@@ -179,9 +99,19 @@ def _recorded(reader, info: str, images: str) -> Camera | None:
     return ros.camera_of(_first(reader, info), rectified="rect" in images) if info else None
 
 
+def _recorded_color(reader, topics: Topics, settings) -> Camera | None:
+    """The same of colour; None where its lens is not read, and the camera was typed."""
+    try:
+        return _recorded(reader, topics.info, topics.color)
+    except ConfigError:
+        if settings.camera == "auto":
+            raise
+        return None
+
+
 def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -> Camera:
     """The camera: of the user, else of the first CameraInfo; its size checked against the first image."""
-    recorded = _recorded(reader, topics.info, topics.color)
+    recorded = _recorded_color(reader, topics, settings)
     first = ros.color_of(_first(reader, topics.color), topics.color)
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:
@@ -220,9 +150,20 @@ class Placed:
 def _most_m(reader, topic: str) -> float:
     """The largest reading of a laser, if that stands for nothing and is nearly its range_max: metres, else inf."""
     scans = [message for _, _, message in islice(ros.stamped(reader, {topic}), LOOKED_AT)]
+    for scan in scans[:1]:
+        ros.say_angles(scan, topic)
     ranges = [ros.ranges_of(one) for one in scans]
     end_m = end_of_range([one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)])
     return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
+
+
+def _turning(reader, topics: Topics, settings, placed: Placed) -> Turning:
+    """How the beams of the laser go round, where its scans are the views and there are wheels to put them right by."""
+    if not settings.deskew and topics.sees != topics.scan:
+        raise ConfigError("source.deskew=false: the views of this bag are no scans of a laser; leave it out (of a lidar's "
+                          "clouds type odometry.deskew=false)")
+    asked = settings.deskew and topics.sees == topics.scan and "wheel" in topics.provide()
+    return turning_in(reader, topics, placed.scan, placed.most_m) if asked else Turning(0.0, placed.scan, topics.scan)
 
 
 def _with_wheels(reader, topics: Topics, settings, moving: dict[str, str]) -> Topics:
@@ -251,9 +192,8 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
         return found
 
     if topics.around:
-        if typed_scan is None:
-            check_scanners_own(_frame(reader, topics.around), topics.around)
-        return Placed(None, None, of(topics.around) if typed_scan is None else typed_scan)
+        own = typed_scan is None and check_scanners_own(reader, topics, _frame(reader, topics.around))
+        return Placed(None, None, typed_scan if typed_scan is not None else of(topics.around) if own else None)
     scan = of(topics.scan) if typed_scan is None else typed_scan
     frame = of(topics.color) if typed_camera is None else typed_camera @ se3(BODY_FROM_OPTICAL, np.zeros(3))
     camera = optical(frame, _frame(reader, topics.color)) if typed_camera is None else frame
@@ -273,7 +213,10 @@ def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera 
     if typed is not None or not topics.depth:
         return typed
     frames = _frame(reader, topics.color), _frame(reader, topics.depth)
-    cameras = _recorded(reader, topics.info, topics.color), _recorded(reader, topics.depth_info, topics.depth)
+    cameras = _recorded_color(reader, topics, settings), _recorded(reader, topics.depth_info, topics.depth)
+    told, own = realsense.color_from_depth(reader, topics.color, topics.depth), cameras[1] or cameras[0]
+    if told is not None and own is not None:
+        return DepthCamera(own.fx, own.fy, own.cx, own.cy, told, own.distortion)
     return depth_camera_of(frames, links, cameras, topics.depth)
 
 
@@ -301,9 +244,10 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
     frames: dict[str, str] = {}
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
     scan = None
-    for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used()), lost):
+    coarse = ros.coarse_topics(reader, {topics.sees, topics.depth} - {""})
+    for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used(), coarse), lost):
         if topic == topics.tf:
-            yield from ((None, reading) for reading in readings_in_tf(message, topics.odometry, topic))
+            yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
             continue
         if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
             counts["other_frame"] += 1  # a second sensor on one topic
@@ -315,13 +259,13 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["jump"] += 1
         last[topic] = stamp
         if topic == topics.wheel:
-            yield None, (stamp, ros.pose_of(message, topic))
+            yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
+        elif topic == topics.scan == topics.sees:
+            yield Capture(0, stamp, scan=ros.scan_of(message, topic, placed.most_m), sensed=True), None
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
-            if not topics.color and not topics.around:
-                yield Capture(0, stamp, scan=scan, sensed=True), None
         elif topic == topics.around:
             yield Capture(0, stamp, scan=scan, sensed=True, extras=_cloud(message, topic, stamp, placed)), None
         else:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from itertools import islice
 
 import numpy as np
@@ -15,16 +17,20 @@ from rhs.api.records import Scan
 
 from ..replay_images import UnreadableImage, metres
 from ..replay_stamps import TIME_FIELDS
+from ..unread import VIDEO
 from .rvl import unpacked_rvl
 
+log = logging.getLogger("rhs.replay")
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
          "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
 BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_gbrg8": "BayerGBRG2RGB",
          "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 YUV = {"yuv422": "YUV2RGB_UYVY", "uyvy": "YUV2RGB_UYVY", "yuv422_yuy2": "YUV2RGB_YUY2", "yuyv": "YUV2RGB_YUY2"}  # of webcams
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+FEW, SAME = 10, 0.34  # messages; share of them with stamps of their own from which on stamps are believed
 LOOKED_AT, NEAR_S = 100, 60.0  # messages of a topic for its first stamp; it is of a clock that began at zero
 MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled ends add
+OFF = 0.05  # of what a scan covers, by which its end may be off
 FURTHEST_M = 500.0  # that lasers which look round see
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **FLOATS}
@@ -44,19 +50,48 @@ def messages(reader, connections: list) -> Iterator:
     """(topic, when it arrived in seconds, message) in the order of the bag. Raises UnreadableBag."""
     try:
         for connection, arrived_ns, raw in reader.messages(connections=connections) if connections else ():  # of none: all
-            yield connection.topic, arrived_ns * 1e-9, reader.deserialize(raw, connection.msgtype)
+            yield connection.topic, arrived_ns * 1e-9, _read(reader, raw, connection.msgtype)
     except Exception as error:  # the library raises many kinds for damaged files
         said = " ".join(f"{type(error).__name__}: {error}".split())[:150]
         raise UnreadableBag(f"{reader.paths[0]}: cannot be read further ({said})") from error
 
 
-def stamped(reader, topics: Collection[str]) -> Iterator:
-    """(topic, stamp, message) in the order of the bag; a header that was left at zero, or none, means when it arrived."""
+def _read(reader, raw, kind: str):
+    """The message, also of an image behind which a recorder writes more than its definition tells."""
+    try:
+        return reader.deserialize(raw, kind)
+    except Exception as error:
+        if "size mismatch" not in str(error) or not kind.endswith("/Image"):
+            raise
+        definition = reader.typestore.get_msgdef(kind)
+        return definition.deserialize_ros1(raw, 0, definition.cls, reader.typestore)[0]
+
+
+def stamped(reader, topics: Collection[str], coarse: Collection[str] = ()) -> Iterator:
+    """(topic, stamp, message) in the order of the bag; a header that was left at zero, or none, means when it arrived, as
+    do those of the topics that are coarse."""
     chosen = [c for c in reader.connections if c.topic in topics]
     simulated = {c.topic for c in chosen if _begins_at_zero(reader, c)}
     for topic, arrived_s, message in messages(reader, chosen):
         stamp = stamp_of(message) if hasattr(message, "header") else 0.0
-        yield topic, stamp if stamp or topic in simulated else arrived_s, message
+        yield topic, stamp if topic not in coarse and (stamp or topic in simulated) else arrived_s, message
+
+
+def coarse_topics(reader, topics: Collection[str]) -> set[str]:
+    """Of the topics those whose headers hardly tell their messages apart (whole seconds, a stamp that never changes); said
+    once."""
+    found = set()
+    for topic in topics:
+        first: list = []
+        with suppress(UnreadableBag):  # said where the views are read
+            first += islice(messages(reader, [c for c in reader.connections if c.topic == topic]), FEW)
+        stamps = {stamp_of(message) for _, _, message in first if hasattr(message, "header")}
+        arrived = {arrived_s for _, arrived_s, _ in first}
+        if len(first) == FEW and 0 < len(stamps) <= SAME * FEW and len(arrived) == FEW and stamps != {0.0}:
+            found.add(topic)
+            log.warning("%s: of its first %d messages %d have stamps of their own; each is taken to be of when it arrived",
+                        topic, FEW, len(stamps))
+    return found
 
 
 def _begins_at_zero(reader, connection) -> bool:
@@ -72,6 +107,9 @@ def color_of(message, topic: str) -> np.ndarray:
     """(H, W, 3) uint8 RGB of an Image or CompressedImage."""
     if hasattr(message, "format"):
         encoding = message.format.split(";")[0].strip()
+        if encoding.lower() in VIDEO:
+            raise ConfigError(f"{topic}: its images are {encoding} video, which is not read; republish them as images "
+                              "(image_transport republish) and record these")
         if encoding not in BAYER:
             return _decoded(message.data, topic, color=True)
         mosaic = _decoded(message.data, topic, color=False)  # image_transport packs it as it is, unless it made colour of it
@@ -159,6 +197,15 @@ def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
     # A wall just there is less likely than none, as drivers clip; pointcloud_to_laserscan writes the largest float there is.
     most_m = min(most_m, float(message.range_max), FURTHEST_M)
     return Scan(bearings, np.where(known >= most_m, np.inf, known), most_m)
+
+
+def say_angles(message, topic: str) -> None:
+    """Says so where angle_max is not where the beams end by angle_increment, as in scans that somebody has thinned."""
+    beams, step = len(message.ranges), float(message.angle_increment)
+    ends, said = message.angle_min + step * (beams - 1), float(message.angle_max)
+    if beams > 1 and np.isfinite(said) and abs(said - ends) > max(3.0 * abs(step), OFF * abs(ends - message.angle_min)):
+        log.warning("%s: its %d beams, %.4f rad apart, end at %.2f rad, and angle_max says %.2f: angle_increment is "
+                    "believed, and if it is wrong so is the map", topic, beams, step, ends, said)
 
 
 def ranges_of(message) -> np.ndarray:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 
 import numpy as np
+
+from rhs.api.records import Capture
 
 from ..replay_stamps import between
 from . import messages as ros
@@ -16,6 +18,7 @@ log = logging.getLogger("rhs.replay")
 SAME_CLOCK_S = 1.0  # a view that is older than all wheels by less was taken as they began
 LATE = 20  # views that wait for a reading of the wheels
 KEPT = 100  # readings
+Made = Callable[[Capture, Sequence[tuple[float, np.ndarray]]], Capture]
 
 
 def odometry_in_tf(moving: dict[str, str], truth_frame: str) -> tuple[str, str] | None:
@@ -38,9 +41,33 @@ def readings_in_tf(message, link: tuple[str, str], topic: str) -> Iterator[tuple
             yield ros.stamp_of(one), ros.pose_of(one, topic)
 
 
-def beside_wheels(found: Iterator, *, waits: bool) -> Iterator:
+def wheel_readings(message, stamp_s: float, topics, topic: str) -> Iterator[tuple[float, np.ndarray]]:
+    """(stamp, 4x4 pose) of the wheels in a message of their topic, or of tf where that has them."""
+    if topic == topics.tf:
+        yield from readings_in_tf(message, topics.odometry, topic)
+    else:
+        yield stamp_s, ros.pose_of(message, topic)
+
+
+def first_with_wheels(reader, topic: str, topics, most: int) -> tuple[list, list[tuple[float, np.ndarray]]]:
+    """(stamp, message) of the first messages of a topic, `most` of them, and (stamp, 4x4 pose) of the wheels until then."""
+    found: list = []
+    wheels: list[tuple[float, np.ndarray]] = []
+    for name, stamp, message in ros.stamped(reader, {topic, topics.wheel or topics.tf}):
+        if name != topic:
+            wheels += [one for one in wheel_readings(message, stamp, topics, name) if not wheels or one[0] > wheels[-1][0]]
+        elif not found or stamp > found[-1][0]:
+            found.append((stamp, message))
+        if len(found) == most:
+            break
+    return found, wheels
+
+
+def beside_wheels(found: Iterator, *, waits: bool, for_s: float = 0.0,
+                  made: Made = lambda capture, wheels: capture) -> Iterator:
     """(Capture, pose of the wheels when it was taken or None) of views and wheels as a bag holds them. waits: a view stands
-    back for the first reading after it, for as long as LATE views, so that it lies between two."""
+    back for the first reading after it (for_s: so much later), for as long as LATE views, so that it lies between two.
+    made: what makes the view of it and the (stamp, pose) of the wheels about it."""
     wheels: deque = deque(maxlen=KEPT)  # (stamp, pose)
     views: deque = deque()  # and the last pose that came before each
     for capture, reading in chain(found, [(None, None)]):
@@ -50,9 +77,10 @@ def beside_wheels(found: Iterator, *, waits: bool) -> Iterator:
         elif capture is not None:
             views.append((capture, wheels[-1][1] if wheels else None))
         over = capture is None and reading is None
-        while views and (over or not waits or len(views) > LATE or (wheels and wheels[-1][0] >= views[0][0].stamp_s)):
+        while views and (over or not waits or len(views) > LATE
+                         or (wheels and wheels[-1][0] >= views[0][0].stamp_s + for_s)):
             capture, last = views.popleft()
-            yield capture, _wheel_at(wheels, capture.stamp_s, last)
+            yield made(capture, wheels), _wheel_at(wheels, capture.stamp_s, last)
 
 
 def _wheel_at(wheels: deque, stamp_s: float, last: np.ndarray | None) -> np.ndarray | None:

@@ -35,6 +35,7 @@ HALF_TURN_DEG, USUAL_BEAMS = 180.0, (90, 180, 360, 720)  # of SICK's scanners, o
 SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
 CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to rounding
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
+HEAD_BYTES = 200
 MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
 FLASER, ROBOT, RAW, ODOM, TRUE = b"FLASER ", b"ROBOTLASER1 ", b"RAWLASER1 ", b"ODOM ", b"TRUEPOS "
 SCANS = (FLASER, ROBOT, RAW)
@@ -67,7 +68,10 @@ def open_carmen(path: Path, settings) -> Recording:
     log = _read(path, settings)
     own = [one.stamp_s for one in log.readings]
     if not own:
-        raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; expected a CARMEN log with laser scans")
+        with opened(path) as file:
+            player = b"Player" in file.read(HEAD_BYTES)
+        hint = "; this is a log of Player: play it into a CARMEN log or a ROS bag" if player else ""
+        raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; expected a CARMEN log with laser scans{hint}")
     stamps, repaired = in_file_order(own, settings.max_jump_s)
     kept = range(len(own))[settings.start :: settings.stride][: settings.count or None]
     if not kept:

@@ -21,6 +21,7 @@ from ..replay_tum import UNREADABLE, Recording
 from .poses import poses_by_line, poses_by_number
 
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
+_AND_TIME = re.compile(r"^\d{7}-(\d{12})$")  # number, and microseconds from the beginning (SUN3D, Redwood's objects)
 _IN_TWO = re.compile(r"^(?:.*\D)?(\d{10})[_-](\d{1,9})$")  # a Unix time in seconds and its fraction, of one stamp
 Pose = Callable[[int], np.ndarray | None]
 At = Callable[[int, float], np.ndarray | None]
@@ -72,6 +73,9 @@ def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
     """(number at the end of the name, before `tail`, as it is written, file) in order of the numbers; those without one are
     left out. Where all names end in the two parts of a ROS time (cloud_1583836591_182590976.pcd) the number is that time."""
     found = [(match[2], file) for file in files if (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
+    and_time = [match for _, file in found if (match := _AND_TIME.match(file.stem.removesuffix(tail)))]
+    if len(and_time) == len(found):
+        found = [(f"{int(match[1]) * 1e-6:.6f}", file) for match, (_, file) in zip(and_time, found, strict=True)]
     in_two = [match for _, file in found if (match := _IN_TWO.match(file.stem.removesuffix(tail)))]
     if len(in_two) == len(found):
         digits = max((len(match[2]) for match in in_two), default=9)  # nanoseconds, or whole milli- or microseconds

@@ -8,6 +8,7 @@ into the map by it; that is for the judge alone.
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +28,8 @@ from rhs.worlds.buildings import PICTURES
 from rhs.worlds.maps import load_map, read_yaml
 from rhs.worlds.world import load_world
 
+log = logging.getLogger("rhs.localise")
+WIDE_M = 1.0  # cells of a map that are hardly in metres
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)
 KNOWN = 1e-6 * np.eye(6)  # covariance of a pose that is taken as it stands
 PAIRED_S = 0.02  # a corrected pose and a true one at most so far apart in time are of one view
@@ -81,7 +84,7 @@ def read_given(name: str) -> GivenMap:
         raise ConfigError(f"map={name}: found a {path.suffix}; type map={path.with_suffix('.yaml')}, which says "
                           "how large a pixel of the picture is and where it lies")
     if path.is_file() and path.suffix.lower() in (".yaml", ".yml") and "image" in read_yaml(path):
-        return GivenMap(load_map(path))
+        return GivenMap(_looked_at(load_map(path), path))
     try:
         return GivenMap(truth_grid(load_world(name)))
     except ConfigError as error:
@@ -89,6 +92,17 @@ def read_given(name: str) -> GivenMap:
             raise
         raise ConfigError(f"map={name}: no such file, folder or world; type map=MAP.yaml (a ROS map), map=RUN_FOLDER or "
                           "map=WORLD") from error
+
+
+def _looked_at(grid: OccupancyGrid, path: Path) -> OccupancyGrid:
+    """The map; what is odd about it is said, for in such a one nobody finds himself."""
+    walls, floor = int(grid.occupied().sum()), int(grid.free().sum())
+    if walls > floor:
+        log.warning("%s: more of it is wall (%d cells) than floor (%d); for a dark floor turn `negate` round (mode: raw of "
+                    "a map in percent)", path.name, walls, floor)
+    if grid.resolution_m >= WIDE_M:
+        log.warning("%s: its cells are %g m wide; `resolution` is in metres (5 cm: 0.05)", path.name, grid.resolution_m)
+    return grid
 
 
 def _of_run(folder: Path) -> GivenMap:

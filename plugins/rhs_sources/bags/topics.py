@@ -1,0 +1,119 @@
+"""Which topics of a bag are colour, depth, clouds, scans and wheels: the user's word first, else the only fitting one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os.path import commonprefix
+
+from rhs.api.errors import ConfigError
+
+from ..unread import of_topics
+from .depth import SAID_REGISTERED
+
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+METRIC, PICTURES = ("16UC1", "32FC1"), ("rgb8", "bgr8", "8UC3", "rgba8", "bgra8")  # encodings of depth; of its pictures
+NOTHING: Mapping[str, str] = {}
+NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
+
+
+@dataclass(frozen=True)
+class Topics:
+    """The topics of a bag that are used; empty when there is none."""
+
+    color: str = ""
+    depth: str = ""
+    cloud: str = ""
+    info: str = ""
+    scan: str = ""
+    wheel: str = ""
+    depth_info: str = ""
+    tf: str = ""
+    odometry: tuple[str, str] = ("", "")  # parent and child of the wheels' link in tf, where no topic has them
+
+    def provide(self) -> frozenset[str]:
+        """What the views will hold, in the words of a part's needs."""
+        held = {"image": self.color, "gray": self.color, "depth": self.depth or (self.cloud if self.color else ""),
+                "scan": self.scan, "wheel": self.wheel or self.tf, "cloud": self.around}
+        return frozenset(word for word, topic in held.items() if topic)
+
+    @property
+    def around(self) -> str:
+        """The topic of a lidar: clouds that no camera goes with."""
+        return "" if self.color else self.cloud
+
+    @property
+    def sees(self) -> str:
+        """The topic whose messages are the views."""
+        return self.color or self.around or self.scan
+
+    def used(self) -> set[str]:
+        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel, self.tf) if t}
+
+
+def choose_topics(found: dict[str, str], settings, where: str, encodings: Mapping[str, str] = NOTHING) -> Topics:
+    """Which of the topics (name -> type) are colour, depth, ...; the user's word first, else the only fitting one.
+    encodings: of topics of raw images: depth is called so, or is in metres (OAK's /stereo/image_raw), and no picture."""
+    images = [t for t, kind in found.items() if kind in IMAGES and not any(word in t.lower() for word in NEITHER)]
+    images = [t for t in images if not ("depth" in t.lower() and encodings.get(t) in PICTURES)]
+    deep = [t for t in images if "depth" in t.lower() or encodings.get(t) in METRIC]
+    plain = [t for t in images if t not in deep and "/ir" not in t.lower() and "infra" not in t.lower()]
+
+    def pick(name: str, fitting: list[str]) -> str:
+        wanted = getattr(settings, f"{name}_topic")
+        if wanted == "none":
+            return ""
+        if wanted and wanted not in found:
+            raise ConfigError(f"{where}: no topic {wanted}; found {_listed(found)}")
+        return wanted or _best(name, fitting, where)
+
+    def of(*kinds: str) -> list[str]:
+        return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
+
+    alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": ("PointCloud2",)}.get(settings.views, ())
+    if of(*alone):
+        plain, deep = [], []
+    color, depth = pick("color", plain), pick("depth", deep)
+    scan = pick("scan", of("LaserScan", "MultiEchoLaserScan"))
+    scan = "" if settings.views == "clouds" and of(*alone) else scan
+    clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
+    if not color and not scan and len(clouds) > 1:
+        raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")
+    cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
+    depth = "" if cloud == depth else depth
+    if not color and not scan and not cloud:
+        if seen := [t for t in images if t not in deep]:
+            raise ConfigError(f"{where}: no images of colour, but infrared ones; type source.color_topic={seen[0]} to go by "
+                              "them")
+        raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}"
+                          f"{of_topics(found)}")
+    if color and not depth and not cloud and settings.depth_topic != "none":
+        raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
+    infos = of("CameraInfo")
+    info = pick("info", _beside(color, infos)) if color else ""
+    deep = _beside(depth, infos) if depth else []
+    return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
+
+
+def _beside(topic: str, infos: list[str]) -> list[str]:
+    """Of the topics of CameraInfo those whose names have the most folders in common with a topic's."""
+    def shared(info: str) -> int:
+        return len(commonprefix([topic.split("/"), info.split("/")]))
+
+    most = max(map(shared, infos), default=0)
+    return [info for info in infos if shared(info) == most]
+
+
+def _best(name: str, fitting: list[str], where: str) -> str:
+    """The only fitting topic; of several the one registered to colour, or the raw one of a raw-compressed pair."""
+    if len(fitting) > 1:
+        better = [t for t in fitting if any(word in t for word in SAID_REGISTERED)] if name == "depth" else []
+        raw = [t for t in (better or fitting) if not t.endswith(("/compressed", "/compressedDepth"))]
+        fitting = raw or better or fitting
+    if len(fitting) > 1:
+        raise ConfigError(f"{where}: several {name} topics ({', '.join(fitting)}); type source.{name}_topic=NAME")
+    return fitting[0] if fitting else ""
+
+
+def _listed(found: dict[str, str]) -> str:
+    return ", ".join(f"{t} ({kind.rsplit('/', 1)[-1]})" for t, kind in sorted(found.items())) or "no topic at all"

@@ -1,0 +1,42 @@
+"""Recordings of forms that are not read, and what makes one of them that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+_IMAGES = "a folder with rgb/000001.png and depth/000001.png"
+FILES = {
+    ".sens": "a recording of ScanNet: python reader.py --filename {file} --output_path FOLDER --export_depth_images "
+             "--export_color_images --export_poses --export_intrinsics (ScanNet's SensReader), then source.path=FOLDER",
+    ".svo": f"a recording of a ZED: export left images and depth as {_IMAGES}, or play it by zed_wrapper and record a bag",
+    ".oni": f"a recording of OpenNI: export it as {_IMAGES}", ".klg": f"a log of Kintinuous: unpack it to {_IMAGES}",
+    ".r3d": f"a recording of Record3D: export it as {_IMAGES}",
+    ".pcap": "packets of a lidar: play them by its ROS driver and record the PointCloud2",
+    ".rawlog": "a log of MRPT: convert it to a ROS bag or a CARMEN log",
+    ".h5": f"a data file: export it as {_IMAGES}, or as a bag",
+    ".active": "a bag that was not closed: rosbag reindex {file}, then name it .bag",
+    ".db": "a data base: of RTAB-Map, rtabmap-export or rtabmap-databaseViewer write its images",
+}
+FILES |= {".svo2": FILES[".svo"], ".oniz": FILES[".oni"], ".pcapng": FILES[".pcap"], ".hdf5": FILES[".h5"]}
+VIDEO = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "theora")
+MESSAGES = {
+    "CustomMsg": "Livox's own message is not read: drive it with xfer_format: 0 (PointCloud2), or convert it",
+    "VelodyneScan": "packets of a lidar are not read: play the bag by velodyne_pointcloud and record the PointCloud2",
+    "PacketMsg": "packets of a lidar are not read: play the bag by ouster_ros and record the PointCloud2",
+    "PointCloud": "the old PointCloud is not read: convert it (point_cloud_converter)",
+    "CompressedVideo": "video is not read: republish it as images (image_transport republish) and record these",
+    "FFMPEGPacket": "video is not read: republish it as images (image_transport republish) and record these",
+    "Packet": "theora's video is not read: republish it as images (image_transport republish) and record these",
+}
+
+
+def of_file(path: Path) -> str:
+    """What to do with such a file; empty where nobody knows."""
+    return FILES.get(path.suffix.lower(), "").format(file=path.name)
+
+
+def of_topics(found: Mapping[str, str]) -> str:
+    """What to do with the messages of a bag (topic -> type), after a semicolon; empty where none of them is known."""
+    kinds = {kind.rsplit("/", 1)[-1] for kind in found.values()}
+    return "".join(f"; {MESSAGES[kind]}" for kind in sorted(kinds & set(MESSAGES)))

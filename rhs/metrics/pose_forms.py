@@ -1,0 +1,112 @@
+"""Do two trajectories mean the same by a pose? A quaternion with w first is a unit quaternion read with w last, too, and the
+pose of the world in the camera is a pose.
+
+Whatever is fixed on one body turns by the same angle about one axis, and goes by the same way: between two moments the
+motions of estimate and truth, each seen from its own body, differ by one rotation (hand-eye calibration: Park and Martin,
+IEEE Transactions on Robotics and Automation 1994; the lever between the two bodies is left out). What it leaves is small for
+poses that were meant so. Where it is not, and is less than half with the one or the other read another way, that is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rhs.api.geometry import inverse
+from rhs.api.trajectory import Trajectory
+
+from .accuracy import Pairing, pair, relative_errors, rmse, rotation_angles
+
+LEAST_STEPS, MOST_STEPS = 20, 500
+TURN_RAD = 0.1  # least median turn between two moments
+CONTRADICTS, HALF = 0.5, 0.5  # share of the motions that is left; of that, and of the relative error, with another reading
+AXES_DEG = 20.0  # bodies that are turned by less are taken for one
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Share of the motions (rms) that a rotation (3, 3) estimate_from_truth leaves."""
+
+    left: float
+    rotation: np.ndarray
+
+
+def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> str:
+    """What is wrong with the poses of two trajectories as they were read, and what to type; empty where nothing is seen."""
+    both = pair(estimate, truth, tolerance_s)
+    steps = _steps(both.truth.poses)
+    if len(steps) < LEAST_STEPS:
+        return ""
+    mine, theirs = both.estimate.poses, both.truth.poses
+    told = _fit(mine, theirs, steps)
+    if told.left <= CONTRADICTS:
+        return _axes(both, steps, told.rotation)
+    left, said = min(((_fit(read(mine), theirs, steps).left, said) for read, said in READINGS), key=lambda one: one[0])
+    if left > HALF * told.left:
+        return ""
+    return f"the poses of the two files go together only if one of the two has {said}"
+
+
+def w_first(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) whose quaternions were read with w last, with w first."""
+    from scipy.spatial.transform import Rotation
+
+    out = poses.copy()
+    out[:, :3, :3] = Rotation.from_quat(Rotation.from_matrix(poses[:, :3, :3]).as_quat()[:, [1, 2, 3, 0]]).as_matrix()
+    return out
+
+
+# Of either file: misread alike, the two go together.
+READINGS: tuple[tuple[Callable[[np.ndarray], np.ndarray], str], ...] = (
+    (w_first, "qw first (w last, of EuRoC's form): rpe_* mean nothing as read; name the columns in a line before them, as "
+              "`# timestamp tx ty tz qw qx qy qz`"),
+    (inverse, "the poses of the world in the body (Tcw): no figure means anything as read; invert them"),
+)
+
+
+def _steps(poses: np.ndarray) -> np.ndarray:
+    """(M, 2) of moments between which the body turns; none where it hardly does."""
+    for gap in 2 ** np.arange(12):
+        first = np.arange(0, len(poses) - gap, max(1, len(poses) // MOST_STEPS))
+        if len(first) < LEAST_STEPS:
+            break
+        turned = rotation_angles((inverse(poses[first]) @ poses[first + gap])[:, :3, :3])
+        if np.median(turned) >= TURN_RAD:
+            return np.stack([first, first + gap], axis=1)
+    return np.zeros((0, 2), int)
+
+
+def _fit(mine: np.ndarray, theirs: np.ndarray, steps: np.ndarray) -> _Fit:
+    """The rotation between the bodies by their motions, turns and ways of equal weight (Kabsch)."""
+    a, b = _motions(mine, steps), _motions(theirs, steps)
+    weights = 1.0 / np.maximum(np.sqrt(np.mean(a * a, axis=1) * np.mean(b * b, axis=1)).mean(axis=-1), 1e-12)
+    u, _, vt = np.linalg.svd(sum(w * x.T @ y for w, x, y in zip(weights, a, b, strict=True)))
+    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    left = [np.mean((x - y @ rotation.T) ** 2) / max(np.mean(x * x), np.mean(y * y), 1e-12)
+            for x, y in zip(a, b, strict=True)]
+    return _Fit(float(np.sqrt(np.mean(left))), rotation)
+
+
+def _motions(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """(2, M, 3) rotation vectors and ways between moments, from the body at the first."""
+    from scipy.spatial.transform import Rotation
+
+    moved = inverse(poses[steps[:, 0]]) @ poses[steps[:, 1]]
+    return np.stack([Rotation.from_matrix(moved[:, :3, :3]).as_rotvec(), moved[:, :3, 3]])
+
+
+def _axes(both: Pairing, steps: np.ndarray, rotation: np.ndarray) -> str:
+    """That the two are bodies turned to each other, where relative errors are mostly that."""
+    angle = float(np.degrees(rotation_angles(rotation[None])[0]))
+    if angle < AXES_DEG:
+        return ""
+    turned = both.estimate.poses.copy()
+    turned[:, :3, :3] = turned[:, :3, :3] @ rotation
+    told, without = (rmse(relative_errors(replace(both, estimate=replace(both.estimate, poses=poses)), steps)[0])
+                     for poses in (both.estimate.poses, turned))
+    if without > HALF * told:
+        return ""
+    return (f"the poses of the two are of axes turned by {angle:.0f} degrees to each other (a camera's beside a robot's?): "
+            "rpe_* are mostly that; the ATE is of positions and stands")
