@@ -15,6 +15,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
     os.environ[_name] = "1"
 
 import argparse  # noqa: E402
+import atexit  # noqa: E402
 import gc  # noqa: E402
 import io  # noqa: E402
 import signal  # noqa: E402
@@ -95,6 +96,9 @@ def entry() -> int:
     if not any(word.startswith("live=") for word in sys.argv):  # a viewer stays open
         kill_strays(os.getpid())
     if any(not thread.daemon and thread is not threading.main_thread() for thread in threading.enumerate()):
+        os._exit(code)
+    if sys.getprofile() is None and sys.gettrace() is None:  # nobody waits for what taking the interpreter apart would say
+        atexit._run_exitfuncs()
         os._exit(code)
     return code
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +15,11 @@ from rhs.api.contracts import Context
 from rhs.api.floorplan import World
 from rhs.api.geometry import se2
 from rhs.api.records import Step
-from rhs.api.spare import grant, granted
+from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
-from rhs.base.processes import end_unless
+from rhs.base.processes import end_unless, has_helpers
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.dictionary import RUN
@@ -29,15 +30,15 @@ from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
-from .ahead import Ahead, looks_ahead
+from . import helper
+from .ahead import Ahead, looks_ahead, wants_ahead
 from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
 from .eyes import Eyes
+from .helper import Helper
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
 if TYPE_CHECKING:
-    from rhs.reports.beside import Drawer
-
     from .shared import SharedSurvey
 
 
@@ -138,10 +139,8 @@ def run_ended(run: RunContext, row: Mapping[str, Any], reason: str) -> None:
 def draw(run: RunContext, row: dict[str, Any]) -> None:
     """The pictures that the files of the folder allow. One that fails is named in the row."""
     config, folder = run.config, run.folder
-    if config.pictures == "off" and not config.video:
-        return
     try:
-        if config.pictures != "off" and not (run.drawer is not None and run.drawer.pictures(folder)):
+        if config.pictures != "off" and not drawn_beside(run):
             report().pictures(folder)
         if config.pictures == "page":
             report().html(folder)
@@ -152,6 +151,19 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
         write_row(folder, row)
         if isinstance(error, KeyboardInterrupt):
             raise
+    finally:
+        if run.helper is not None:
+            run.helper.close()
+
+
+def drawn_beside(run: RunContext) -> bool:
+    """Whether the other process has drawn the pictures. What went wrong there the run finds out itself."""
+    if run.helper is None:
+        return False
+    with suppress(Exception):
+        run.helper.ask(helper.pictures, run.folder.resolve())
+        return True
+    return False
 
 
 def report() -> Any:
@@ -168,7 +180,7 @@ class RunContext:
         self.config, self.folder, self._watch, self.shared = config, folder, watch, shared
         self.seed, self.world, self.features = config.seed, config.world, config.features
         self.log: RunLog | None = None
-        self.drawer: Drawer | None = None
+        self.helper: Helper | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
         self._eyes: list[Eyes | Ahead] = []
@@ -248,12 +260,11 @@ class RunContext:
         self.log = open_log(self.config, parts, world, self.folder, self._watch)
         return self.log
 
-    def draw_beside(self) -> None:
-        """Have the pictures drawn by another process, where a processor is to spare."""
-        if granted() and self.config.pictures != "off":
-            from rhs.reports.beside import Drawer
-
-            self.drawer = Drawer()
+    def help_beside(self) -> None:
+        """Have another process draw, where a processor is to spare. It loads what draws meanwhile."""
+        if self.config.pictures != "off" and has_helpers() and wants_ahead(self.config.ahead):
+            with suppress(OSError):
+                self.helper = Helper()
 
     # --- for the run ------------------------------------------------------------------------------------------------
 
