@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from rhs.base import processes
-from rhs.base.system import CAN_FORK, ENDINGS
+from rhs.base.system import ENDINGS
 
 CODE = "import sys; sys.path[:] = sys.argv[1:]; from rhs.patrol.helper import serve; serve()"
 STANDS_BACK = 10  # nice(2): what the run waits for goes first
@@ -109,6 +109,7 @@ def serve() -> None:
 def load() -> None:
     """Load what compares, and what draws by a picture that nobody sees."""
     import cv2
+    import scipy.spatial.transform  # noqa: F401
 
     from rhs.estimation.views import changes, references  # noqa: F401
     from rhs.plots import new_figure, save
@@ -118,31 +119,15 @@ def load() -> None:
 
     cv2.setNumThreads(1)
     figure = new_figure(1.0, 1.0)
-    figure.add_subplot().plot([0.0, 1.0], label="m")
+    axes = figure.add_subplot()
+    axes.plot([0.0, 1.0], label="m")
+    axes.contour([[0.0, 1.0], [1.0, 0.0]], levels=[0.5])
     figure.legend(loc="outside lower center")
     save(figure, io.BytesIO())
 
 
 def pictures(folder: Path) -> None:
-    """Draw the pictures of a run folder, each but the last by a process of its own: the run is over, two processors are idle.
-    Raises RuntimeError where one of those failed."""
+    """Draw the pictures of a run folder."""
     from rhs.reports import report
 
-    *others, last = report.drawings(folder) or [lambda: None]
-    children = [drawn_apart(draw) for draw in others] if CAN_FORK else [draw() for draw in others][:0]
-    last()
-    if any([os.waitpid(child, 0)[1] for child in children]):
-        raise RuntimeError("a picture failed")
-
-
-def drawn_apart(draw: Callable[[], Any]) -> int:
-    """A process that draws, which ends with 0 where that went well; its number."""
-    child = os.fork()
-    if not child:
-        code = 1
-        try:
-            draw()
-            code = 0
-        finally:
-            os._exit(code)
-    return child
+    report.pictures(folder)

@@ -30,11 +30,10 @@ from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
-from . import helper
 from .ahead import Ahead, looks_ahead, wants_ahead
 from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
 from .eyes import Eyes
-from .helper import Helper
+from .helper import Helper, pictures
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
@@ -161,7 +160,7 @@ def drawn_beside(run: RunContext) -> bool:
     if run.helper is None:
         return False
     with suppress(Exception):
-        run.helper.ask(helper.pictures, run.folder.resolve())
+        run.helper.ask(pictures, run.folder.resolve())
         return True
     return False
 
