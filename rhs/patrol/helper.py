@@ -115,8 +115,6 @@ def load() -> None:
     from rhs.plots import new_figure, save
     from rhs.reports import report  # noqa: F401
 
-    from . import sights  # noqa: F401
-
     cv2.setNumThreads(1)
     figure = new_figure(1.0, 1.0)
     axes = figure.add_subplot()
