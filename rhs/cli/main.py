@@ -97,8 +97,9 @@ def entry() -> int:
         kill_strays(os.getpid())
     if any(not thread.daemon and thread is not threading.main_thread() for thread in threading.enumerate()):
         os._exit(code)
-    if sys.getprofile() is None and sys.gettrace() is None:  # nobody waits for what taking the interpreter apart would say
+    if sys.getprofile() is None and sys.gettrace() is None:  # taking the interpreter apart takes 0.4 s after a run
         atexit._run_exitfuncs()
+        sys.stdout.flush()
         os._exit(code)
     return code
 

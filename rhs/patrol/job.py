@@ -53,7 +53,6 @@ class PatrolJob(StepJob):
     def __init__(self, settings: Survey, context: RunContext, world: World | None) -> None:
         self.settings, self.context, self.world = settings, context, world
         self.patrols = isinstance(settings, Patrol) and world is not None  # a recording cannot be driven
-        context.help_beside()
         idle = () if self.patrols else set(Patrol.kinds) - set(Survey.kinds)
         self.parts = context.parts(world=world, without=() if explores(settings) else idle)
         if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
@@ -75,7 +74,7 @@ class PatrolJob(StepJob):
         log = self.context.open_log(self.parts, self.world)
         settings, sights = self.settings, None
         if self.patrols and isinstance(settings, Patrol) and self.context.config.pictures != "off":
-            sights = Sights(settings.places.every, self.context.features, self.context.helper)
+            sights = Sights(settings.places.every, self.context.features)
         if self.context.shared is not None:
             survey = self.context.shared.hand_over(log)
         else:

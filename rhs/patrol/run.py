@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
-from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
-from rhs.base.processes import end_unless, has_helpers
+from rhs.base.processes import end_unless
 from rhs.base.provenance import commit, peak_memory_mb, versions
 from rhs.config.compose import RunConfig, identity, write_config
 from rhs.config.dictionary import RUN
@@ -33,11 +32,12 @@ from rhs.worlds.world import load_world
 from .ahead import Ahead, looks_ahead, wants_ahead
 from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
 from .eyes import Eyes
-from .helper import Helper, pictures
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
 if TYPE_CHECKING:
+    from rhs.reports.beside import Drawer
+
     from .shared import SharedSurvey
 
 
@@ -138,8 +138,10 @@ def run_ended(run: RunContext, row: Mapping[str, Any], reason: str) -> None:
 def draw(run: RunContext, row: dict[str, Any]) -> None:
     """The pictures that the files of the folder allow. One that fails is named in the row."""
     config, folder = run.config, run.folder
+    if config.pictures == "off" and not config.video:
+        return
     try:
-        if config.pictures != "off" and not drawn_beside(run):
+        if config.pictures != "off" and not (run.drawer is not None and run.drawer.pictures(folder)):
             report().pictures(folder)
         if config.pictures == "page":
             report().html(folder)
@@ -150,19 +152,6 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
         write_row(folder, row)
         if isinstance(error, KeyboardInterrupt):
             raise
-    finally:
-        if run.helper is not None:
-            run.helper.close()
-
-
-def drawn_beside(run: RunContext) -> bool:
-    """Whether the other process has drawn the pictures. What went wrong there the run finds out itself."""
-    if run.helper is None:
-        return False
-    with suppress(Exception):
-        run.helper.ask(pictures, run.folder.resolve())
-        return True
-    return False
 
 
 def report() -> Any:
@@ -179,7 +168,7 @@ class RunContext:
         self.config, self.folder, self._watch, self.shared = config, folder, watch, shared
         self.seed, self.world, self.features = config.seed, config.world, config.features
         self.log: RunLog | None = None
-        self.helper: Helper | None = None
+        self.drawer: Drawer | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
         self._eyes: list[Eyes | Ahead] = []
@@ -259,11 +248,13 @@ class RunContext:
         self.log = open_log(self.config, parts, world, self.folder, self._watch)
         return self.log
 
-    def help_beside(self) -> None:
-        """Have another process draw, where a processor is to spare. It loads what draws meanwhile."""
-        if self.config.pictures != "off" and has_helpers() and wants_ahead(self.config.ahead):
-            with suppress(OSError):
-                self.helper = Helper()
+    def draw_beside(self) -> None:
+        """Have the pictures drawn by another process, where a processor is to spare. Begun before the world is built, it has
+        loaded what draws when both processors are wanted."""
+        if wants_ahead(self.config.ahead) and self.config.pictures != "off":
+            from rhs.reports.beside import Drawer
+
+            self.drawer = Drawer()
 
     # --- for the run ------------------------------------------------------------------------------------------------
 

@@ -7,7 +7,6 @@ place is compared with are written to places_before/. Nothing here knows the tru
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +18,14 @@ from rhs.api.spare import later
 from rhs.estimation.views.change_settings import ChangeSettings
 from rhs.estimation.views.features import features, write_image
 
-from .helper import Helper
-
 MOST = 600  # pictures kept, 130 kB each; a survey with more keeps every second, every fourth, ...
 
 
 class Sights:
     """Keeps pictures while the survey goes on; afterwards compares with them."""
 
-    def __init__(self, every: int, feature_settings: FeatureSettings, helper: Helper | None = None) -> None:
-        """helper: the process that compares, if there is one."""
-        self.every, self.features, self.helper = every, feature_settings, helper
+    def __init__(self, every: int, feature_settings: FeatureSettings) -> None:
+        self.every, self.features = every, feature_settings
         self.kept: dict[int, Any] = {}  # number of the view -> Sight, its pose as first believed
         self.references: list[Any] = []
         self._rows: list[Callable[[], dict[str, Any]]] = []  # of each place; some may still be worked out
@@ -84,31 +80,19 @@ class Sights:
 
         now = _small(step.observation, step.belief.map_from_body)
         seen = Snapshot(features(step.observation, self.features), step.observation.camera)
-        from rhs.estimation.views.references import nearest
+        return later(lambda: self._changed(now, seen, picture, folder, rng))
 
-        asked = now, seen, nearest(now, self.references), folder.resolve() / picture, rng
-        return later(lambda: self._asked(asked))
+    def _changed(self, now: Any, seen: Any, picture: str, folder: Path, rng: np.random.Generator) -> dict[str, Any]:
+        from rhs.estimation.views.changes import compare
+        from rhs.estimation.views.references import registered
 
-    def _asked(self, asked: tuple[Any, ...]) -> dict[str, Any]:
-        if self.helper is not None:
-            with suppress(Exception):
-                answer: dict[str, Any] = self.helper.ask(changed, *asked)
-                return answer
-        return changed(*asked)
-
-
-def changed(now: Any, seen: Any, references: Sequence[Any], picture: Path, rng: np.random.Generator) -> dict[str, Any]:
-    """What changed at a place, as changes.json has it. picture: what the pictures before are called, but for a number."""
-    from rhs.estimation.views.changes import compare
-    from rhs.estimation.views.references import registered
-
-    before = registered(now, seen, references, rng=rng, settings=ChangeSettings())
-    names = [f"{picture.name}_{number}" for number in range(1, len(before) + 1)]
-    for name, sight in zip(names, before, strict=True):
-        picture.parent.mkdir(exist_ok=True)
-        write_image(picture.parent / f"{name}.png", sight.image)
-    return {"width_px": now.camera.width, "before": names,
-            "changes": [_plain(change, now, before) for change in compare(now, before)]}
+        before = registered(now, seen, self.references, rng=rng, settings=ChangeSettings())
+        names = [f"{picture}_{number}" for number in range(1, len(before) + 1)]
+        for name, sight in zip(names, before, strict=True):
+            folder.mkdir(exist_ok=True)
+            write_image(folder / f"{name}.png", sight.image)
+        return {"width_px": now.camera.width, "before": names,
+                "changes": [_plain(change, now, before) for change in compare(now, before)]}
 
 
 def _complete(observation: Observation) -> bool:

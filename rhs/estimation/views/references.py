@@ -50,7 +50,7 @@ def registered(now: Sight, features: Snapshot, references: Sequence[Reference], 
     depth put it beside `now`. Those that agree with it nowhere are left out."""
     chosen: list[Sight] = []
     seen = np.zeros(now.depth.shape, bool)
-    for reference in nearest(now, references):
+    for reference in _by_nearness(now, references)[:CANDIDATES]:
         if len(chosen) == settings.references:
             break
         placed, same = _placed(now, features, reference, rng, settings)
@@ -60,15 +60,15 @@ def registered(now: Sight, features: Snapshot, references: Sequence[Reference], 
     return chosen
 
 
-def nearest(now: Sight, references: Sequence[Reference]) -> list[Reference]:
-    """The few near enough that are likeliest to show the same, these first: a metre counts as much as half a radian."""
+def _by_nearness(now: Sight, references: Sequence[Reference]) -> list[Reference]:
+    """Those near enough, the likeliest to show the same first: a metre counts as much as half a radian."""
     scored = []
     for number, reference in enumerate(references):
         dx, dy, turn = planar(inverse(now.map_from_body) @ reference.sight.map_from_body)
         away_m, turn = float(np.hypot(dx, dy)), abs(float(wrap(turn)))
         if away_m <= NEAR_M and turn <= NEAR_RAD:
             scored.append((0.5 * away_m + turn, number))
-    return [references[number] for _, number in sorted(scored)[:CANDIDATES]]
+    return [references[number] for _, number in sorted(scored)]
 
 
 def _placed(now: Sight, features: Snapshot, reference: Reference, rng: np.random.Generator, settings: ChangeSettings,
