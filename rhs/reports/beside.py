@@ -1,15 +1,18 @@
-"""The pictures of a run, drawn by a process of its own: it loads what draws while the run is still under way on the other
-processor. Whatever goes wrong there, the run draws them itself."""
+"""The pictures of a run, drawn by a process of its own: it loads what draws while the run begins on the other processor.
+Whatever goes wrong there, the run draws them itself."""
 
 from __future__ import annotations
 
 import io
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from multiprocessing import get_context
 from pathlib import Path
 
 from rhs.base import processes
+from rhs.base.system import CAN_FORK
 
 DRAWN = "drawn"
 CODE = "import sys; sys.path[:] = sys.argv[1:]; from rhs.reports.beside import serve; serve()"
@@ -59,9 +62,29 @@ def serve() -> None:
 
     draw_something()
     if folder := sys.stdin.readline().rstrip("\n"):
-        report.pictures(Path(folder))
+        draw_apart(report.drawings(Path(folder)))
         sys.stdout.write(f"{DRAWN}\n")
         sys.stdout.flush()
+
+
+def draw_apart(drawings: Sequence[Callable[[], object]]) -> None:
+    """Draw the first here and the others in a process of their own: the run is over, two processors are idle. Raises
+    RuntimeError where that failed."""
+    if len(drawings) < 2 or not CAN_FORK:
+        draw_all(drawings)
+        return
+    others = get_context("fork").Process(target=draw_all, args=(drawings[1:],))
+    others.start()
+    draw_all(drawings[:1])
+    others.join()
+    if others.exitcode:
+        raise RuntimeError("a picture failed")
+
+
+def draw_all(drawings: Sequence[Callable[[], object]]) -> None:
+    """Draw one after the other."""
+    for draw in drawings:
+        draw()
 
 
 def draw_something() -> None:
