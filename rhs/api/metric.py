@@ -46,7 +46,8 @@ class Metric:
     """One column. name: ends in its unit (`_m`, `_rad`, `_share`, `_pct`, `_ms`, ...); a name that ends in `_ms` depends on
     the machine. unit: as people write it, empty for counts and words. meaning: one sentence. source: the paper or file it
     follows. function: of the run folder; it returns NaN (or an empty word) where nobody knows. tasks: whose rows have it;
-    empty: every task's. word: the value is text. count: it is a whole number."""
+    empty: every task's. word: the value is text. count: it is a whole number. more_is_better: of two runs the one with more
+    of it did better (`gate`); of any other column the one with less."""
 
     name: str
     unit: str
@@ -56,6 +57,7 @@ class Metric:
     tasks: tuple[str, ...] = LOOP
     word: bool = False
     count: bool = False
+    more_is_better: bool = False
 
     @property
     def unknown(self) -> float | str:
@@ -65,11 +67,18 @@ class Metric:
 
 def columns_of(compute: Callable[[RunFiles], Mapping[str, float | int | str]],
                *columns: tuple[str, str, str, str], tasks: tuple[str, ...] = LOOP,
-               words: tuple[str, ...] = (), counts: tuple[str, ...] = ()) -> tuple[Metric, ...]:
+               words: tuple[str, ...] = (), counts: tuple[str, ...] = (), more_is_better: tuple[str, ...] = (),
+               ) -> tuple[Metric, ...]:
     """Metrics that one function computes together. columns: (name, unit, meaning, source), one for each. words, counts:
-    those whose values are texts or whole numbers."""
+    those whose values are texts or whole numbers; more_is_better: those that are losses where they fall.
+    Raises ValueError for such a name that is no column's."""
+    unknown = {*words, *counts, *more_is_better} - {name for name, *_ in columns}
+    if unknown:
+        raise ValueError(f"columns_of: {', '.join(sorted(unknown))}: no column has that name")
+
     def one(name: str) -> Callable[[RunFiles], float | int | str]:
         return lambda run: run.once(compute)[name]
 
-    return tuple(Metric(name, unit, meaning, source, one(name), tasks, name in words, name in counts)
+    return tuple(Metric(name, unit, meaning, source, one(name), tasks, name in words, name in counts,
+                        name in more_is_better)
                  for name, unit, meaning, source in columns)

@@ -1,7 +1,8 @@
 """`python -m rhs gate BASELINE key=value ...`: did this change help?
 
     python -m rhs gate results/sweeps/NAME planner=my_planner            every run of the folder again, with the change
-        --measure NAME    column that is compared, less is better (planning: plan_length_m; else ate_rmse_m)
+        --measure NAME    column that is compared (planning: plan_length_m; else ate_rmse_m); less is better, or
+                          more where `python -m rhs help columns` says so
         --margin 0.02     a loss of this share of it is still no worse; worse is one that is sure and seems larger
         --pairs 20        at most so many pairs; it stops as soon as it is sure
         --jobs N          processes at a time (one per core)
@@ -38,6 +39,7 @@ Row = Mapping[str, object]
 
 def main(words: Sequence[str]) -> int:
     """The command."""
+    from rhs.config.dictionary import columns
     from rhs.runfolder.folders import claim_sweep
 
     chosen = parse("gate", __doc__, words, measure="", margin=Number(0.02, low=0.0, high=1.0),
@@ -49,13 +51,16 @@ def main(words: Sequence[str]) -> int:
     pairs = _pairs(Path(folders[0]), change, chosen.pairs)
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
     _check_measure(measure, [row for row, _ in pairs], folders[0])
+    column = columns().get(measure)
+    more_is_better = column is not None and column.more_is_better
     within = limits(chosen)
     with claim_sweep(chosen.output) as claim:
-        found, broken = _compared(pairs, claim.folder, within, measure, chosen.margin)
+        found, broken = _compared(pairs, claim.folder, within, measure, chosen.margin, more_is_better)
         content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
         (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
+        told = f"{measure} (more is better)" if more_is_better else measure
         why = [f"new runs: {broken}"] if broken else []
-        sys.stdout.write("\n".join([in_words(found, measure, chosen.margin), *why, f"files: {claim.folder}", ""]))
+        sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *why, f"files: {claim.folder}", ""]))
     return found.exit_code
 
 
@@ -97,7 +102,7 @@ def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
 
 
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
-              margin: float) -> tuple[Verdict, str]:
+              margin: float, more_is_better: bool) -> tuple[Verdict, str]:
     """Run new jobs until a look settles it, or there are no more; and which of them broke off."""
     from tqdm import tqdm
 
@@ -121,7 +126,8 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
             old = [row for row, _ in pairs[:done]]
             ranks = [(rank(a), rank(b)) for a, b in zip(old, new, strict=True)]
             found = judge([measured(row, measure) for row in old], [measured(row, measure) for row in new],
-                          [(before > after, after > before) for before, after in ranks], margin=margin, level=level)
+                          [(before > after, after > before) for before, after in ranks], margin=margin, level=level,
+                          more_is_better=more_is_better)
             if found.word != "needs more runs":
                 break
     return found, broken_off(new)

@@ -21,19 +21,20 @@ from .documented import own_docs
 @dataclass(frozen=True)
 class Column:
     """One column in words: name, unit as people write it, meaning, where it comes from, and of what kind it is: `word`,
-    `count` (a whole number), `number`, or empty where that is not known."""
+    `count` (a whole number), `number`, or empty where that is not known. more_is_better: a loss where it falls."""
 
     name: str
     unit: str
     meaning: str
     source: str
     kind: str = ""
+    more_is_better: bool = False
 
 
 def _rows(source: str, *columns: tuple[str, str, str], words: tuple[str, ...] = (), counts: tuple[str, ...] = (),
-          ) -> tuple[Column, ...]:
-    return tuple(Column(name, unit, meaning, source, "word" if name in words else "count" if name in counts else "number")
-                 for name, unit, meaning in columns)
+          more_is_better: tuple[str, ...] = ()) -> tuple[Column, ...]:
+    return tuple(Column(name, unit, meaning, source, "word" if name in words else "count" if name in counts else "number",
+                        name in more_is_better) for name, unit, meaning in columns)
 
 
 RUN = _rows(
@@ -65,7 +66,7 @@ RUN = _rows(
     ("peak_memory_mb", "MB", "most memory the process held"),
     words=("status", "reason", "failure", "task", "world", *PLUGIN_KINDS, "config_hash", "plugins", "commit", "versions",
            "renderer", "scale_from", "lost", "row_failures", "metric_failures", "picture_failures"),
-    counts=("seed", "stamps_repaired", "views_lost"),
+    counts=("seed", "stamps_repaired", "views_lost"), more_is_better=("success", "real_time_factor"),
 )
 LAST = ("commit", "versions", "renderer", "scale_from", "lost", "stamps_repaired", "views", "views_lost", "row_failures",
         "metric_failures", "picture_failures", "wall_ms", "real_time_factor", "peak_memory_mb")
@@ -103,6 +104,9 @@ TASKS = _rows(
     ("along_error_pct", "%", "task=unroll: error of the way along, share of the true one"),
     ("bend_error_deg", "degrees", "task=unroll: largest error of the tube's direction"),
     ("unroll_ms", "ms", "task=unroll: CPU time per view, median"),
+    more_is_better=("strips_registered_share", "strip_agreement", "strip_agreement_least", "mosaic_known_share",
+                    "mosaic_correlation", "loc_correct", "loc_check_correct", "loc_same_lap_correct",
+                    "loc_same_lap_check_correct", "loc_sequence_correct"),
 )
 STEPS = _rows(
     "steps.csv",
@@ -193,8 +197,8 @@ def rank(name: str) -> int | None:
 def _columns(groups: tuple[str, ...], changes: int) -> tuple[dict[str, Column], dict[str, int]]:
     """Columns and their places, for these groups of metrics, after so many changes of the registry: in a notebook a metric
     is registered again under its name."""
-    found = [Column(m.name, m.unit, m.meaning, m.source, "word" if m.word else "count" if m.count else "number")
-             for m in metrics()]
+    found = [Column(m.name, m.unit, m.meaning, m.source, "word" if m.word else "count" if m.count else "number",
+                    m.more_is_better) for m in metrics()]
     known = {column.name: column for column in reversed([*RUN_FIRST, *found, *TASKS, *RUN_LAST])}
     ordered = dict(reversed(known.items()))
     return ordered, {name: place for place, name in enumerate(ordered)}
@@ -226,4 +230,5 @@ def lines() -> Iterator[tuple[str, str, str]]:
 
 
 def _with_unit(column: Column) -> str:
-    return f"{column.meaning} [{column.unit}] ({column.source})" if column.unit else f"{column.meaning} ({column.source})"
+    meaning = f"{column.meaning}; more is better" if column.more_is_better else column.meaning
+    return f"{meaning} [{column.unit}] ({column.source})" if column.unit else f"{meaning} ({column.source})"

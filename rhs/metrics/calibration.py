@@ -153,5 +153,5 @@ CALIBRATION = columns_of(
      "rhs.metrics.calibration"),
     ("belief_ece", "", "expected calibration error of the belief's probability, ten bins; of an honest part 0.05 to 0.3 by "
      "luck in one patrol of 84 views, of which neighbours are right or wrong together", "Guo et al. 2017, section 2"),
-    tasks=(*LOOP, "localise"), counts=("kidnaps",),
+    tasks=(*LOOP, "localise"), counts=("kidnaps",), more_is_better=("kidnap_recovered_share",),
 )

@@ -57,5 +57,5 @@ EXPLORE = columns_of(
      "explore.json, truth_survey.tum"),
     ("explore_stop", "", "why it stopped: no frontier, budget or coverage; and why it did not get home, if so",
      "explore.json"),
-    words=("explore_stop",),
+    words=("explore_stop",), more_is_better=("explored_share",),
 )

@@ -143,5 +143,5 @@ IDLENESS = columns_of(
     ("places_skipped", "", "places put off because the way was blocked", "missions.json"),
     ("places_visited_later", "", "of those, places at which the robot said it had arrived in the end", "missions.json"),
     tasks=("patrol", "blame"),
-    counts=("views_waited", "places_skipped", "places_visited_later"),
+    counts=("views_waited", "places_skipped", "places_visited_later"), more_is_better=("places_visited_later",),
 )

@@ -66,4 +66,5 @@ LOCALISE = columns_of(
      "is judged by the truth distorted in the same way",
      "localise.json"),
     tasks=("localise",), counts=("localise_steps", "starts"),
+    more_is_better=("found_share", "belief_right_share", "motion_ok_share"),
 )

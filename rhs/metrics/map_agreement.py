@@ -93,4 +93,5 @@ MAP = columns_of(
     ("map_agreement", "share", "cells called occupied or free that have a true cell of that kind within one cell",
      "map.yaml, true_map.yaml"),
     ("map_observed_share", "share", "truly free cells that are not unknown in the map", "map.yaml, true_map.yaml"),
+    more_is_better=("map_agreement", "map_observed_share"),
 )

@@ -139,6 +139,7 @@ PATROL = columns_of(
      "rhs.metrics.path_judge"),
     tasks=("patrol", "blame"),  # a survey alone was asked to visit none
     counts=("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions"),
+    more_is_better=("places_visited", "clearance_min_m"),
 )
 STAGES_MS = columns_of(
     stage_values,

@@ -188,4 +188,5 @@ PLANNING: tuple[Metric, ...] = columns_of(
     ("map_resolution_m", "m", "side of a cell", "map.yaml"),
     ("map_cells", "", "cells of the map", "map.yaml"),
     tasks=("planning",), words=("plan_reason", "plan_failure", "homotopy"),
+    more_is_better=("plan_success", "plan_found", "plan_valid", "plan_clearance_min_m", "plan_clearance_raw_min_m"),
 )

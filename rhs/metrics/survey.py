@@ -186,4 +186,5 @@ SURVEY = columns_of(
     ("drift_pct", "%", "end error before closing, share of the distance", "rhs.metrics.survey"),
     words=("ate_alignment",),
     counts=("survey_steps", "survey_collisions"),
+    more_is_better=("survey_clearance_min_m", "tracked_share", "matched_share", "covered_share"),
 )

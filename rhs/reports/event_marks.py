@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 Step = Mapping[str, str]
 MARKS = (  # events, what the legend says, marker, colour, size
     (("blocked", "replan", "wait", "ask", "skipped"), "way blocked, planned anew", "^", "#e07a00", 7.0),
-    (("contact",), "touched something", "*", "#c1121f", 11.0),
     (("lost",), "does not know where it is", "$?$", "#7b2cbf", 8.0),
-    (("gave_up",), "gave the place up", "X", "#222222", 8.0),
+    (("gave_up",), "gave the place up", "X", "#222222", 10.0),
+    (("contact",), "touched something", "*", "#c1121f", 8.0),  # last, so above all others
 )
 ARROW_M = 2.5  # between two arrows on the way driven
 

@@ -59,15 +59,16 @@ def error_parts(looks: Sequence[int]) -> list[float]:
 
 
 def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, bool]], *, margin: float,
-          level: float = ERROR) -> Verdict:
-    """What these pairs say, wrong in `level` of cases. old, new: the measure, less is better, NaN where a run has none. won:
-    (old, new) successes of all pairs. margin: a loss of this share is still no worse."""
+          level: float = ERROR, more_is_better: bool = False) -> Verdict:
+    """What these pairs say, wrong in `level` of cases. old, new: the measure, NaN where a run has none. won: (old, new)
+    successes of all pairs. margin: a loss of this share is still no worse. more_is_better: of the measure, else less is."""
     from scipy.stats import binomtest, t
 
     lost = sum(before and not after for before, after in won)
     gained = sum(after and not before for before, after in won)
     known = [(a, b) for a, b in zip(old, new, strict=True) if 0 < a < math.inf and 0 < b < math.inf]  # NaN is neither
-    ratio = np.array([math.log(b / a) for a, b in known])
+    worse = -1.0 if more_is_better else 1.0
+    ratio = worse * np.array([math.log(b / a) for a, b in known])
     ratio[np.abs(ratio) < ROUNDING] = 0.0
     n = len(ratio)
     middle = float(ratio.mean()) if n else math.nan
@@ -76,7 +77,7 @@ def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, 
         half = float(t.ppf(1.0 - level / 2.0, n - 1) * ratio.std(ddof=1) / math.sqrt(n))
     low, high = (middle - half, middle + half) if n else (-math.inf, math.inf)
     fewer = lost + gained > 0 and binomtest(lost, lost + gained, 0.5, alternative="greater").pvalue < level
-    needed, allowed = 0, math.log1p(margin)
+    needed, allowed = 0, -math.log(max(1.0 - margin, 1e-9)) if more_is_better else math.log1p(margin)
     if fewer or (low > 0.0 and middle > allowed):
         word = "worse"
     elif high < 0.0 and lost <= gained:
@@ -88,5 +89,6 @@ def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, 
         room = allowed - middle if middle < allowed else middle
         whole = len(won)
         needed = whole + 1 if half is math.inf or room <= 0 else max(whole + 1, math.ceil(whole * (half / room) ** 2))
-    change, least, most = (math.expm1(min(value, 50.0)) for value in (middle, low, high))
+    change, *ends = (math.expm1(min(worse * value, 50.0)) for value in (middle, low, high))
+    least, most = sorted(ends)
     return Verdict(word, change, least, most, n, lost, gained, needed, 1.0 - level ** (1.0 / len(won)))

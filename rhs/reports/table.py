@@ -42,7 +42,7 @@ def find_rows(folders: Iterable[Path | str]) -> Iterator[Path]:
 
 
 def _find(folders: Iterable[Path | str]) -> Iterator[Path]:
-    """row.json files, and the folders of sweeps whose rows are in shards (rhs.runfolder.shards)."""
+    """row.json files, and the folders (of sweeps, sensitivity, ...) whose rows are in shards (rhs.runfolder.shards)."""
     for folder in folders:
         if not Path(folder).is_dir():
             raise ConfigError(f"{folder} is not a folder; give run or sweep folders, for instance results/runs")
@@ -50,7 +50,7 @@ def _find(folders: Iterable[Path | str]) -> Iterator[Path]:
             names[:] = sorted(n for n in names if ".tmp-" not in n)
             if "row.json" in (*files, *names):  # also a folder of that name: it is reported and not passed over
                 yield Path(root) / "row.json"
-            if "sweep.json" in files and shards.FOLDER in names:
+            if shards.FOLDER in names and shards.shards(Path(root)):
                 yield Path(root)
 
 

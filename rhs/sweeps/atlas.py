@@ -19,6 +19,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -88,11 +89,23 @@ def read_atlas(path: Path, runs: int = 0) -> Atlas:
     if not 4 <= runs <= 10_000:
         raise ConfigError(f"{path}: runs: found {runs}; expected 4 to 10000")
     common = [*SMALL, *map(str, content.get("words", [])), f"seed={content.get('seed', 0)}"]
-    cells = tuple(_cell(path, str(name), [*common, *str(words or "").split()], str(dial))
+    cells = tuple(_cell(path, str(name), [*common, *_words(path, str(name), words)], str(dial))
                   for name, words in combinations.items() for dial in dials)
     if len({key_of(found, found.searches[0]) for _, _, found in cells}) < len(cells):
         raise ConfigError(f"{path}: two combinations, or two dials, are the same")
     return Atlas(cells, runs)
+
+
+def _words(path: Path, name: str, words: object) -> list[str]:
+    """A combination's, written as one line or as a list."""
+    if isinstance(words, list):
+        return list(map(str, words))
+    try:
+        if words is None or isinstance(words, str):
+            return shlex.split(words or "")
+    except ValueError:  # a quote that nothing ends
+        pass
+    raise ConfigError(f"{path}: {name}: found {words!r}; expected words: odometry=procrustes localiser=sift_db")
 
 
 def _cell(path: Path, name: str, words: Sequence[str], dial: str) -> tuple[str, str, Plan]:

@@ -42,13 +42,15 @@ MOST_PAIRS = 50
 BUILDINGS_OWN = {"world", "seed", "source"}  # words that say nothing of a recording
 REPLAY = Word("source", "replay", "source=replay")
 Recorded = tuple[str, list[Word]]  # a recording's name or path, and the words that read it
-# kind -> (task, column that is compared, less is better). map_agreement is compared by what it lacks of 1.
+# kind -> (task, column that is compared, less is better). map_agreement is compared by what it lacks of 1
+# and a thousandth.
 MEASURES = {"odometry": ("survey", "ate_before_closing_m"), "loop_closer": ("survey", "ate_rmse_m"),
             "slam": ("survey", "ate_rmse_m"), "sensor": ("survey", "ate_before_closing_m"),
             "degrade": ("survey", "ate_before_closing_m"), "mapper": ("survey", "map_agreement"),
             "localiser": ("patrol", "patrol_rmse_m"), "replan": ("patrol", "path_length_m"),
             "planner": ("planning", "plan_length_m")}
 LACKS = ("map_agreement",)
+LEAST_LACK = 1e-3  # added to what is lacking, so that a map without fault is compared like any other
 MATTERS = 0.02  # an effect whose interval leaves out all up to this share is called one
 CHANCE = 0.05  # of calling it `fails` where nothing is changed but luck
 DOUBT = 2  # so many more runs that do not succeed are not called harmless
@@ -314,7 +316,7 @@ def _value(row: Row, measure: str) -> float:
     """NaN of a run that broke off: its figures are of a shorter way."""
     if row["status"] != "ok":
         return math.nan
-    return 1.0 - number_in(row, measure) if measure in LACKS else number_in(row, measure)
+    return 1.0 + LEAST_LACK - number_in(row, measure) if measure in LACKS else number_in(row, measure)
 
 
 def alike(a: Row, b: Row) -> bool:

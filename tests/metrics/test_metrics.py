@@ -10,7 +10,8 @@ import pytest
 from helpers.synthetic_run import make_run, room, true_pose
 
 from rhs.api.grid import OccupancyGrid
-from rhs.config.dictionary import metrics
+from rhs.api.metric import columns_of
+from rhs.config.dictionary import columns, metrics
 from rhs.metrics.evaluate import evaluate
 from rhs.metrics.map_agreement import map_agreement
 from rhs.runfolder.row import canonical_hash
@@ -113,3 +114,12 @@ def test_nothing_observed_agrees_with_nothing():
     blank = OccupancyGrid(np.full((10, 10), np.nan, np.float32), 0.1, (0.0, 0.0))
     found = map_agreement(blank, room())
     assert math.isnan(found["map_agreement"]) and found["map_observed_share"] == 0.0
+
+
+def test_columns_of_which_more_is_better_are_there():
+    """What is named as such is a column; errors, times and counts of mishaps are not among them."""
+    more = {name for name, column in columns().items() if column.more_is_better}
+    assert {"success", "places_visited", "map_agreement", "tracked_share", "plan_valid", "strip_agreement"} <= more
+    assert not [name for name in more if name.endswith(("_ms", "_rad", "wrong_sure_share", "rmse_m", "collisions"))]
+    with pytest.raises(ValueError, match="typo"):
+        columns_of(lambda run: {"way": 1.0}, ("way", "", "a way", "here"), more_is_better=("typo",))

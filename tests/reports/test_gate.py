@@ -75,6 +75,17 @@ def test_four_ratios_by_hand():
     assert found.word == "worse" and found.change == pytest.approx(0.10517, abs=1e-5) and found.exit_code == 1
 
 
+def test_of_some_figures_more_is_better():
+    """A tenth less of what is good is a loss, a tenth more is none; a fall by 1.9 % is within the margin of 2."""
+    fallen = verdict([0.9] * 4, more_is_better=True)
+    assert fallen.word == "worse" and fallen.change == pytest.approx(-0.1)
+    spread = verdict([0.9, 0.88, 0.92, 0.9, 0.9], more_is_better=True)
+    assert spread.low < spread.change < spread.high < 0.0
+    assert verdict([1.1] * 4, more_is_better=True).word == "better"
+    assert verdict([0.981] * 4, more_is_better=True).word == "no worse"
+    assert verdict([0.97] * 4, more_is_better=True).word == "worse"
+
+
 def test_lost_successes_count_whatever_the_measure_says():
     old, new = [1.0] * 12, [0.5] * 4 + [NAN] * 8
     found = judge(old, new, [(True, True)] * 4 + [(True, False)] * 8, margin=0.02)

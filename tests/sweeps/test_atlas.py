@@ -33,11 +33,19 @@ def written(folder: Path, **changes: object) -> Path:
     ({"runs": 2}, "expected 4 to 10000"), ({"dials": ["planner.iterations=9..5"]}, "rrt, planner.iterations=9..5: break"),
     ({"combinations": {"a": "planner=rrt,rrt_connect"}}, "its words are 2 combinations"),
     ({"combinations": {"a": "planner=rrt", "b": "planner=rrt"}}, "are the same"),
+    ({"combinations": {"a": {"planner": "rrt"}}}, "a: found {'planner': 'rrt'}; expected words"),
+    ({"combinations": {"a": "planner='rrt"}}, "expected words"),
     ({"combinations": {"a": "planner=prm"}}, "iterations"), ({"words": ["seed=1,2"]}, "a seed of its own")])
 def test_what_is_no_atlas_is_refused_in_one_line(changes, says, tmp_path):
     with pytest.raises(ConfigError, match=says) as caught:
         atlas.read_atlas(written(tmp_path, **changes))
     assert "\n" not in str(caught.value) and "combos.yaml" in str(caught.value)
+
+
+def test_words_may_be_a_list_and_quoted_as_in_a_shell(tmp_path):
+    both = {"line": "planner=rrt 'planner.iterations=50'", "list": ["planner=rrt", "planner.iterations=60"]}
+    found = atlas.read_atlas(written(tmp_path, combinations=both, dials=["planner.goal_bias=0.01..0.9"]))
+    assert found.combinations == ["line", "list"]
 
 
 def test_the_example_is_one():

@@ -79,6 +79,18 @@ def test_an_effect_by_hand():
     assert "1 of 3 settings" in said[0] and "+3 of 3 runs fail" in said[0] and said[1].endswith("nothing: odometry.b")
 
 
+def test_maps_without_fault_are_compared_too():
+    """Of five maps one is whole before and one after: all five count, a thousandth being added to what is lacking."""
+    five = "zip(world=square_small,square,corridor,lobby,office seed=0,1,2,3,4)"
+    asked = ask(["mapper=occupancy", five], only=["resolution_m"])
+    asked = replace(asked, changes=(Change("mapper.a", 1.0, 2.0, 2.0),))
+    maps = ((1.0, 0.99, 0.98, 0.97, 1.0), (1.0, 0.99, 0.98, 1.0, 0.999))
+    rows = [{"status": "ok", asked.measure: share, "n": number, "success": 1.0}
+            for number, shares in enumerate(maps) for share in shares]
+    (one,) = effects(asked, rows)
+    assert one.pairs == 5 and one.change == pytest.approx((1 / 31 * 2) ** (1 / 5) - 1)
+
+
 @pytest.mark.parametrize(("before", "after", "says"), [
     (5, 5, "no effect"), (5, 3, "not sure"), (5, 2, "fails"), (4, 0, "fails"), (3, 1, "not sure"), (1, 3, "no effect")])
 def test_runs_that_are_lost_by_chance_are_not_called_failing(before, after, says):
