@@ -44,7 +44,6 @@ SHALLOW = {
     "estimation.views.thumbnail_kernels": "compiled code, imported when needed",
     "estimation.views.thinning": "which places of many; the survey that asks knows nothing of distances between poses",
     "metrics.recording": "a provider of columns, found by its entry point",
-    "reports.beside": "what a process of its own runs",
     "reports.blame_picture": "a picture of its own; the report is full",
     "reports.frames": "the truth laid into the belief's frame: geometry, not a report",
     "reports.thresholds": "reads a table and fits; its importer only prints",

@@ -57,11 +57,13 @@ def both(first: Callable[[], _First], second: Callable[[], _Second]) -> tuple[_F
     it from half a millisecond of work without the interpreter's lock. Raises what `first` raised, else what `second` did."""
     if _spare is None:
         return first(), second()
-    beside = later(second)
+    beside = _spare.submit(second)
     try:
         value = first()
     except BaseException:
         with suppress(BaseException):
-            beside()
+            beside.result()
         raise
-    return value, beside()
+    if beside.cancel():  # nobody had time for it yet
+        return value, second()
+    return value, beside.result()

@@ -52,9 +52,9 @@ class Core:
     live: str = ""
     """watch while it runs: viewer (opens Rerun), an address of one, or a file ending in .rrd; empty: do not"""
     ahead: str = "auto"
-    """render and sense the views of a survey that is led ahead, in a thread beside the estimates: on, off, or auto, which is
-    on in a single run where there are two processors, off in a sweep; no number depends on it. off: in the first run of an
-    installation nothing is compiled ahead either"""
+    """render and sense the views of a survey that is led ahead, in a thread beside the estimates, and draw the pictures in
+    another process: on, off, or auto, which is on in a single run where there are two processors, off in a sweep; no number
+    depends on it. off: in the first run of an installation nothing is compiled ahead either"""
     output: str = ""
     """run folder; empty: results/runs/DATE_TIME_seedN under the current folder"""
     overwrite: bool = False

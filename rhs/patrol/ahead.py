@@ -80,7 +80,11 @@ def settled(call: Callable[[], _Value]) -> tuple[Callable[[], _Value], bool]:
     return lambda: value, True
 
 
+def wants_ahead(wanted: str) -> bool:
+    """Whether something may be done beside the run. wanted: on, off, or auto, which wants two processors."""
+    return wanted == "on" or (wanted == "auto" and processors() > 1)
+
+
 def looks_ahead(wanted: str, source: Source, sensor: Sensor) -> bool:
-    """Whether to look ahead. wanted: on, off, or auto, which wants two processors. Parts must allow it."""
-    allowed: bool = source.leads_ahead and sensor.senses_ahead
-    return allowed and (wanted == "on" or (wanted == "auto" and processors() > 1))
+    """Whether to look ahead: parts must allow it."""
+    return bool(source.leads_ahead and sensor.senses_ahead) and wants_ahead(wanted)

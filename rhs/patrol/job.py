@@ -83,7 +83,6 @@ class PatrolJob(StepJob):
             if not self.parts.source.facts.places:
                 logger.warning("%s names no places, so nothing is patrolled after the survey; write places: {desk: [x, y]} "
                                "in its file", self.world.name)
-            self.context.draw_beside()
             yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
 
 

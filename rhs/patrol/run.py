@@ -14,7 +14,7 @@ from rhs.api.contracts import Context
 from rhs.api.floorplan import World
 from rhs.api.geometry import se2
 from rhs.api.records import Step
-from rhs.api.spare import grant, granted
+from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError, ContractError
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
@@ -29,7 +29,7 @@ from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
-from .ahead import Ahead, looks_ahead
+from .ahead import Ahead, looks_ahead, wants_ahead
 from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
 from .eyes import Eyes
 from .loop import Led, steps
@@ -249,8 +249,9 @@ class RunContext:
         return self.log
 
     def draw_beside(self) -> None:
-        """Have the pictures drawn by another process, where a processor is to spare."""
-        if granted() and self.config.pictures != "off":
+        """Have the pictures drawn by another process, where a processor is to spare. Begun before the world is built, it has
+        loaded what draws when both processors are wanted."""
+        if wants_ahead(self.config.ahead) and self.config.pictures != "off":
             from rhs.reports.beside import Drawer
 
             self.drawer = Drawer()

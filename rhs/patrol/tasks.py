@@ -81,6 +81,7 @@ class Survey:
     def build(self, context: RunContext) -> PatrolJob:
         from .job import PatrolJob
 
+        context.draw_beside()
         return PatrolJob(self, context, context.floor_plan())
 
 
@@ -108,6 +109,7 @@ class Patrol(Survey):
     def build(self, context: RunContext) -> PatrolJob:
         from .job import PatrolJob, with_obstacles, with_people
 
+        context.draw_beside()
         world = context.floor_plan()
         if world is not None:
             world = with_people(with_obstacles(world, self.obstacles, at_start=explores(self)), self.people)

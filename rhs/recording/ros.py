@@ -96,7 +96,7 @@ def pose_stamped(matrix: np.ndarray, stamp_ns: int, frame: str) -> Any:
 
 def pose_with_covariance(matrix: np.ndarray, covariance: np.ndarray) -> Any:
     """Pose whose 6x6 covariance, of a right perturbation in the body frame, is turned into the parent frame."""
-    turn = np.kron(np.eye(2), matrix[:3, :3])
+    turn = (np.eye(2)[:, None, :, None] * matrix[:3, None, :3]).reshape(6, 6)  # np.kron, in a fifth of the time
     return make("geometry_msgs/msg/PoseWithCovariance", pose=pose(matrix),
                 covariance=np.ascontiguousarray((turn @ covariance @ turn.T).reshape(36)))
 
@@ -231,16 +231,22 @@ def scan_cloud(scan: Scan, stamp_ns: int, frame: str) -> Any:
 def depth_cloud(camera: Camera, depth_m: np.ndarray, image: np.ndarray | None, stamp_ns: int, *, frame: str) -> Any:
     """A thinned coloured cloud (about 2,000 points, camera frame) for viewers."""
     stride = max(1, int(np.ceil(np.sqrt(depth_m.size / 2000.0))))
-    v, u = np.mgrid[stride // 2 : depth_m.shape[0] : stride, stride // 2 : depth_m.shape[1] : stride]
-    z = depth_m[v, u].ravel()
+    thin = slice(stride // 2, None, stride)
+    z = depth_m[thin, thin].ravel()
     seen = np.isfinite(z)
-    pixels = np.stack([u.ravel()[seen], v.ravel()[seen]], axis=1).astype(float)
-    points = camera.points(pixels, z[seen]).astype(np.float32)
+    points = camera.points(_pixels(depth_m.shape, stride)[seen], z[seen]).astype(np.float32)
     columns = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2]}
     if image is not None:
-        rgb = image[v, u].reshape(-1, 3)[seen].astype(np.uint32)
+        rgb = image[thin, thin].reshape(-1, 3)[seen].astype(np.uint32)
         columns["rgb"] = ((rgb[:, 0] << 16) | (rgb[:, 1] << 8) | rgb[:, 2]).view(np.float32)
     return point_cloud(columns, stamp_ns, frame)
+
+
+@cache
+def _pixels(shape: tuple[int, int], stride: int) -> np.ndarray:
+    """(N, 2) float64 u, v of every so many pixels of an image, row by row."""
+    v, u = np.mgrid[stride // 2:shape[0]:stride, stride // 2:shape[1]:stride]
+    return np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
 
 
 def path_cloud(points_m: np.ndarray, stamp_ns: int, frame: str) -> Any:

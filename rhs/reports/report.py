@@ -11,7 +11,7 @@ import io
 import sys
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,23 +38,23 @@ TITLE_CHARACTERS = 130  # of a line over a picture
 
 def pictures(folder: Path) -> list[Path]:
     """Every picture that the files of a run folder allow: a task needs to write nothing but its files."""
+    return [path for draw in drawings(folder) if (path := draw()) is not None]
+
+
+def drawings(folder: Path) -> list[Callable[[], Path | None]]:
+    """What draws each of them."""
     from .blame_picture import blame_picture
     from .calibration_pictures import calibration_picture, precision_recall_picture
     from .planning_pictures import plan_picture
 
     folder = Path(folder)
-    made: list[Path | None] = []
-    if (folder / "plan.json").exists():
-        made.append(plan_picture(folder))
-    if (folder / "precision_recall.csv").exists():
-        made.append(precision_recall_picture(folder))
-    if (folder / "blame.json").exists():
-        made.append(blame_picture(folder))
+    of_file = {"plan.json": plan_picture, "precision_recall.csv": precision_recall_picture, "blame.json": blame_picture}
+    made: list[Callable[[Path], Path | None]] = [draw for name, draw in of_file.items() if (folder / name).exists()]
     if (folder / "steps.csv").exists():
         row = json_of(folder / "row.json") or {}
         asked = row.get("kidnaps") or row.get("starts")
-        made += [overview(folder), motion(folder), calibration_picture(folder) if asked else None]
-    return [path for path in made if path is not None]
+        made += [overview, motion, *([calibration_picture] if asked else [])]
+    return [partial(draw, folder) for draw in made]
 
 
 def overview(folder: Path) -> Path:

@@ -17,9 +17,23 @@ def granted(request):
 
 
 def test_both_give_what_they_return(granted):
-    threads = spare.both(threading.current_thread, threading.current_thread)
+    begun = threading.Event()
+    threads = spare.both(lambda: (begun.wait(5.0 if granted else 0.0), threading.current_thread())[1],
+                         lambda: (begun.set(), threading.current_thread())[1])
     assert (threads[0] is threads[1]) == (not granted)
     assert spare.both(lambda: 1, lambda: "a") == (1, "a")
+
+
+def test_what_nobody_has_time_for_is_not_waited_for():
+    busy = threading.Event()
+    spare.grant(True)
+    try:
+        for _ in range(spare.MOST):
+            spare.later(busy.wait)
+        assert spare.both(int, threading.current_thread) == (0, threading.current_thread())
+    finally:
+        busy.set()
+        spare.grant(False)
 
 
 def test_what_is_under_way_ends_and_no_thread_is_left_when_nothing_is_granted_any_more():

@@ -244,3 +244,12 @@ def test_a_warning_of_somebodys_code_says_where_it_was_raised():
     told = warning_in_words("invalid value encountered in cast", RuntimeWarning, "/home/x/strange/parts.py", 37)
     assert told == "rhs: warning in strange/parts.py:37: RuntimeWarning: invalid value encountered in cast"
     assert warning_in_words("a is now b", FutureWarning, "/x.py", 1) == "rhs: a is now b"
+
+
+def test_what_was_to_be_done_at_the_end_is_done_and_all_that_was_written_is_there(tmp_path):
+    """Also what stands in a file that nobody closed."""
+    code = ("import atexit, sys; atexit.register(print, 'done'); file = open(sys.argv[1], 'w'); file.write('a'); "
+            "sys.argv[1:] = ['--version']\nfrom rhs.cli.main import entry; sys.exit(entry())")
+    ended = subprocess.run([sys.executable, "-c", code, str(tmp_path / "open.txt")], capture_output=True, text=True)
+    assert ended.returncode == 0 and ended.stdout.splitlines()[1:] == ["done"]
+    assert (tmp_path / "open.txt").read_text() == "a"

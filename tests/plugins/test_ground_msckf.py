@@ -8,7 +8,7 @@ import pytest
 from painted_room import observe, paintings
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import camera_from_fov, se2
+from rhs.api.geometry import camera_from_fov, inverse, se2, transform
 from rhs.api.records import Features, Motion, Observation, Scan, Tracking, Twist
 from rhs.estimation.scans.wall_rays import lift_on_scan
 from rhs.patrol.control import Pace
@@ -84,6 +84,61 @@ def test_identical_pictures_mean_no_motion_whatever_was_commanded() -> None:
     core.step(frame(pixels, 0.0))
     core.step(halted(frame(pixels, 0.1)))
     assert np.abs(core.state.clones[-1, :3]).max() < 1e-9
+
+
+def turned(noise: int, others: int, views: int = 8) -> list[TrackFrame]:
+    """A camera told to turn on the spot by 0.1 rad a view: far points that move as if it turned by a tenth more, and points
+    of noise, which stay where they are in the picture."""
+    rng, bearings = np.random.default_rng(0), np.linspace(0.0, 0.35, others)
+    far = 100.0 * np.stack([np.cos(bearings), np.sin(bearings), np.linspace(0.04, 0.4, others)], axis=1)
+    still, frames = rng.uniform((5, 5), (155, 60), (noise, 2)), []
+    for view in range(views):
+        seen = CAMERA.project(transform(inverse(se2(0.0, 0.0, 0.11 * view) @ CAMERA.body_from_camera), far))
+        pixels = np.concatenate([seen, still + 0.1 * rng.standard_normal(still.shape)])
+        frames.append(TrackFrame(0.25 * view, np.arange(len(pixels)), pixels, np.array([0.0, 0.1, 0.25])))
+    return frames
+
+
+def test_few_points_that_agree_among_many_that_do_not_tell_no_more_than_the_command() -> None:
+    """Four among twenty of noise tell nothing: heading and covariance are those of nobody seen; four among none, or twelve
+    among four, are believed."""
+    core = {}
+    for noise, others in ((0, 0), (20, 4), (0, 4), (4, 12)):
+        core[noise, others] = ground_filter(GroundMsckf(), CAMERA, np.zeros(3))
+        for view in turned(noise, others):
+            core[noise, others].step(view)
+    yaw = {points: filtered.state.clones[-1, 2] for points, filtered in core.items()}
+    sigma = {points: np.sqrt(filtered.state.pose_covariance()[2, 2]) for points, filtered in core.items()}
+    assert yaw[20, 4] == yaw[0, 0] == pytest.approx(0.7, abs=0.01) and sigma[20, 4] == pytest.approx(sigma[0, 0])
+    assert min(yaw[0, 4], yaw[4, 12]) > 0.73 and max(sigma[0, 4], sigma[4, 12]) < 0.8 * sigma[0, 0]
+
+
+def corridor(seed: int) -> list[TrackFrame]:
+    """Four metres straight ahead, told exactly and driven to 3 %, between walls of points 2 m apart, seen to 0.5 pixels."""
+    rng = np.random.default_rng(seed)
+    along, across, up = rng.uniform(0.0, 9.0, 400), rng.uniform(-1.0, 1.0, 400), rng.uniform(0.1, 2.0, 400)
+    floor = rng.random(400) < 0.3
+    points = np.stack([along, np.where(floor, across, np.sign(across)), np.where(floor, 0.0, up)], axis=1)
+    frames, way_m = [], np.cumsum([0.0, *0.125 * (1.0 + 0.03 * rng.standard_normal(32))])
+    for view, x_m in enumerate(way_m):
+        seen = transform(inverse(se2(x_m, 0.0, 0.0) @ CAMERA.body_from_camera), points)
+        pixels = CAMERA.project(seen)
+        inside = ((pixels > 0.0) & (pixels < (159.0, 119.0))).all(axis=1)
+        ids = np.flatnonzero(inside & (seen[:, 2] > 0.5) & (seen[:, 2] < 5.0))
+        noisy = pixels[ids] + 0.5 * rng.standard_normal((len(ids), 2))
+        frames.append(TrackFrame(0.25 * view, ids, noisy, np.array([0.125 * (view > 0), 0.0, 0.25])))
+    return frames
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_view_tells_the_heading_with_which_the_map_begins(seed: int) -> None:
+    """Unknown by 3 degrees at the start, it is unknown by as much after a corridor, full of points."""
+    core = ground_filter(GroundMsckf(), CAMERA, np.zeros(3))
+    yaw = core.state.first_clone + 2
+    core.state.covariance[yaw, yaw] = np.radians(3.0) ** 2
+    for view in corridor(seed):
+        core.step(view)
+    assert np.degrees(np.sqrt(core.state.pose_covariance()[2, 2])) == pytest.approx(3.01, abs=0.02)
 
 
 def test_a_robot_that_touched_something_did_not_go_as_far_as_it_was_told(tmp_path: Path) -> None:

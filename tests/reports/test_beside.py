@@ -1,9 +1,11 @@
 """The pictures of a run, drawn by another process, are those that the run would draw."""
 
+from functools import partial
+
 import pytest
 
 from rhs.base import processes
-from rhs.reports.beside import Drawer
+from rhs.reports.beside import Drawer, draw_apart
 
 
 @pytest.fixture
@@ -33,3 +35,13 @@ def test_one_that_was_killed_is_not_waited_for(allowed, tmp_path):
     drawer = Drawer()
     drawer._process.kill()
     assert not drawer.pictures(tmp_path)
+
+
+@pytest.mark.parametrize("bad", [0, 1])
+def test_each_picture_is_drawn_once_and_one_that_fails_is_said(tmp_path, bad):
+    drawings = [partial((tmp_path / name).touch, exist_ok=False) for name in ("one", "two", "three")]
+    draw_apart(drawings)
+    assert {path.name for path in tmp_path.iterdir()} == {"one", "two", "three"}
+    (tmp_path / ("two", "one")[bad]).unlink()  # the other is there, and cannot be made
+    with pytest.raises((RuntimeError, FileExistsError)):
+        draw_apart(drawings)

@@ -174,6 +174,9 @@ class CorridorAdvanced:
     """a track seen less often says too little to be worth its row"""
     gate_probability: float = 0.99
     """chance that a true track passes its chi-square gate"""
+    agreeing_share: float = 0.0
+    """where a smaller share of the tracks of a view agrees with what was expected none is believed: what is left of points
+    of noise agrees by chance; 0: whatever agrees is believed"""
     sways_deg: float = 0.1
     """a camera that sways by more than this (wobble_sigma_deg) is first found again, then believed, degrees"""
     doubt: float = 2.0
@@ -191,5 +194,5 @@ class CorridorAdvanced:
 
     def __post_init__(self) -> None:
         check_ranges("", self, unknown_height_sigma_m=(1e-4, 100.0), few_tracks=(0, 10_000), least_views=(2, 40),
-                     gate_probability=(0.5, 1.0 - 1e-12), sways_deg=(0.0, 90.0), doubt=(1.0, 1000.0),
-                     least_step_m=(1e-9, 1.0), least_turn_rad=(1e-9, 1.0))
+                     gate_probability=(0.5, 1.0 - 1e-12), agreeing_share=(0.0, 1.0), sways_deg=(0.0, 90.0),
+                     doubt=(1.0, 1000.0), least_step_m=(1e-9, 1.0), least_turn_rad=(1e-9, 1.0))

@@ -44,6 +44,8 @@ class FilterSettings:
     """the width may set the scale of everything at the first pair"""
     advanced: CorridorAdvanced = field(default_factory=CorridorAdvanced)
     """the thresholds"""
+    walls: bool = True
+    """walls are looked for and hold the heading; without them no view tells it (see CorridorState.carried)"""
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,8 @@ class CorridorFilter:
             change = correct_information(prior, information, vector)
             shift, self.state = change.delta, copy(before)
             self.state.add(shift, prior if again else change.covariance)
+        if not self._settings.walls:
+            self.state.covariance = self.state.carried(shift)
         hit = np.where(used == 1, found.wall, -1)
         self.state.planes = record_hits(self.state.planes, hit, points, fit.anchor, self._view)
         self._finder.remember(points[found.strong & (used == 2)], self._view)
@@ -164,6 +168,8 @@ class CorridorFilter:
             used[rest[good]] = 2
             more = rows.sums(good)
             information, vector = information + more[0], vector + more[1]
+        if np.count_nonzero(used) < self._advanced.agreeing_share * len(used):
+            return np.zeros_like(information), np.zeros_like(vector), np.zeros_like(used), points
         return information, vector, used, points
 
     def _find_wall(self) -> None:

@@ -162,6 +162,16 @@ class CorridorState:
         self.clones = self.clones + delta[self.first_clone :].reshape(-1, PER_CLONE)
         self.covariance = covariance
 
+    def carried(self, delta: np.ndarray) -> np.ndarray:
+        """The covariance after a correction delta (n,) that was added, where nothing tells the heading of the whole: a turn
+        of all poses moves each from where it is believed now, not from where it was believed before. Else the next views
+        seem to tell that turn (Huang, Mourikis and Roumeliotis 2010); so it is in a filter with invariant errors (Barrau and
+        Bonnabel 2017)."""
+        carry, moved = np.eye(len(delta)), delta[self.first_clone :].reshape(-1, PER_CLONE)
+        x = self.first_clone + PER_CLONE * np.arange(self.window)
+        carry[x, x + 2], carry[x + 1, x + 2] = -moved[:, 1], moved[:, 0]
+        return symmetric(carry @ self.covariance @ carry.T)
+
     def rescale(self, factor: float, centre: np.ndarray) -> None:
         """Similarity about the (3,) point `centre` of the map: every length in the state is multiplied by `factor`.
 

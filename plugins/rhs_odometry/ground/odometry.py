@@ -29,7 +29,7 @@ from ..tracks.track_frames import TrackFrame, common
 from .config import GroundMsckf, GroundMsckfAdvanced
 from .stixels import Stixels, scans_of
 
-NO_WALLS = CorridorAdvanced(walls=WallRules(points=10_000, walls_before_floor=0))
+NO_WALLS = CorridorAdvanced(walls=WallRules(points=10_000, walls_before_floor=0), agreeing_share=0.5)
 SHORT_STEPS = (0.125, 6.5)  # metres and degrees between two views that are compared; as its surveys have them
 START_M, START_RAD = 1e-3, 1e-3  # the map begins where the camera stands: nothing is unknown there
 
@@ -51,8 +51,8 @@ def ground_filter(settings: GroundMsckf, camera: Camera, start: np.ndarray) -> C
     motion = GivenMotion(MotionNoise(settings.forward_noise, settings.turn_noise, NO_WALLS.motion),
                          wheels=settings.motion == "wheel")
     passes = 2 if settings.wobble_sigma_deg > NO_WALLS.sways_deg else 1
-    return CorridorFilter(camera, state, motion, FilterSettings(settings.window, settings.pixel_sigma_px, tilt, 1.0, passes,
-                                                                False, NO_WALLS))
+    core = FilterSettings(settings.window, settings.pixel_sigma_px, tilt, 1.0, passes, False, NO_WALLS, walls=False)
+    return CorridorFilter(camera, state, motion, core)
 
 
 class GroundOdometry(Odometry):
