@@ -102,7 +102,7 @@ def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
 
 
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
-              margin: float, more_is_better: bool) -> tuple[Verdict, str]:
+              margin: float, more_is_better: bool = False) -> tuple[Verdict, str]:
     """Run new jobs until a look settles it, or there are no more; and which of them broke off."""
     from tqdm import tqdm
 
