@@ -78,6 +78,7 @@ def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     """sensitivity.csv, sensitivity.json, sensitivity.png."""
     from rhs.reports.export import write_texts
     from rhs.reports.sensitivity_picture import sensitivity_picture
+    from rhs.sweeps.sensitivity import LACKS
 
     changes: list[dict[str, Any]] = [
         {"key": one.of.key, "default": one.of.before, "value": one.of.value, "factor": one.of.factor,
@@ -89,7 +90,8 @@ def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     write_texts(folder, {"sensitivity.json": json.dumps(content, indent=1) + "\n",
                          "sensitivity.csv": "\n".join([*lines, ""])})
     moved = [one for one in changes if not one["same"]]
-    title = f"{asked.part}: {asked.measure}, new over old, {len(asked.pairs)} pairs (less is better)"
+    measure = f"what {asked.measure} lacks of 1" if asked.measure in LACKS else asked.measure
+    title = f"{asked.part}: {measure}, new over old, {len(asked.pairs)} pairs (less is better)"
     sensitivity_picture(moved or changes, title, folder / "sensitivity.png")
 
 

@@ -46,7 +46,7 @@ def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> s
     left, said = min(((_fit(read(mine), theirs, steps).left, said) for read, said in READINGS), key=lambda one: one[0])
     if left > HALF * told.left:
         return ""
-    return f"the poses of the two files go together only if one of the two has {said}"
+    return f"the poses go together only if one of the two files has {said}"
 
 
 def w_first(poses: np.ndarray) -> np.ndarray:
@@ -60,8 +60,8 @@ def w_first(poses: np.ndarray) -> np.ndarray:
 
 # Of either file: misread alike, the two go together.
 READINGS: tuple[tuple[Callable[[np.ndarray], np.ndarray], str], ...] = (
-    (w_first, "qw first (w last, of EuRoC's form): rpe_* mean nothing as read; name the columns in a line before them, as "
-              "`# timestamp tx ty tz qw qx qy qz`"),
+    (w_first, "qw first (of EuRoC's form: last): rpe_* mean nothing; name the columns in its first line: # timestamp tx "
+              "ty tz qw qx qy qz"),
     (inverse, "the poses of the world in the body (Tcw): no figure means anything as read; invert them"),
 )
 

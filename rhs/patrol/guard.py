@@ -77,7 +77,7 @@ class Guard:
         self.tight = False  # whether the way leads through a gap hardly wider than the robot
         self.given: Twist | None = None
         self._still = self._refused = self._held = 0
-        self.doubts = 0  # commands refused on the way to a place for what is hidden alone
+        self.refused_for_hidden = 0  # commands refused on the way to a place for what is hidden alone
         self._here_s = -np.inf  # when the last view was taken after anything but a turn on the spot
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
         self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
@@ -181,7 +181,7 @@ class Guard:
         if wished_m == 0.0:
             return self._turned(command, None)
         held = self._held >= MOST_HELD or self.around.one_eye or self.pace.arc_radius_m
-        self._hidden_m = NOTHING if held else self.around.hidden(low=self.doubts < MOST_HELD)
+        self._hidden_m = NOTHING if held else self.around.hidden(low=self.refused_for_hidden < MOST_HELD)
         seen_m = self._free_m(command, 1.5)
         if seen_m >= wished_m:
             return self._slowed(command, seen_m), None
@@ -191,7 +191,7 @@ class Guard:
         if seen_m >= LEAST_M:
             return self._slowed(_cut(command, seen_m), seen_m), None
         self._refused += 1
-        self.doubts += self._hidden_alone(command)
+        self.refused_for_hidden += self._hidden_alone(command)
         if self.around.one_eye and self._refused % MOST_REFUSED == 0:
             self.forget_seen()
         return None, Event.STOPPED

@@ -10,8 +10,8 @@ from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
 from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
-from .company import close_to, in_company
 from .control import ARC_STEP_M, arc
+from .neighbours import has_neighbour, near_any
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
 KEPT_M = 2.0  # the robot stays this near its middle
@@ -171,7 +171,7 @@ class Surroundings:
     def forget_near(self, points_m: np.ndarray, within_m: float) -> bool:
         """Forget what stands near the points (K, 2) of the body frame. Whether anything did."""
         cells = np.argwhere((self.at_eye.votes > 0.0) | (self.below.votes > 0.0))
-        gone = cells[close_to(self._middles(cells), points_m, within_m)]
+        gone = cells[near_any(self._middles(cells), points_m, within_m)]
         for layer in (self.at_eye, self.below):
             layer.votes[gone[:, 0], gone[:, 1]] = 0.0
         return len(gone) > 0
@@ -180,7 +180,7 @@ class Surroundings:
         """What one cell alone holds for a thing, however often it was seen: the flying pixels of an edge make such, and
         nearer than the camera sees the floor nothing clears them."""
         cells = np.argwhere(np.maximum(self.at_eye.votes, self.below.votes) >= THING)
-        lone = cells[~in_company(cells * CELL_M, SPECK_M)]
+        lone = cells[~has_neighbour(cells * CELL_M, SPECK_M)]
         for layer in (self.at_eye, self.below):
             layer.votes[lone[:, 0], lone[:, 1]] = 0.0
 
@@ -252,12 +252,12 @@ class Surroundings:
         low |= below & beside & (below_s >= self.now_s - self.remember_s)
         found = low | (at_eye & ((fresh & (seen_s >= self.now_s - within_s)) | (beside & remembered)))
         points, votes = points[found], np.maximum(self.at_eye.votes[cells], self.below.votes[cells])[found]
-        body = self.in_body(points[(votes >= SPECK_VOTES) | in_company(points, SPECK_M)])
+        body = self.in_body(points[(votes >= SPECK_VOTES) | has_neighbour(points, SPECK_M)])
         return body[np.hypot(*body.T) < NEAR_M]
 
     def _on_map(self, points_m: np.ndarray) -> np.ndarray:
         """(K,) bool: of points (K, 2) of the body frame, those where the map knows something: that does not go."""
-        return close_to(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
+        return near_any(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
 
     def bump(self, ahead: float, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back: where something is known to stand, by what was seen or
@@ -357,8 +357,8 @@ class Surroundings:
         unseen = self.seen_s[rows, columns] < old_s
         looked_over = low & (self.floor_s[rows, columns] < old_s) & (self.behind_s[rows, columns] >= old_s)
         things, lies_low = self._unknown()
-        unseen[unseen] = close_to(body[unseen], things, HIDES_M)
-        looked_over[looked_over] = close_to(body[looked_over], things[lies_low], HIDES_M)
+        unseen[unseen] = near_any(body[unseen], things, HIDES_M)
+        looked_over[looked_over] = near_any(body[looked_over], things[lies_low], HIDES_M)
         return body[unseen | looked_over]
 
     def _unknown(self) -> tuple[np.ndarray, np.ndarray]:
@@ -381,7 +381,7 @@ class Surroundings:
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better; but what may be the rest of something
         was not."""
-        self._saw(self._cells(points_m[~close_to(self.in_body(points_m), self._unknown()[0], HIDES_M)]))
+        self._saw(self._cells(points_m[~near_any(self.in_body(points_m), self._unknown()[0], HIDES_M)]))
 
     def in_body(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) points of this frame, in the robot's body frame."""

@@ -15,6 +15,7 @@ from rhs.plots import new_figure, save
 SHOWN = 20  # settings
 COLOURS = {0.5: "#2a6f97", 2.0: "#e0912f"}
 MOST = 4.0  # times: beyond it points stand at the edge
+WIDE = 1.6  # times: from here on ticks near one would stand on each other
 
 
 def sensitivity_picture(effects: Sequence[Mapping[str, Any]], title: str, path: Path) -> Path:
@@ -39,7 +40,8 @@ def sensitivity_picture(effects: Sequence[Mapping[str, Any]], title: str, path: 
     axes.set_xscale("log")
     ends = axes.get_xlim()
     reach = max(1.1, ends[1], 1.0 / ends[0])
-    ticks = [tick for tick in (0.25, 0.5, 0.8, 0.9, 1.0, 1.1, 1.25, 2.0, 4.0) if 1.0 / reach <= tick <= reach]
+    steps = (0.25, 0.5, 1.0, 2.0, 4.0) if reach > WIDE else (0.5, 0.8, 0.9, 1.0, 1.1, 1.25, 2.0)
+    ticks = [tick for tick in steps if 1.0 / reach <= tick <= reach]
     axes.set_xlim(1.0 / reach, reach)
     axes.set_xticks(ticks, [f"{100 * (tick - 1):+.0f} %" if tick != 1.0 else "as it is" for tick in ticks], fontsize=8)
     axes.minorticks_off()

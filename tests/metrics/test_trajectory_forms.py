@@ -7,6 +7,7 @@ import pytest
 
 from rhs.api.geometry import BODY_FROM_OPTICAL, inverse, quaternion_xyzw, se2, se3
 from rhs.api.trajectory import Trajectory, in_tum_order, read_tum, write_tum
+from rhs.base.commands import LONGEST
 from rhs.base.errors import ConfigError, RecordingError
 from rhs.metrics.evaluate import evaluate_pair, pair_fault
 from rhs.metrics.trajectory_forms import read_trajectory
@@ -138,6 +139,7 @@ def test_poses_that_are_read_another_way_than_they_were_meant_are_said(tmp_path)
         (tmp_path / f"{name}.tum").write_text(text)
         said[name] = pair_fault(tmp_path / f"{name}.tum", tmp_path / "truth.tum")
     assert said["right"] == "" and "qw first" in said["w_first"] and "Tcw" in said["round"]
+    assert max(map(len, said.values())) <= LONGEST  # a line is not cut before what to type
     assert "turned by 120 degrees" in said["camera"]
     unlike = Trajectory(way.stamps_s, way.poses[::-1])
     (tmp_path / "unlike.tum").write_text(tum(unlike))  # of another way nothing is said

@@ -59,4 +59,4 @@ def test_what_is_hidden_behind_something_low_bars_the_way_to_a_place_twenty_time
     refused = 0
     while refused < 30 and watched.allow(Twist(0.4, 1.0, 0.5))[0] is None:
         refused, watched._held = refused + 1, 0  # between two it drives elsewhere
-    assert watched.doubts == refused == MOST_HELD
+    assert watched.refused_for_hidden == refused == MOST_HELD

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 from bags import BagFile, picture
 from helpers.replayed import refused, views
 
+from rhs.base.commands import LONGEST
+from rhs_sources.unread import FILES, of_file
+
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("scene0000_00.sens", "reader.py --filename scene0000_00.sens --output_path FOLDER"), ("a.svo2", "zed_wrapper"),
+    ("scene0000_00.sens", "reader.py with all four --export_*), then source.path=FOLDER"), ("a.svo2", "zed_wrapper"),
     ("a.pcap", "record the PointCloud2"), ("a.bag.active", "rosbag reindex a.bag.active"), ("a.rawlog", "CARMEN log"),
 ])
 def test_a_file_of_another_form_says_what_makes_it_one_that_is_read(tmp_path, name, said):
     (tmp_path / name).write_bytes(b"\0" * 100)
     assert said in refused(tmp_path / name) and said in refused(tmp_path)
+
+
+@pytest.mark.parametrize("ending", FILES)
+def test_a_line_is_not_cut_before_it_has_said_what_to_type(ending):
+    assert len(f"source.path=recording{ending}: found {of_file(Path('recording' + ending))}") <= LONGEST
 
 
 def test_a_log_of_player_is_named(tmp_path):

@@ -255,7 +255,6 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
     return np.where(np.isfinite(depth), depth, np.float32(np.nan))
 
 
-
 def points_of(message, topic: str) -> tuple[np.ndarray, np.ndarray | None]:
     """(N, 3) points of a PointCloud2 as it has them, in its own frame, unknown ones NaN; and the time of each as it stands
     there (N,), or None where it has none."""

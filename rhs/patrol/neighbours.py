@@ -1,11 +1,11 @@
-"""Which points have others near by."""
+"""Which points have neighbours."""
 
 from __future__ import annotations
 
 import numpy as np
 
 
-def close_to(points_m: np.ndarray, others_m: np.ndarray, within_m: float) -> np.ndarray:
+def near_any(points_m: np.ndarray, others_m: np.ndarray, within_m: float) -> np.ndarray:
     """(K,) bool: the point (K, 2) has one of the others (L, 2) so near."""
     from scipy.spatial import cKDTree
 
@@ -15,7 +15,7 @@ def close_to(points_m: np.ndarray, others_m: np.ndarray, within_m: float) -> np.
     return close
 
 
-def in_company(points_m: np.ndarray, within_m: float) -> np.ndarray:
+def has_neighbour(points_m: np.ndarray, within_m: float) -> np.ndarray:
     """(K,) bool: the point (K, 2) has another so near."""
     from scipy.spatial import cKDTree
 
