@@ -59,3 +59,15 @@ def test_something_new_in_a_third_of_the_scan_is_no_break_and_two_scans_without_
     assert scan_continuity(before, replace(after, ranges_m=ranges), np.eye(4)) is not Continuity.BROKEN
     assert scan_continuity(before, after, se2(0.0, 0.0, 1.5)) is Continuity.UNKNOWN
     assert scan_continuity(None, after, np.eye(4)) is Continuity.UNKNOWN
+
+
+@pytest.mark.parametrize("angle", [0.1, 1.0, 2.5, 4.0])
+def test_few_key_points_found_again_tell_that_a_view_goes_on_and_none_found_tells_nothing(angle):
+    """In a hall most key-points lie further than the camera measures."""
+    before, after, across = (look(_round(a)) for a in (angle, angle + 0.1, angle + 3.1))
+    step = inverse(_round(angle)) @ _round(angle + 0.1)
+    last = features(before, FEATURES)
+    points = np.where(np.arange(len(last.points))[:, None] % (len(last.points) // 18) == 0, last.points, np.nan)
+    few = replace(last, points=points)
+    assert continuity(few, features(after, FEATURES), before.camera, step) is Continuity.GOES_ON
+    assert continuity(few, features(across, FEATURES), before.camera, step) is Continuity.UNKNOWN

@@ -10,6 +10,7 @@ from painted_survey import CAMERA, FEATURES, look, ring, survey
 from rhs.api.errors import RecordingError
 from rhs.api.geometry import inverse, log_se3, se2
 from rhs.api.records import Features
+from rhs.estimation.views.explainability import expected
 from rhs.estimation.views.features import features
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings, shares
 from rhs.estimation.views.place_files import load, save
@@ -139,3 +140,14 @@ def test_pickles_and_rubbish_are_refused_by_name(memory, tmp_path):
         load(pickled)
     with pytest.raises(RecordingError, match="absent.npz"):
         load(tmp_path / "absent.npz")
+
+
+def test_a_view_that_lies_further_than_depth_is_measured_is_not_expected_to_be_recognised(memory):
+    """A pose is found by points alone: in the middle of a hall most key-points of a stored view are none."""
+    pose, query = memory.poses[3], memory.features(3)
+    assert expected(memory, query, pose)
+    points = memory.points.copy()
+    points[np.arange(len(points)) % 10 > 0] = np.nan
+    assert not expected(replace(memory, points=points), query, pose)
+    one_eye = replace(memory, points=np.full_like(points, np.nan))
+    assert expected(one_eye, query, pose)

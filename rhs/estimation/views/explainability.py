@@ -69,15 +69,15 @@ def nearest_views(
 
 
 def expected(memory: Memory, query: Features, map_from_body: np.ndarray, settings: ExplainSettings = USUAL) -> bool:
-    """Whether a view with so many key-points, taken from this pose (4x4), ought to be recognised: a stored view with as
-    many stands near. That it is not is evidence too (`silence`)."""
+    """Whether a view with so many key-points, taken from this pose (4x4), ought to be recognised: a stored view stands near
+    with as many that tell where they are (`Memory.placed`). That it is not is evidence too (`silence`)."""
     if len(query.pixels) < settings.telling or len(memory) == 0:
         return False
     x_m, y_m, yaw_rad = planar(map_from_body)
     gap = np.hypot(memory.stands[:, 0] - x_m, memory.stands[:, 1] - y_m)
     turn = np.abs(wrap(memory.stands[:, 2] - yaw_rad))
     near = (gap < settings.expected_m) & (turn < np.radians(settings.expected_deg))
-    return bool(np.any(near & (np.diff(memory.starts) >= settings.telling)))
+    return bool(np.any(near & (memory.placed >= settings.telling)))
 
 
 def in_view(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

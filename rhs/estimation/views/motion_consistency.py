@@ -35,13 +35,15 @@ def continuity(
     drawn = transform(seen_from_last, last.points[known].astype(float))
     pixels, inside = in_view(drawn, camera)
     drawn, pixels, theirs = drawn[inside], pixels[inside], last.descriptors[known][inside]
-    if len(drawn) < s.telling_pairs:
+    if len(drawn) < s.few_found:
         return Continuity.UNKNOWN
     from .keypoint_kernels import found_again
 
     limits = scaled_px(s.pixels_px, camera.width), s.depth_share, s.depth_m, s.likeness
     found = found_again(np.column_stack([pixels, drawn[:, 2]]), theirs, seen.pixels.astype(float),
                         seen.points[:, 2].astype(float), seen.descriptors, limits)
+    if len(drawn) < s.telling_pairs:
+        return Continuity.GOES_ON if found >= s.few_found else Continuity.UNKNOWN
     return Continuity.BROKEN if found < s.goes_on_share * len(drawn) else Continuity.GOES_ON
 
 

@@ -40,6 +40,15 @@ class Memory:
         """(P, 3) x, y, heading of the stored views."""
         return np.array([planar(pose) for pose in self.poses]).reshape(-1, 3)
 
+    @cached_property
+    def placed(self) -> np.ndarray:
+        """(P,) key-points of each view whose depth is known, by which alone a pose is found: in a hall wider than the camera
+        measures most have none. All of them where none has, as of one eye."""
+        known = np.isfinite(self.points[:, 2])
+        ends = np.concatenate([[0], np.cumsum(known if known.any() else ~known)])
+        counts: np.ndarray = np.diff(ends[self.starts])
+        return counts
+
     def rootsift(self, rows: np.ndarray) -> np.ndarray:
         """(N, 128) float32 descriptors of some key-points, at unit length."""
         return unpacked(self.descriptors[rows])

@@ -183,7 +183,10 @@ class ContinuitySettings:
     """a view goes on when this share of the key-points that ought to be in both is found again: views 0.2 m or 8 degrees
     apart share 0.29 or more, unrelated ones 0.06 in 99 of 100"""
     telling_pairs: int = 20
-    """fewer such key-points tell nothing"""
+    """fewer such key-points tell no break"""
+    few_found: int = 5
+    """of fewer so many found again tell that the view goes on: at 0.06 each, as in unrelated views, 5 of 19 are found by
+    chance once in 200 times"""
     scan_goes_on_share: float = 0.8
     """a scan goes on when this share of the beams that both views hold ends where the last one says: scans 0.2 m or 8
     degrees apart share 0.98 or more"""
@@ -210,7 +213,7 @@ class ContinuitySettings:
 
     def __post_init__(self) -> None:
         check_ranges("", self, pixels_px=(0.5, 100.0), likeness=(-1.0, 1.0), depth_share=(0.0, 10.0), depth_m=(0.0, 10.0),
-                     goes_on_share=(0.0, 1.0), telling_pairs=(1, 100_000), scan_goes_on_share=(0.0, 1.0),
+                     goes_on_share=(0.0, 1.0), telling_pairs=(1, 100_000), few_found=(1, 100_000), scan_goes_on_share=(0.0, 1.0),
                      scan_broken_share=(0.0, 1.0), telling_beams=(1, 100_000), beam_m=(0.0, 10.0), beam_share=(0.0, 1.0),
                      fine_beam_m=(0.0, 10.0), fine_beam_share=(0.0, 1.0), passer_by_share=(0.0, 1.0),
                      passer_by_walls=(0.0, 1.0), carried=(0.01, 0.99))
