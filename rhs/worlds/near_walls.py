@@ -11,15 +11,15 @@ from rhs.api.grid import OccupancyGrid
 
 from .clearance import clearance_of
 
-FAR_M = 3.0  # led along a wall at this distance, a camera of 57 degrees sees it 6.3 m ahead at the nearest; a Kinect sees 8 m
+FAR_M = 3.0  # led along a wall at this distance a camera of 57 degrees sees it from 6.3 m on; a Kinect sees 8 m
 ROOM_M = 1.0  # from walls, of a start that is proposed in place of one too far from them
 
 
 def near_walls(grid: OccupancyGrid, start: tuple[float, ...], need_m: float, *,
                given: bool) -> tuple[OccupancyGrid, tuple[float, ...]]:
     """The grid without the free ground that lies further than FAR_M from everything (unknown there), and a start on what is
-    left, the nearest with ROOM_M. Both as they are where nothing is so wide, or where the start is given and what is left does
-    not hold it.
+    left, the nearest with ROOM_M. Both as they are where nothing is so wide, or where the start is given and what is left
+    does not hold it.
 
     start: (x, y, ...) metres, where a robot has room that needs need_m to each side."""
     from scipy.ndimage import label

@@ -38,6 +38,12 @@ def explainability(
 ) -> Explainability:
     """What the stored views nearest to a pose (4x4) explain of a query taken there."""
     near = nearest_views(memory, map_from_body, settings.views, settings)
+    return _explained(memory, near, query, camera, map_from_body, settings)
+
+
+def _explained(memory: Memory, near: np.ndarray, query: Features, camera: Camera, map_from_body: np.ndarray,
+               settings: ExplainSettings) -> Explainability:
+    """What these stored views explain of the query."""
     drawn, rows = _drawn(memory, near, camera, map_from_body)
     if len(rows) == 0 or len(query.pixels) == 0:
         return Explainability(0.0, 0.0)
@@ -70,14 +76,28 @@ def nearest_views(
 
 def expected(memory: Memory, query: Features, map_from_body: np.ndarray, settings: ExplainSettings = USUAL) -> bool:
     """Whether a view with so many key-points, taken from this pose (4x4), ought to be recognised: a stored view stands near
-    with as many that tell where they are (`Memory.placed`). That it is not is evidence too (`silence`)."""
+    with as many that tell where they are (`Memory.placed`), which its neighbours explain: of plain walls many are noise, and
+    seen once. That it is not recognised is evidence too (`silence`)."""
     if len(query.pixels) < settings.telling or len(memory) == 0:
         return False
     x_m, y_m, yaw_rad = planar(map_from_body)
     gap = np.hypot(memory.stands[:, 0] - x_m, memory.stands[:, 1] - y_m)
     turn = np.abs(wrap(memory.stands[:, 2] - yaw_rad))
     near = (gap < settings.expected_m) & (turn < np.radians(settings.expected_deg))
-    return bool(np.any(near & (memory.placed >= settings.telling)))
+    stored = np.flatnonzero(near & (memory.placed >= settings.telling)).tolist()
+    return any(by_neighbours(memory, view, settings) >= settings.expected_score for view in stored)
+
+
+def by_neighbours(memory: Memory, view: int, settings: ExplainSettings = USUAL) -> float:
+    """What the stored views nearest to this one explain of it (`score`); 1 of one eye, whose key-points have no depth."""
+    if not np.isfinite(memory.points[:, 2]).any():
+        return 1.0
+    if view not in memory.explained:
+        pose = memory.poses[view]
+        near = nearest_views(memory, pose, settings.views + 1, settings)
+        others = near[near != view][: settings.views]
+        memory.explained[view] = _explained(memory, others, memory.features(view), memory.camera, pose, settings).score
+    return memory.explained[view]
 
 
 def in_view(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

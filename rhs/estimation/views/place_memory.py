@@ -31,6 +31,7 @@ class Memory:
     points: np.ndarray
     camera: Camera
     greys: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 0), np.uint8))
+    explained: dict[int, float] = field(default_factory=dict, init=False, repr=False)  # score of views by their neighbours
 
     def __len__(self) -> int:
         return len(self.poses)
