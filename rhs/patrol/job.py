@@ -12,7 +12,7 @@ import numpy as np
 
 from rhs.api.floorplan import OBSTACLE_HEIGHT_M, Box, World
 from rhs.api.randomness import generator
-from rhs.api.records import Belief, Event, MissionStatus, Scan, Step, View
+from rhs.api.records import Belief, Event, MissionStatus, Scan, Step, Tracking, View
 from rhs.api.task import Parts, StepJob
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.api.validate import reach_of
@@ -44,6 +44,7 @@ from .sights import Sights
 from .tasks import Patrol, Survey, explores
 
 logger = logging.getLogger("rhs.patrol")
+BLIND_SHARE = 0.5  # of a survey's views, lost, from which its map is that of the wheels
 START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
 
 
@@ -165,8 +166,21 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
         figures |= parts.odometry.wheel_figures() if isinstance(parts.odometry, GatedOdometry) else {}
         if fault := wheel_fault(figures):
             logger.warning("%s", fault)
+    elif blind := saw_nothing(views, parts):
+        logger.warning("%s", blind)
     write_json(log.folder / "closure.json", closure_rows(closure) | figures)
     return Surveyed(views, closure, grid)
+
+
+def saw_nothing(views: Sequence[View], parts: Parts) -> str:
+    """What to say of a survey most of which a depth camera was led through by the wheels alone; empty of any other."""
+    lost = sum(view.motion.status is Tracking.LOST for view in views)
+    if "depth" not in parts.provides or lost <= BLIND_SHARE * len(views):
+        return ""
+    fused = "" if "fused" in parts.who["odometry"] else ", or odometry=fused, which takes walls to be square to one another"
+    return (f"the odometry had nothing to follow in {lost} of {len(views)} views of the survey (surfaces without a "
+            "pattern?): the map, and what is believed in it, is as wrong as the wheels; try sensor=laser, which goes by the "
+            f"walls{fused}")
 
 
 def check_camera(views: Sequence[View], settings: CameraFitSettings, folder: Path, *, rng: np.random.Generator) -> None:

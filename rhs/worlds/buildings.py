@@ -138,7 +138,7 @@ def settled(world: World, building: Building, file: Section) -> World:
         return world
     x, y = (round(float(value), 4) for value in building.stand_m)
     inside = world if "start" in given else replace(world, start=(x, y, 0.0))
-    start = world.start if "start" in given else (x, y)
+    start: tuple[float, ...] = world.start if "start" in given else (x, y)
     places: int | tuple[Place, ...] = world.places if "places" in given else 4
     grid = truth_grid(inside)
     try:

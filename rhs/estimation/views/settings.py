@@ -217,7 +217,8 @@ class ContinuitySettings:
     def __post_init__(self) -> None:
         check_ranges("", self, pixels_px=(0.5, 100.0), likeness=(-1.0, 1.0), depth_share=(0.0, 10.0), depth_m=(0.0, 10.0),
                      goes_on_share=(0.0, 1.0), telling_pairs=(1, 100_000), few_found=(1, 100_000),
-                     scan_goes_on_share=(0.0, 1.0), scan_broken_share=(0.0, 1.0), telling_beams=(1, 100_000), beam_m=(0.0, 10.0), beam_share=(0.0, 1.0),
+                     scan_goes_on_share=(0.0, 1.0), scan_broken_share=(0.0, 1.0), telling_beams=(1, 100_000),
+                     beam_m=(0.0, 10.0), beam_share=(0.0, 1.0),
                      fine_beam_m=(0.0, 10.0), fine_beam_share=(0.0, 1.0), passer_by_share=(0.0, 1.0),
                      passer_by_walls=(0.0, 1.0), carried=(0.01, 0.99))
 
