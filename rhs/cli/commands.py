@@ -30,7 +30,7 @@ COMMANDS = {
     "bench": ("rhs.cli.bench", "a frozen benchmark with reproducible rows: bench planning-v1 --mine planner=mine"),
     "new": ("rhs.cli.new", "write a package with a plugin to start from: new planner my_planner"),
     "completion": ("rhs.cli.completion", "tab completion of the command `rhs`: completion bash | zsh | fish"),
-    "help": ("rhs.cli.commands", "help columns | events | kinds | commands"),
+    "help": ("rhs.cli.commands", "help KIND | settings | columns | events | statuses | kinds | commands"),
 }
 
 EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
@@ -95,14 +95,19 @@ def show_help(words: Sequence[str]) -> int:
     if topic == "commands":
         for name, (_, meaning) in COMMANDS.items():
             sys.stdout.write(f"  python -m rhs {name:<12} {meaning}\n")
-        sys.stdout.write("  python -m rhs --help       options, plugins and settings of a run\n")
+        sys.stdout.write("  python -m rhs --help       options of a run, parts to choose from\n")
         return 0
     if topic == "kinds":
         return _kinds()
+    from .help_text import KINDS, settings_text
+
+    if topic == "settings" or topic in KINDS:
+        sys.stdout.write(settings_text([topic] if topic in KINDS else KINDS) + "\n")
+        return 0
     wanted = {"columns": "Columns", "events": "Events", "statuses": "tatus"}.get(topic)
     if wanted is None:
-        raise ConfigError(f"help {topic}: there is help columns, events, statuses, kinds and commands; "
-                          f"python -m rhs --help for plugins and settings")
+        raise ConfigError(f"help {topic}: there is help commands, columns, events, statuses, settings, kinds and "
+                          f"{', '.join(KINDS)}")
     section = ""
     for title, name, meaning in lines():
         if topic != "columns" and wanted not in title:
