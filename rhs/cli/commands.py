@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
+from rhs.api.contracts import PLUGIN_KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
@@ -41,6 +42,8 @@ def command(words: Sequence[str]) -> Callable[[], int] | None:
     if not words or words[0].startswith("-") or "=" in words[0] or words[0].startswith(("~", "+")):
         return None
     name, rest = words[0], [word for word in words[1:] if word != "--debug"]
+    if name in PLUGIN_KINDS:
+        raise ConfigError(f"{name} is a kind of part: type {name}=NAME, or python -m rhs help {name} for those there are")
     if name not in COMMANDS:
         raise ConfigError(f"{name}: neither a command nor key=value{nearest(name, list(COMMANDS))}; "
                           f"commands: {', '.join(COMMANDS)}")
@@ -101,13 +104,13 @@ def show_help(words: Sequence[str]) -> int:
         return _kinds()
     from .help_text import KINDS, settings_text
 
-    if topic == "settings" or topic in KINDS:
-        sys.stdout.write(settings_text([topic] if topic in KINDS else KINDS) + "\n")
+    if topic == "settings" or topic in PLUGIN_KINDS:
+        sys.stdout.write(settings_text(KINDS if topic == "settings" else [topic]) + "\n")
         return 0
     wanted = {"columns": "Columns", "events": "Events", "statuses": "tatus"}.get(topic)
     if wanted is None:
         raise ConfigError(f"help {topic}: there is help commands, columns, events, statuses, settings, kinds and "
-                          f"{', '.join(KINDS)}")
+                          f"{', '.join(PLUGIN_KINDS)}")
     section = ""
     for title, name, meaning in lines():
         if topic != "columns" and wanted not in title:
@@ -121,7 +124,6 @@ def show_help(words: Sequence[str]) -> int:
 
 
 def _kinds() -> int:
-    from rhs.api.contracts import PLUGIN_KINDS
     from rhs.config import registry
 
     for kind in PLUGIN_KINDS:

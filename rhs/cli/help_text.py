@@ -113,6 +113,10 @@ def _first_comment(path: Path) -> str:
 def _plugin(kind: str, name: str, *, is_default: bool, full: bool = False) -> list[str]:
     if failure := registry.failure(kind, name):
         return list(_entry(f"  {kind}={name}", f"NOT USABLE: {failure}"))
+    if kind == "metric":
+        heads = [(f"    {metric.name}", f"{metric.meaning} [{metric.unit}]" if metric.unit else metric.meaning)
+                 for metric in registry.load(kind, name)]  # type: ignore[attr-defined]
+        return [f"  metric={name}", *(line for head in heads for line in _entry(*head))]
     cls = registry.load(kind, name)
     origin = registry.origins(kind, name)[0]
     notes = [note for note in ("the default" if is_default else "",

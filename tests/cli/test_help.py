@@ -11,7 +11,7 @@ import pytest
 from installing import FAKES, environment, installed
 
 from rhs.api import settings
-from rhs.api.contracts import DEGRADE, KINDS
+from rhs.api.contracts import DEGRADE, KINDS, PLUGIN_KINDS
 from rhs.base.errors import ConfigError
 from rhs.cli.commands import COMMANDS, command
 from rhs.cli.help_text import help_text, settings_text
@@ -103,9 +103,19 @@ def test_help_is_read_in_a_minute_and_begins_with_what_is_taken_by_default():
     assert {("odometry", "keyframe"), ("planner", "prm"), ("sensor", "rgbd")} <= first
 
 
+def test_help_of_every_kind_lists_its_parts(capsys):
+    for kind in PLUGIN_KINDS:
+        assert command(["help", kind])() == 0
+        said = capsys.readouterr().out
+        assert all(f"  {kind}={name}" in said for name in registry.names(kind)), kind
+    assert "tracked_share" in settings_text(["metric"])
+
+
 def test_help_of_what_there_is_not_says_what_there_is(capsys):
     with pytest.raises(ConfigError, match="help plans: there is help commands, columns, .* planner"):
         command(["help", "plans"])()
+    with pytest.raises(ConfigError, match="^planner is a kind of part: type planner=NAME, or python -m rhs help planner"):
+        command(["planner"])
     assert not capsys.readouterr().out
 
 
