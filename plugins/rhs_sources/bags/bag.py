@@ -16,6 +16,7 @@ from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
 
 from ..carmen.log import NO_CAMERA, end_of_range
+from ..folders.clouds import check_solid
 from ..replay_cameras import chosen_camera
 from ..replay_images import UnreadableImage, check_depth, check_pair
 from ..replay_mounts import Mounts, links_of, mount_of, mounted, optical, tf_topics
@@ -192,6 +193,7 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
         return found
 
     if topics.around:
+        check_solid(ros.points_of(_first(reader, topics.around), topics.around)[0], topics.around)
         own = typed_scan is None and check_scanners_own(reader, topics, _frame(reader, topics.around))
         return Placed(None, None, typed_scan if typed_scan is not None else of(topics.around) if own else None)
     scan = of(topics.scan) if typed_scan is None else typed_scan
