@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import re
 import shutil
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -27,6 +28,7 @@ from .folders.frames import is_frames, open_frames
 from .folders.kitti import is_kitti, open_kitti
 from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
 from .folders.tartan import is_tartan, open_tartan
+from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
@@ -34,6 +36,8 @@ from .replay_tum import UNREADABLE, Recording, is_tum, open_tum
 from .unread import of_file
 
 log = logging.getLogger("rhs.replay")
+NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic")  # in names of folders
+LENSED = re.compile(r"(?<!un)distorted")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
 
 
@@ -240,8 +244,13 @@ def _found(path: Path) -> str:
     if len(bags) > 1:
         return f"found {len(bags)} bags; type source.path={bags[0]} (the parts of one are read together if numbered alike)"
     names = sorted(p.name for p in path.iterdir())
+    video = next((p for p in sorted(path.iterdir()) if p.suffix.lower() in VIDEOS), None)
+    if video is not None and (path / "depth").is_dir():
+        return (f"found {video.name} beside depth; in that folder type: mkdir rgb; ffmpeg -i {video.name} -vsync 0 "
+                "-start_number 0 rgb/%06d.png")
     inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
-             and "depth" not in p.name.lower()]
+             and not NO_VIEWS.search(p.name.lower())]
     if inner:
-        return f"found no recording but one in it; type source.path={inner[0]}"
+        best = min(inner, key=lambda p: LENSED.search(str(p.relative_to(path))) is not None)
+        return f"found no recording but one in it; type source.path={best}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"
