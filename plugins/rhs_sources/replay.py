@@ -32,8 +32,8 @@ from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
-from .replay_tum import UNREADABLE, Recording, is_tum, open_tum
-from .unread import of_file
+from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
+from .unread import BESIDE, of_file
 
 log = logging.getLogger("rhs.replay")
 NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic")  # in names of folders
@@ -87,8 +87,8 @@ class ReplaySource(Source):
 
     @property
     def views_lost(self) -> int:  # type: ignore[override]
-        """Views that could not be read, so far."""
-        return self.rejected[UNREADABLE]
+        """Views that could not be read, or are of a clock that was set back, so far."""
+        return self.rejected[UNREADABLE] + self.rejected[SET_BACK]
 
     def _tell(self) -> None:
         """Once, at the end: what was left out or put right, in the log and in recording.json, for the metrics alone."""
@@ -172,11 +172,17 @@ def open_recording(settings) -> Recording:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
-    inner = sorted(path.iterdir()) if path.is_dir() else [path]
-    if advice := next(filter(None, map(of_file, inner)), ""):
+    if advice := next(filter(None, map(of_file, _likely(path))), ""):
         raise ConfigError(f"source.path={settings.path}: found {advice}")
     raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI, EuRoC or "
                       "TartanAir folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
+
+
+def _likely(path: Path) -> list[Path]:
+    """The file, or those of a folder; tables and arrays, which lie beside anything, only where there is nothing else."""
+    inner = sorted(path.iterdir()) if path.is_dir() else [path]
+    beside = [p for p in inner if p.suffix.lower() in BESIDE]
+    return inner if len(beside) == len(inner) else [p for p in inner if p not in beside]
 
 
 # Which formats have a use for a setting: what was typed for another is refused, not ignored.
