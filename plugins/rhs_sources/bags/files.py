@@ -72,7 +72,9 @@ def _other_messages(file: Path) -> str:
             profile, summary = reader.get_header().profile, reader.get_summary()
     except Exception:  # damaged: said by who asked
         return ""
-    kinds = sorted({c.message_encoding for c in summary.channels.values()}) if summary is not None else []
+    if summary is None:
+        return ""
+    kinds = sorted({c.message_encoding for c in summary.channels.values()})
     if profile == "ros1" or "ros1" in kinds:
         return "found messages of ROS 1 in MCAP; give the .bag that it was made of"
     if not kinds or kinds == ["cdr"]:

@@ -6,7 +6,6 @@ other, packed with LZF (Lehmann's liblzf).
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +34,9 @@ def read_cloud(path: Path, layout: str = KITTI) -> tuple[np.ndarray, np.ndarray 
     it has none. layout: of a .bin (bins.py). Raises UnreadableCloud."""
     if not path.is_file():
         raise UnreadableCloud(f"{path}: found no such file; expected a point cloud")
-    read = {".pcd": _pcd, ".bin": partial(_bin, layout=layout), ".ply": _ply}[path.suffix.lower()]
+    kind = path.suffix.lower()
     try:
-        points = read(path)
+        points = _bin(path, layout) if kind == ".bin" else {".pcd": _pcd, ".ply": _ply}[kind](path)
     except (ValueError, IndexError, KeyError, OverflowError, StopIteration) as error:
         short = " ".join(str(error).split())[:120]
         raise UnreadableCloud(f"{path}: found {path.stat().st_size} bytes that are no {path.suffix[1:].lower()} cloud "
