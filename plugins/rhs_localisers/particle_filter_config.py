@@ -91,8 +91,8 @@ class ParticleFilterScan(Particles):
     place (a logarithm, per view): something new may stand there. 100: it counts in full, since nothing but scans
     can tell this filter."""
     tracking_above: float = 0.85
-    """Above this chance of being right the robot calls itself tracking: in held-out made logs, whole and half maps, less than
-    1 % of the views were wrong and sure."""
+    """Above this chance of being right the robot calls itself tracking: of the views of held-out made logs, in whole and in
+    half maps, less than 1 % were then wrong and sure."""
     advanced: ScanAdvanced = field(default_factory=ScanAdvanced)
 
     def build(self, context: Context) -> Localiser:

@@ -2,12 +2,13 @@
 
 A particle filter compares poses in the map with one another: the best of them gets all the weight, also where the robot is
 in a room that the map does not show, or where the map is out of date. So the chance of the belief is stated by a logistic
-regression (Platt 1999; Niculescu-Mizil and Caruana 2005) on four statistics: the odds that the particles give it; how much
+regression (Platt 1999; Niculescu-Mizil and Caruana 2005) on five statistics: the odds that the particles give it; how much
 more of the scans' ends lie on walls from it than from the best rival place on the map, for which the whole map is searched
 every metre of way (a robot off the map has a rival that fits as well as its belief or better); the share of the ends that
-lie where the map shows nothing; and whether the start was known. Margin and unmapped share are means over the last metres:
-scans taken a short way apart share their errors, and so do those of one passage, so that evidence does not add up with the
-number of scans. The weights were fitted on made logs, in maps of the whole and of the half of them (README.md).
+lie where the map shows nothing; how far the map explains less than right views have explained; and whether the start was
+known. Shares are means over the last metres: scans taken a short way apart share their errors, and so do those of one
+passage, so that evidence does not add up with the number of scans. The weights were fitted on made logs, in maps of the
+whole and of the half of them (README.md).
 """
 
 from __future__ import annotations
@@ -45,15 +46,16 @@ class FitWatch:
     def begin(self, chance: float = 0.0) -> None:
         """A new belief, of which only this is known."""
         self._given = chance
-        self._sums = np.zeros(3)  # of new scans, of their margins over the rival, of their unmapped shares; older ones fade
+        self._sums = np.zeros(4)  # new scans, margins over the rival, unmapped shares, shortfalls; older ones fade
         self.share = float("nan")
 
     @property
     def evidence(self) -> float:
         """Log-odds that the belief is right, were it as likely as not by the particles."""
-        s, (scans, margins, unmapped) = self._s, self._sums
-        means = np.array([margins, unmapped]) / (scans + s.least_scans)
-        return float(s.bias + s.margin * means[0] - s.unmapped * means[1] + s.given * self._given)
+        s = self._s
+        margin, unmapped, short = self._sums[1:] / (self._sums[0] + s.least_scans)
+        told = s.margin * margin - s.unmapped * unmapped - s.unexplained * max(short, 0.0)
+        return float(s.bias + told + s.given * self._given)
 
     def chance(self, by_particles: float = 0.5) -> float:
         """That the belief is right, which the particles give this chance."""
@@ -80,17 +82,18 @@ class FitWatch:
         self.rival = float(np.nanmax(shares)) if np.isfinite(shares).any() else self._s.unrivalled
 
     def look(self, scan: Scan | None, believed: np.ndarray, fresh: float, way_m: float) -> None:
-        """Take the evidence of a scan seen from a pose (3,), so much way after the last. fresh: 0..1, how much of it is new."""
+        """Take the evidence of a scan seen from a pose (3,), so much way after the last. fresh: 0..1, how much of it is
+        new."""
         self.share, unmapped = self.explained(scan, believed)
         fading = np.exp(-way_m / self._s.over_m)
         self._given *= fading
         self._sums *= fading
         if np.isfinite(self.share):
-            self._sums += fresh * np.array([1.0, self.share - self.rival, unmapped])
+            self._sums += fresh * np.array([1.0, self.share - self.rival, unmapped, self._s.expected - self.share])
 
     def explained(self, scan: Scan | None, at: np.ndarray) -> tuple[float, float]:
-        """Share of the scan's ends in mapped ground that lie on walls which their beams reach, from a pose (3,), and share of
-        all its ends that lie where nothing is mapped; NaN with too few beams."""
+        """Share of the scan's ends in mapped ground that lie on walls which their beams reach, from a pose (3,), and share
+        of all its ends that lie where nothing is mapped; NaN with too few beams."""
         if scan is None:
             return float("nan"), float("nan")
         cell = self._grid.resolution_m

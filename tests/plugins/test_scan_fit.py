@@ -56,7 +56,7 @@ def test_too_few_beams_say_nothing():
 
 
 def test_the_chance_goes_with_the_mean_margin_over_the_rival_and_with_the_particles():
-    settings = FitSettings(least_beams=2, bias=-1.0, particles=0.5, margin=10.0, unmapped=5.0, least_scans=1.0, unrivalled=0.6)
+    settings = FitSettings(least_beams=2, bias=-1.0, particles=0.5, margin=10.0, least_scans=1.0, unrivalled=0.6)
     watch = FitWatch(room(), settings)
     watch.look(FITS, AT, 0.0, 0.0)
     assert watch.evidence == -1.0  # nothing new
@@ -78,7 +78,7 @@ def test_ends_off_the_map_speak_against_the_belief():
     watch = FitWatch(OccupancyGrid(cells, 0.1, (0.0, 0.0)), FitSettings(least_beams=2, unrivalled=0.0))
     watch.look(scan(1.95, 1.9), AT, 1.0, 0.1)
     s = FitSettings()
-    assert watch.evidence == pytest.approx(s.bias - s.unmapped / (1.0 + s.least_scans))
+    assert watch.evidence == pytest.approx(s.bias - (s.unmapped + s.unexplained * s.expected) / (1.0 + s.least_scans))
 
 
 def test_a_belief_that_leaps_off_its_motion_begins_anew():
