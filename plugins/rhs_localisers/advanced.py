@@ -259,14 +259,14 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Whether the map explains what is seen; see scan_fit.py. Weights: a logistic regression over the views of
-    made logs (README.md), but `unexplained`."""
+    """Whether the map explains what is seen; see scan_fit.py. The weights come from a logistic regression over
+    views of made logs; what was changed of it by hand, and why: README.md."""
 
-    bias: float = -0.85
+    bias: float = -0.5
     """log-odds of a belief that the particles call as likely as not, of which no scan told yet"""
-    particles: float = 0.54
+    particles: float = 0.6
     """weight of the log-odds by the particles"""
-    margin: float = 25.0
+    margin: float = 20.0
     """log-odds of a share on walls that is larger by 1 than the best rival's"""
     unmapped: float = 12.5
     """log-odds taken by ends that all lie where the map shows nothing"""
