@@ -259,61 +259,54 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Whether the map explains what is seen; see scan_fit.py. The weights come from a logistic regression over
-    views of made logs; what was changed of it by hand, and why: README.md."""
+    """Whether the map explains what is seen; see scan_fit.py."""
 
-    bias: float = -0.5
-    """log-odds of a belief that the particles call as likely as not, of which no scan told yet"""
-    particles: float = 0.6
-    """weight of the log-odds by the particles"""
-    margin: float = 20.0
-    """log-odds of a share on walls that is larger by 1 than the best rival's"""
-    unmapped: float = 12.5
-    """log-odds taken by ends that all lie where the map shows nothing"""
-    unexplained: float = 15.0
-    """log-odds taken for each 1 that the share on walls falls short of `expected`"""
-    expected: float = 0.8
-    """share on walls that the map is expected to explain: 95 % of the right and sure views of made logs had more than 0.72
-    to 0.86 by kind, in the mean over 5 m (MIT CSAIL 0.64); in half of a hall wrong ones without a good rival 0.5 to 0.7"""
-    given: float = 7.5
-    """log-odds of a start that is known for certain"""
-    over_m: float = 5.0
-    """way over which scans are averaged, and a known start is forgotten, metres"""
-    least_scans: float = 4.0
-    """the means are drawn to 0 as if so many new scans had told nothing"""
-    most: float = 0.9933
-    """by particles nobody is surer than this, one way or the other"""
+    expected: float = 0.65
+    """share of a scan's ends in mapped ground that lie on walls, at which a right pose is as likely
+    as the best wrong one"""
+    rival_weight: float = 0.65
+    """how far the share from the best rival place on the map moves `expected` to itself (0: not at all)"""
     rivals_m: float = 1.0
     """way between two searches for rivals, metres"""
     apart_m: float = 1.0
     """nearer than this to the belief nothing is a rival, metres"""
     rivals: int = 30
     """rivals looked at, the likeliest first, one in each square metre"""
-    unrivalled: float = 0.8
-    """share on walls from the best rival where none is found: the mean over made logs"""
-    doubt: float = 0.12
-    """where the particles call the belief as likely as not and its chance is below this, the whole map is searched ..."""
+    slope: float = 4.0
+    """log-odds that a share larger by 1 is worth"""
+    step: float = 1.5
+    """most that one scan is worth, log-odds"""
+    prior: float = 0.2
+    """chance of a belief of which nothing is known yet"""
+    most: float = 0.9995
+    """surer than this nobody gets, one way or the other"""
+    doubt: float = 0.3
+    """below this chance the whole map is searched ..."""
     again: float = 1.0
     """... whenever so many new scans have come, so that a rival gets its chance"""
-    wall_m: float = 0.1
-    """an end as near as this to a wall lies on it, metres"""
     reach_m: float = 0.25
-    """an end as near as this behind a wall, or beside one, is not behind it and lies in mapped ground, metres"""
+    """an end as near as this to a wall lies on it, metres"""
     range_max_m: float = 30.0
     """longer beams are not used, metres"""
     least_beams: int = 10
     """of fewer beams nothing is said"""
+    mapped: float = 0.7
+    """where a smaller share of the beams ends in mapped ground the others count as not explained"""
     jump_m: float = 0.75
     """a belief that moved so far off its own motion is another belief, metres"""
     jump_deg: float = 30.0
     """or turned off it by so much, degrees"""
+    slip_m: float = 0.5
+    """a belief that scans pulled so far off its own motion, metres, ..."""
+    slip_over_m: float = 3.0
+    """... over so much way, is not trusted: at the end of the map it stays where the walls still look alike"""
 
     def __post_init__(self) -> None:
-        weights = {name: (-1000.0, 1000.0) for name in ("bias", "particles", "margin", "unmapped", "unexplained", "given")}
-        check_ranges("", self, **weights, over_m=(0.01, 1000.0), least_scans=(1e-3, 1000.0), most=(0.5, 1.0 - 1e-9),
-                     rivals_m=(0.0, 1000.0), apart_m=(0.0, 1000.0), rivals=(1, 10_000), unrivalled=(0.0, 1.0),
-                     expected=(0.0, 1.0), doubt=(0.0, 1.0), again=(0.0, 1e4), wall_m=(0.01, 10.0), reach_m=(0.01, 10.0),
-                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
+        check_ranges("", self, expected=(0.0, 1.0), rival_weight=(0.0, 1.0), rivals_m=(0.0, 1000.0), apart_m=(0.0, 1000.0),
+                     rivals=(1, 10_000), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
+                     most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4), reach_m=(0.01, 10.0),
+                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), mapped=(0.0, 1.0),
+                     jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0), slip_m=(0.0, 1000.0), slip_over_m=(0.1, 1000.0))
 
 
 @dataclass

@@ -93,7 +93,7 @@ class ParticleLocaliser:
         self._cloud = even(states)
         self._peak, self._scan, self._fresh = None, None, 1.0
         if self._fit is not None:
-            self._fit.start(0.0 if belief is None else belief.probability)
+            self._fit.start(None if belief is None else belief.probability)
         if self._places is not None:
             self._places.watching.begin()
         self._contradiction = Contradiction(self._rules)
@@ -129,13 +129,13 @@ class ParticleLocaliser:
         assert self._peak is not None and self._field is not None and isinstance(self._advanced, ScanAdvanced)
         a, believed = self._advanced, self._peak.mean
         way_m = way_of(motion, a)
-        fit.follow(self._expected, believed)
+        fit.follow(self._expected, believed, way_m)
         if scan is not None and fit.rivals_due(way_m):
             score = partial(self._field.log_likelihood, scan=scan)
             thrown = self._field.anywhere(throws(self._field.area_m2, a.search), self._rng)
             found = summits(thrown, score(thrown), score, self._rng, a.search).states
             fit.compare(scan, rivals(found, score(found), believed, a.fit.apart_m, a.fit.rivals))
-        fit.look(scan, believed, self._fresh, way_m)
+        fit.look(scan, believed, self._fresh)
 
     def _watch(self, observation: Observation, motion: Motion) -> None:
         """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
@@ -190,7 +190,7 @@ class ParticleLocaliser:
 
     def _searching(self, a: ScanAdvanced) -> bool:
         """Whether the whole map is searched now: nothing is known, or the map does not explain what is believed."""
-        if self._fit is not None and self._peak is not None and self._fit.chance() < a.fit.doubt:
+        if self._fit is not None and self._peak is not None and self._fit.chance < a.fit.doubt:
             self._unsearched += self._fresh
             if self._unsearched >= a.fit.again:
                 self._unsearched = 0.0
@@ -276,13 +276,17 @@ class ParticleLocaliser:
     def _status(self) -> BeliefStatus:
         if self._peak is None:
             return BeliefStatus.LOST
-        known = 1.0 - self._elsewhere
-        chance = self._peak.mass * known if self._fit is None else self._fit.chance(self._peak.near * known)
+        mass = self._peak.mass * (1.0 - self._elsewhere) * self._explained
         named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held
         blurred = isinstance(self._advanced, ScanAdvanced) and self._peak.near < self._advanced.near_above
-        if chance >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere and not blurred:
+        if mass >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere and not blurred:
             return BeliefStatus.TRACKING
-        return BeliefStatus.CONVERGING if chance >= self._settings.lost_below else BeliefStatus.LOST
+        return BeliefStatus.CONVERGING if mass >= self._settings.lost_below else BeliefStatus.LOST
+
+    @property
+    def _explained(self) -> float:
+        """Chance that the belief is no chance likeness, by what the map explains of the scans."""
+        return 1.0 if self._fit is None else self._fit.chance
 
     def _belief(self, cluster: Peak) -> Belief:
         covariance = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])
@@ -290,11 +294,10 @@ class ParticleLocaliser:
         assert self._cloud is not None
         details = {"particles": float(len(self._cloud)), "elsewhere": self._elsewhere, "cluster_mass": cluster.mass}
         standing = self._contradiction.chance(held=self._confirmation.held) * self._confirmation.chance
-        probability = cluster.near * (1.0 - self._elsewhere)
         if self._fit is not None:
-            probability = self._fit.chance(probability)
-            details |= {"fit_evidence": self._fit.evidence, "fit_share": self._fit.share}
-        return Belief(se2(*cluster.mean), covariance, self._status(), probability * standing, details)
+            details |= {"fit_chance": self._fit.chance, "fit_share": self._fit.share}
+        probability = cluster.near * (1.0 - self._elsewhere) * standing * self._explained
+        return Belief(se2(*cluster.mean), covariance, self._status(), probability, details)
 
 
 def freshness(motion: Motion, a: ScanAdvanced) -> float:

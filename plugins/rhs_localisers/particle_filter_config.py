@@ -90,9 +90,6 @@ class ParticleFilterScan(Particles):
     """Most that beams ending in the open, before any wall of the map, count against a robot that has long known its
     place (a logarithm, per view): something new may stand there. 100: it counts in full, since nothing but scans
     can tell this filter."""
-    tracking_above: float = 0.85
-    """Above this chance of being right the robot calls itself tracking: of the views of held-out made logs, in whole and in
-    half maps, less than 1 % were then wrong and sure."""
     advanced: ScanAdvanced = field(default_factory=ScanAdvanced)
 
     def build(self, context: Context) -> Localiser:
