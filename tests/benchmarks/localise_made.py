@@ -15,10 +15,13 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 from laser_buildings import KINDS
 from laser_made import made
 from localise_laser import mapped, prepared, stretch, stretches, total
 from shared import write
+
+from rhs.api.geometry import wrap
 
 MEANS = ("right_share", "right_sure_share", "wrong_sure_share", "ece", "found_share", "update_cpu_ms")
 
@@ -31,6 +34,7 @@ def main() -> int:
     parser.add_argument("--maps", nargs="*", default=("whole", "half"))
     parser.add_argument("--starts", type=int, default=6)
     parser.add_argument("--stretch-m", type=float, default=20.0)
+    parser.add_argument("--least-m", type=float, default=0.0, help="scans nearer to the last one kept are left out")
     parser.add_argument("--variants", nargs="*", default=[""], help="words of the command line, in quotes")
     parser.add_argument("--out", type=Path, default=Path("localise_made.csv"))
     options = parser.parse_args()
@@ -54,7 +58,7 @@ def of_log(kind: str, seed: int, work: Path, options: argparse.Namespace) -> lis
     """The rows of one log."""
     log = work / "made.log"
     facts, _ = made(log, (kind, seed), options.way_m)
-    log.write_text("".join(line for line in log.open() if line.startswith("FLASER")))  # its truth is the corrected way
+    log.write_text("".join(kept([line for line in log.open() if line.startswith("FLASER")], options.least_m)))
     words, rows = [f"source.laser_fov_deg={facts['fov_deg']:g}"], []
     for which in options.maps:
         given, first = mapped(log, work, which, words)
@@ -67,6 +71,18 @@ def of_log(kind: str, seed: int, work: Path, options: argparse.Namespace) -> lis
             sys.stdout.write(" ".join(str(value) for value in rows[-1].values()) + "\n")
             sys.stdout.flush()
     return rows
+
+
+def kept(lines: list[str], least_m: float) -> list[str]:
+    """Of the scans of a log (without its truth, which is the corrected way here) those so far, or as many radians turned,
+    from the last one kept, by the wheels."""
+    wheels = np.array([line.split()[-6:-3] for line in lines], float)
+    out = [0]
+    for k in range(1, len(lines)):
+        x_m, y_m, yaw_rad = wheels[k] - wheels[out[-1]]
+        if np.hypot(x_m, y_m) >= least_m or abs(wrap(yaw_rad)) >= least_m:
+            out.append(k)
+    return [lines[k] for k in out]
 
 
 def pooled(rows: list[dict], column: str) -> float:
