@@ -90,10 +90,12 @@ def placed_at(xyz: np.ndarray, rpy: np.ndarray) -> np.ndarray:
 
 
 def numbers_in(element: Element, key: str, count: int, path: Path) -> np.ndarray:
+    """(count,) the numbers of the child called key. Raises ConfigError."""
     return values_of(element.findtext(key), count, key, path)
 
 
 def values_of(text: str | None, count: int, key: str, path: Path) -> np.ndarray:
+    """(count,) the numbers in a text; key: what they are called. Raises ConfigError with the file where they are others."""
     try:
         values = np.array([float(word) for word in (text or "").split()])
     except ValueError:
