@@ -40,7 +40,7 @@ class ContinuityWatch:
                 sparing: bool = False) -> Continuity:
         """Whether this view can be one motion after the last, which put the robot at `expected` (3,), None if unknown.
 
-        One eye's key-points have no depth: there the odometry tells whether it followed enough points from the last view.
+        One camera's key-points have no depth: there the odometry tells whether it followed enough points from the last view.
         Where the key-points cannot tell, measured scans do: they break where one cannot follow the other, and go on where
         the new one lies on the walls of the map as well. Key-points that break while half of the scan goes on are those of
         somebody who passes close by, and tell nothing; where most of the scan lies on walls too, nobody was carried off.

@@ -57,7 +57,7 @@ class ClosingAdvanced:
     """a closure may move a pose by this at once, beside max_drift_share of the way, metres"""
     ransac: RansacSettings = field(default_factory=RansacSettings)
     depth_share: float = 0.0
-    """depths of key-points are wrong by this share of them beside a Kinect's noise (1 sigma), where one eye read them off
+    """depths of key-points are wrong by this share of them beside a Kinect's noise (1 sigma), where one camera read them off
     pictures. Loops of the same two stretches of the way then count as one"""
 
     def __post_init__(self) -> None:

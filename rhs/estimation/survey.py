@@ -115,8 +115,8 @@ def _revised(revision: Revision, begun: np.ndarray, k: int, view: View) -> View:
 
 
 def _lifted(view: View, pose: np.ndarray, scan: Scan | None, walls: tuple[Wall, ...]) -> Features | None:
-    """The view's features; those of one eye get the points where their rays meet the walls the odometry settled on, or what
-    its scan measured."""
+    """The view's features; those of one camera get the points where their rays meet the walls the odometry settled on, or
+    what its scan measured."""
     if view.features is None or np.isfinite(view.features.points).any():
         return view.features
     if view.motion.scan_measured and scan is not None:

@@ -82,7 +82,7 @@ class Barred:
             self.backed += 1
             return back
         way, leaves_room = self._way_left(pose)
-        if self.barred and leaves_room and not self.contacts and self.guard.around.one_eye and self.guard.forget_seen():
+        if self.barred and leaves_room and not self.contacts and self.guard.around.monocular and self.guard.forget_seen():
             self.barred = 0
             return None  # planned anew by what is known
         bars = self.watch.cells & ~self._stays if leaves_room else self.watch.cells
@@ -165,7 +165,7 @@ class Barred:
     @property
     def _squeezes(self) -> bool:
         """Whether a gap hardly wider than the robot is tried."""
-        return self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.one_eye
+        return self.barred <= MOST_BARRED and not self.contacts and not self.guard.around.monocular
 
     def _approach(self, way: Path, at_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Where something moves, along the way that is left up to what bars it: seen from near it may leave room, and who
@@ -222,8 +222,8 @@ class Barred:
 
     def _near_things(self, pose: np.ndarray, *, walls: bool = False) -> np.ndarray:
         """(K, 2) metres in the map: what the robot has seen round itself lately and the map does not know; walls: or knows
-        nearly there, as one eye is off by as much as its way keeps from a wall. Where things move, what it has not looked at
-        for a while may have gone; not what its guard refuses to pass again and again."""
+        nearly there, as one camera is off by as much as its way keeps from a wall. Where things move, what it has not looked
+        at for a while may have gone; not what its guard refuses to pass again and again."""
         lately_s = self.settings.advanced.guard.fade_s if self.guard.moves and self.barred < MOST_BARRED else np.inf
         points = in_map(self.guard.around.things(lately_s), pose)
         near: np.ndarray = points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]

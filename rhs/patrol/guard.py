@@ -20,8 +20,8 @@ BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and w
 TIGHT_M = 0.04  # on a way through a gap hardly wider than the robot: half a cell of what was seen, and the noise of depth
 BESIDE_M, SHORT_STEP_M, SHORT_SIGHT_M = 0.2, 0.1, 0.2  # so near to things there: steps and lookahead that keep to the way
 MOST_HELD = 20  # looks and refusals on end, after which a robot that stands has looked enough
-MOST_REFUSED = 6  # commands on end after which one eye looks anew from where it gets to
-OFF_WALL_M = 0.3  # so far from a wall of the map one eye may have seen it (as mission.wall_tolerance_m)
+MOST_REFUSED = 6  # commands on end after which one camera looks anew from where it gets to
+OFF_WALL_M = 0.3  # so far from a wall of the map one camera may have seen it (as mission.wall_tolerance_m)
 LEAST_M = 0.08  # a shorter way is none
 LEAST_RAD = np.radians(1.0)  # nor is a smaller turn
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
@@ -36,7 +36,7 @@ class GuardSettings:
     """least distance of the robot's side to anything seen, metres: half the margin of the plans, so that a path planned with
     it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
     pictured_m: float = 0.05
-    """and so much further from what one eye read off pictures and the map does not know, metres; so do its plans. Such
+    """and so much further from what one camera read off pictures and the map does not know, metres; so do its plans. Such
     readings erred by 5 cm at 1.5 to 2 m (rms, a patrol of random:non_manhattan/710)"""
     look_s: float = 15.0
     """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in.
@@ -81,7 +81,7 @@ class Guard:
         self._here_s = -np.inf  # when the last view was taken after anything but a turn on the spot
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
         self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
-        self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; for one eye
+        self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; monocular
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 
@@ -133,8 +133,8 @@ class Guard:
         self.touched = bool(observation.contact) or self._still >= self.settings.still_views
 
     def back_off(self, walls_m: np.ndarray = NOTHING) -> Twist | None:
-        """Back the way it came (straight, after a turn on the spot; after a touch and with one eye turning no further than
-        in any command, else no view shows what the last one did) as far as nothing is known there; None without room. A
+        """Back the way it came (straight, after a turn on the spot; after a touch and with one camera turning no further
+        than in any command, else no view shows what the last one did) as far as nothing is known there; None without room. A
         robot that went back already and touched nothing goes back further; where something moves, over ground that it has
         just seen or come over. walls_m (K, 2): of the map, in the body frame."""
         touched, self.touched, self._still = self.touched, False, 0
@@ -142,7 +142,7 @@ class Guard:
         if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
         most_radps = np.inf
-        if touched or self.around.one_eye:
+        if touched or self.around.monocular:
             most_radps = self.pace.turn_step_rad * abs(came.forward_mps) / max(self.settings.back_off_m, LEAST_M)
         back = Twist(-came.forward_mps, float(np.clip(-came.turn_radps, -most_radps, most_radps)), came.duration_s)
         behind = self.around.unseen(back, margin_m=self.settings.side_m, up_to_m=self.settings.back_off_m,
@@ -173,14 +173,14 @@ class Guard:
         if not self.sees or command.forward_mps < 0.0:
             return command, None
         wished_m = command.forward_mps * command.duration_s
-        if wished_m > 0.0 and not self.around.one_eye and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
+        if wished_m > 0.0 and not self.around.monocular and len(self._to_see) < FEW_PATCHES and not self.pace.arc_radius_m:
             self._to_see = self.around.unseen(command, margin_m=self.settings.side_m, since_s=self._looked_since_s,
                                               up_to_m=wished_m + self.settings.ahead_m)
         if self._held < MOST_HELD and (look := self._look()) is not None:
             return self._turned(look, Event.LOOK)
         if wished_m == 0.0:
             return self._turned(command, None)
-        held = self._held >= MOST_HELD or self.around.one_eye or self.pace.arc_radius_m
+        held = self._held >= MOST_HELD or self.around.monocular or self.pace.arc_radius_m
         self._hidden_m = NOTHING if held else self.around.hidden(low=self.refused_for_hidden < MOST_HELD)
         seen_m = self._free_m(command, 1.5)
         if seen_m >= wished_m:
@@ -192,7 +192,7 @@ class Guard:
             return self._slowed(_cut(command, seen_m), seen_m), None
         self._refused += 1
         self.refused_for_hidden += self._hidden_alone(command)
-        if self.around.one_eye and self._refused % MOST_REFUSED == 0:
+        if self.around.monocular and self._refused % MOST_REFUSED == 0:
             self.forget_seen()
         return None, Event.STOPPED
 

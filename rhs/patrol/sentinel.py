@@ -97,13 +97,13 @@ class Sentinel(Barred):
 
     def note(self, belief: Belief, scan: Scan) -> None:
         sure, pose, around = belief.status is BeliefStatus.TRACKING, planar(belief.map_from_body), self.guard.around
-        around.map_m = self.watch.walls_near(pose, NEAR_M if around.one_eye else 1.0) if sure else None
+        around.map_m = self.watch.walls_near(pose, NEAR_M if around.monocular else 1.0) if sure else None
         if sure:
-            shown = scan if around.one_eye else self.obstacle  # pictures show a thing from its foot on the floor upwards
+            shown = scan if around.monocular else self.obstacle  # pictures show a thing from its foot on the floor upwards
             self.watch.look(belief.map_from_body, scan, shown, now_s=around.now_s, moves=around.moves)
             self.trails.note(in_map(around.came_now(), pose))
         self.guard.touched_m = in_body(self.watch.touched_m, pose) if sure else NOTHING
-        self.guard.known_m = self.watch.known_near(pose) if sure and around.one_eye else NOTHING
+        self.guard.known_m = self.watch.known_near(pose) if sure and around.monocular else NOTHING
 
     def move(self, source: Source, command: Twist | None) -> Capture | None:
         if command is not None and self.kidnapper is not None:
@@ -222,10 +222,10 @@ class Sentinel(Barred):
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
-        one_eye = self.guard.around.one_eye  # which may not see again from near what it saw from afar
-        near = self._near_things(pose, walls=one_eye) if self.barred else NOTHING
+        monocular = self.guard.around.monocular  # which may not see again from near what it saw from afar
+        near = self._near_things(pose, walls=monocular) if self.barred else NOTHING
         kept_from = [near]
-        if one_eye:  # as far as its pictures err; where no way does, what its guard keeps has to do
+        if monocular:  # as far as its pictures err; where no way does, what its guard keeps has to do
             wide = spread(self._near_things(pose), self.settings.advanced.guard.pictured_m)
             kept_from = [np.concatenate([near, wide]), near] if len(wide) else [near]
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None

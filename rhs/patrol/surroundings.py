@@ -42,7 +42,7 @@ class Surroundings:
         something moves. footprint: of a robot that is not round, and lies in the circle of radius_m."""
         from rhs.estimation.scans.votes import Votes  # compiled code
 
-        self.footprint, self.pictured_m = footprint, pictured_m  # how exactly one eye sees, metres
+        self.footprint, self.pictured_m = footprint, pictured_m  # how exactly one camera sees, metres
         self.radius_m, self.remember_s, self.fade_s, self.low_s = radius_m, remember_s, fade_s, low_s
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
@@ -61,7 +61,7 @@ class Surroundings:
         self.map_m: np.ndarray | None = None  # (K, 2) what the map knows near the robot, in its body frame; None: it is lost
         self.sees_floor = False  # the last view showed more than one height
         self.keeps_beside = True  # what is beside the robot is remembered longer
-        self.one_eye = False  # it was read off pictures that were compared: blind while the robot turns on the spot
+        self.monocular = False  # the last scan is of pictures that were compared: none while the robot turns on the spot
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
         self._patches = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)  # round the robot, metres
 
@@ -84,7 +84,7 @@ class Surroundings:
         self._follow()
         scan, obstacle = observation.scan, observation.obstacle
         if scan is None and obstacle is None and motion.scan_measured:
-            scan, self.one_eye = motion.scan, True
+            scan, self.monocular = motion.scan, True
         self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
         seen = []
         self.at_eye.walks = self.below.walks = np.isfinite(self.came_s)
@@ -309,9 +309,9 @@ class Surroundings:
         return float(way[np.argmax(bad)] - ARC_STEP_M) if bad.any() else up_to_m
 
     def _unsure_m(self, things_m: np.ndarray) -> np.ndarray:
-        """(K,) metres by which things (K, 2) of the body frame may stand nearer than they were seen: what one eye read off
-        pictures and the map does not know."""
-        reads = self.one_eye and self.map_m is not None
+        """(K,) metres by which things (K, 2) of the body frame may stand nearer than they were seen: what one camera read
+        off pictures and the map does not know."""
+        reads = self.monocular and self.map_m is not None
         return np.where(self._on_map(things_m), 0.0, self.pictured_m) if reads else np.zeros(len(things_m))
 
     def free_turn_rad(self, turn_rad: float, margin_m: float) -> float:

@@ -38,7 +38,7 @@ class Gate:
 
     act: str = "contradiction"
     """contradiction: wheels (or the last speed) replace a motion that contradicts them; off: an odometry is believed.
-    Only odometries that need depth are gated: those of one eye weave wheels and commands in themselves"""
+    Only odometries that need depth are gated: those of one camera weave wheels and commands in themselves"""
     probability: float = 0.999999
     """chance that a good motion passes; the rest, one in a million, is replaced by the wheels"""
     wheel_share: float = 0.1

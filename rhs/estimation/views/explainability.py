@@ -89,7 +89,7 @@ def expected(memory: Memory, query: Features, map_from_body: np.ndarray, setting
 
 
 def by_neighbours(memory: Memory, view: int, settings: ExplainSettings = USUAL) -> float:
-    """What the stored views nearest to this one explain of it (`score`); 1 of one eye, whose key-points have no depth."""
+    """What the stored views nearest to this one explain of it (`score`); 1 of one camera, whose key-points have no depth."""
     if not np.isfinite(memory.points[:, 2]).any():
         return 1.0
     if view not in memory.explained:

@@ -44,7 +44,7 @@ class Memory:
     @cached_property
     def placed(self) -> np.ndarray:
         """(P,) key-points of each view whose depth is known, by which alone a pose is found: in a hall wider than the camera
-        measures most have none. All of them where none has, as of one eye."""
+        measures most have none. All of them where none has, as of one camera."""
         known = np.isfinite(self.points[:, 2])
         ends = np.concatenate([[0], np.cumsum(known if known.any() else ~known)])
         counts: np.ndarray = np.diff(ends[self.starts])

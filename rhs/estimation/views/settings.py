@@ -37,7 +37,8 @@ class SightingSettings:
     """Lowe's ratio of the matches"""
     ransac: RansacSettings = field(default_factory=RansacSettings)
     depth_share: float = 0.0
-    """depths are wrong by this share of them beside a Kinect's noise (1 sigma): where one eye read them off its pictures"""
+    """depths are wrong by this share of them beside a Kinect's noise (1 sigma): where one camera read them off
+    its pictures"""
 
     def __post_init__(self) -> None:
         check_ranges("", self, min_inliers=(3, 100_000), min_coverage=(0.0, 1.0), ratio=(0.1, 1.0), depth_share=(0.0, 1.0))
