@@ -44,7 +44,7 @@ from .sights import Sights
 from .tasks import Patrol, Survey, explores
 
 logger = logging.getLogger("rhs.patrol")
-BLIND_SHARE = 0.5  # of a survey's views, lost, from which its map is that of the wheels
+BLIND_SHARE, BLIND_VIEWS = 0.5, 5  # of a survey's views, lost, from more of which its map is that of the wheels
 START_VARIANCE = np.array([1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3])  # of the belief a patrol begins with, if not better
 
 
@@ -175,7 +175,7 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
 def saw_nothing(views: Sequence[View], parts: Parts) -> str:
     """What to say of a survey most of which a depth camera was led through by the wheels alone; empty of any other."""
     lost = sum(view.motion.status is Tracking.LOST for view in views)
-    if "depth" not in parts.provides or lost <= BLIND_SHARE * len(views):
+    if "depth" not in parts.provides or lost <= max(BLIND_SHARE * len(views), BLIND_VIEWS):
         return ""
     fused = "" if "fused" in parts.who["odometry"] else ", or odometry=fused, which takes walls to be square to one another"
     return (f"the odometry had nothing to follow in {lost} of {len(views)} views of the survey (surfaces without a "

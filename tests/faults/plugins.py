@@ -178,7 +178,8 @@ def plugin_leaks(bench: Bench) -> None:
 
 @fault("P09", "a plugin seeds the global random generators anew", "0; no number of another part changes")
 def plugin_reseeds(bench: Bench) -> None:
-    rows = [bench.ask(*FAULTY, f"odometry.how={how}", f"output={how}", code=0).row(how) for how in ("none", "reseed")]
+    rows = [bench.ask(*FAULTY, f"odometry.how={how}", f"output={how}", code=0, says=says).row(how)
+            for how, says in (("none", ""), ("reseed", "global generator was used"))]
     for name in ("end_error_m", "ate_rmse_m", "path_length_m", "places_visited"):
         assert rows[0][name] == rows[1][name] is not None
 

@@ -208,10 +208,11 @@ class _Stored(SimpleNamespace):
 
 
 def test_what_stored_views_of_bare_walls_do_not_recognise_tells_nothing():
-    """Two stored views stand where the robot does, of 100 key-points each, or of 30 each."""
+    """Two stored views stand where the robot does, of 100 key-points each, or of 30 each; their neighbours explain them."""
     query = Features(np.zeros((90, 2)), np.zeros((90, 128)), np.zeros((90, 3)))
     for stored, tells in ((100, True), (30, False)):
-        memory = _Stored(stands=np.zeros((2, 3)), starts=np.arange(3) * stored)
+        memory = _Stored(stands=np.zeros((2, 3)), placed=np.full(2, stored), points=np.zeros((1, 3)),
+                         explained={0: 1.0, 1: 1.0})
         assert expected(memory, query, np.eye(4)) == tells
 
 

@@ -10,7 +10,7 @@ import pytest
 from installing import CHOICE, FAKES, HERE, environment, installed, installed_project
 
 from rhs.api.errors import PluginError
-from rhs.cli.help_text import help_text
+from rhs.cli.help_text import settings_text
 from rhs.config import registry
 from rhs.config.compose import compose_config
 
@@ -53,7 +53,7 @@ def test_its_answer_to_a_blocked_way_keeps_the_contract(site):
 
 def test_help_tells_its_settings_their_meaning_and_where_it_comes_from(site):
     with installed(FAKES, site):
-        text = " ".join(help_text().split())
+        text = " ".join(settings_text(["planner"]).split())
     assert "planner=straight_line Goes straight to the goal, or not at all. (from straight-line-planner 0.3)" in text
     assert "planner.step_m=0.05 distance between the points at which the line is looked at, metres [float]" in text
 
