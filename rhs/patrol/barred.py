@@ -55,6 +55,7 @@ class Barred:
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
         self.looked_again, self.ventured, self.last_reason = False, False, ""
+        self.by_map = False  # one eye plans by the map, whatever it saw near walls, until it has come past
         self.progress, self.aside, self.guard.refused_for_hidden = Progress(), Aside(), 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 
@@ -82,9 +83,9 @@ class Barred:
             self.backed += 1
             return back
         way, leaves_room = self._way_left(pose)
-        if self.barred and leaves_room and not self.contacts and self.guard.around.one_eye and self.guard.forget_seen():
-            self.barred = 0
-            return None  # planned anew by what is known
+        if self.barred and leaves_room and not self.contacts and self.guard.around.one_eye and not self.by_map:
+            self.by_map = True
+            return None  # planned anew by what is known; the guard keeps from what was seen
         bars = self.watch.cells & ~self._stays if leaves_room else self.watch.cells
         seen = self.grid.centres(np.argwhere(bars if bars.any() else self.watch.cells))
         if self.barred:

@@ -13,7 +13,7 @@ from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
 from .control import TURN_RATE_MAX_RADPS, Pace, turn
-from .surroundings import NOTHING, SURE, THING, Surroundings
+from .surroundings import NOTHING, OFF_WALL_M, SURE, THING, Surroundings
 
 CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of the arcs tried when the wished one is barred
 BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and what it sees of it is some time ago
@@ -21,7 +21,7 @@ TIGHT_M = 0.04  # on a way through a gap hardly wider than the robot: half a cel
 BESIDE_M, SHORT_STEP_M, SHORT_SIGHT_M = 0.2, 0.1, 0.2  # so near to things there: steps and lookahead that keep to the way
 MOST_HELD = 20  # looks and refusals on end, after which a robot that stands has looked enough
 MOST_REFUSED = 6  # commands on end after which one eye looks anew from where it gets to
-OFF_WALL_M = 0.3  # so far from a wall of the map one eye may have seen it (as mission.wall_tolerance_m)
+CLOSE_M, CLOSE_S = 0.02, 15.0  # then it passes so near to what it saw near walls, for so long, before it gives that up
 LEAST_M = 0.08  # a shorter way is none
 LEAST_RAD = np.radians(1.0)  # nor is a smaller turn
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
@@ -48,6 +48,9 @@ class GuardSettings:
     seconds"""
     remember_s: float = 60.0
     """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
+    remember_m: float = 5.0
+    """one eye, which sees nothing anew while it stands or turns, counts also on what it saw on its last so many metres,
+    unless something was seen to move"""
     ahead_m: float = 0.15
     """the ground is looked at this much further than the next command leads, metres"""
     brake_mps2: float = 0.5
@@ -61,8 +64,8 @@ class GuardSettings:
     votes: VoteSettings = field(default_factory=VoteSettings)
 
     def __post_init__(self) -> None:
-        check_ranges("", self, side_m=(0.0, 2.0), pictured_m=(0.0, 2.0), look_s=(0.1, 1e6),
-                     look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
+        check_ranges("", self, side_m=(0.0, 2.0), pictured_m=(0.0, 2.0), look_s=(0.1, 1e6), look_moving_s=(0.1, 1e6),
+                     fade_s=(0.1, 1e6), remember_s=(0.1, 1e6), remember_m=(0.0, 1e3), ahead_m=(0.0, 2.0),
                      brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
 
 
@@ -72,7 +75,8 @@ class Guard:
     def __init__(self, radius_m: float, pace: Pace, settings: GuardSettings, footprint: Footprint | None = None) -> None:
         self.radius_m, self.pace, self.settings = radius_m, pace, settings
         self.around = Surroundings(radius_m, settings.votes, remember_s=settings.remember_s, fade_s=settings.fade_s,
-                                   low_s=settings.look_s, pictured_m=settings.pictured_m, footprint=footprint)
+                                   low_s=settings.look_s, pictured_m=settings.pictured_m, remember_m=settings.remember_m,
+                                   footprint=footprint)
         self.touched = False
         self.tight = False  # whether the way leads through a gap hardly wider than the robot
         self.given: Twist | None = None
@@ -82,6 +86,7 @@ class Guard:
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
         self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
         self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; for one eye
+        self._close_s = -np.inf  # when one eye began to pass closer by what it saw near walls
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
 
@@ -193,7 +198,10 @@ class Guard:
         self._refused += 1
         self.refused_for_hidden += self._hidden_alone(command)
         if self.around.one_eye and self._refused % MOST_REFUSED == 0:
-            self.forget_seen()
+            if self._close or self.around.map_m is None:
+                self.forget_seen()
+            else:
+                self._close_s = self.around.now_s
         return None, Event.STOPPED
 
     def _hidden_alone(self, command: Twist) -> bool:
@@ -211,6 +219,11 @@ class Guard:
             return self.around.forget_near(self.around.map_m, OFF_WALL_M)
         self.around.forget()
         return True
+
+    @property
+    def _close(self) -> bool:
+        """Whether one eye passes closer by what it saw near walls, having been refused again and again."""
+        return self.around.now_s - self._close_s < CLOSE_S
 
     @property
     def _told_m(self) -> np.ndarray:
@@ -247,7 +260,9 @@ class Guard:
     def _free_m(self, command: Twist, up_to_m: float, turned_rad: float = 0.0) -> float:
         least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
         walls_m = np.concatenate([self._hidden_m, self._told_m])
-        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=walls_m, least=least, turned_rad=turned_rad)
+        closer_m = max(0.0, self.side_m - CLOSE_M) if self._close else 0.0
+        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=walls_m, least=least, turned_rad=turned_rad,
+                                      closer_m=closer_m)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

@@ -3,6 +3,8 @@ is worth, it does not drive into what it has seen, nor where it has not looked."
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from rhs.api.geometry import planar, se2
@@ -11,7 +13,7 @@ from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
 from .control import ARC_STEP_M, arc
-from .neighbours import has_neighbour, near_any
+from .neighbours import has_neighbour, near_any, too_near
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
 KEPT_M = 2.0  # the robot stays this near its middle
@@ -25,6 +27,8 @@ PATCH_M = 0.1  # grain of the ground that has to be seen
 HIDES_M = 0.5  # furniture that stands in the way is as deep as that; what of it was not seen is this near to what was
 HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
+OFF_WALL_M = 0.3  # so far from a wall of the map one eye may have seen it (as mission.wall_tolerance_m)
+WAY_STEP_M = 0.25  # of way between two times noted
 TRAIL_S = 2.0  # nothing that walks on is seen for longer in one cell; other low things are kept unless they bar for long
 NEXT_M = 2 * CELL_M  # what is known to stand this near the robot's side is what it touches
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
@@ -37,9 +41,11 @@ class Surroundings:
     """A grid of votes with the time at which each cell was seen last; its frame begins where the patrol does."""
 
     def __init__(self, radius_m: float, votes: VoteSettings, *, remember_s: float, fade_s: float = np.inf,
-                 low_s: float = np.inf, pictured_m: float = 0.0, footprint: Footprint | None = None) -> None:
+                 low_s: float = np.inf, pictured_m: float = 0.0, remember_m: float = 0.0,
+                 footprint: Footprint | None = None) -> None:
         """Seconds: what was seen is remembered; what came is, when it is seen no more; what is low and came unnoticed, while
-        something moves. footprint: of a robot that is not round, and lies in the circle of radius_m."""
+        something moves. remember_m: of way, on which one eye remembers what it saw before that too. footprint: of a robot
+        that is not round, and lies in the circle of radius_m."""
         from rhs.estimation.scans.votes import Votes  # compiled code
 
         self.footprint, self.pictured_m = footprint, pictured_m  # how exactly one eye sees, metres
@@ -49,6 +55,8 @@ class Surroundings:
         self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
         self.seen_s = np.full((cells, cells), -np.inf)
         self.pose, self.now_s = np.eye(4), -np.inf
+        self._way_s = deque([-np.inf], maxlen=1 + round(remember_m / WAY_STEP_M))  # when each of its last steps of way began
+        self._way_m = 0.0  # since the last of them
         self.moved_s = -np.inf  # when something was last seen where nothing had been
         self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
         self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
@@ -81,6 +89,10 @@ class Surroundings:
                 looked_s[:] = -np.inf
         self.pose = self.pose @ se2(*planar(motion.previous_from_body))
         self.now_s = observation.stamp_s
+        self._way_m += float(np.hypot(*motion.previous_from_body[:2, 3]))
+        if self._way_m >= WAY_STEP_M:
+            self._way_m = 0.0
+            self._way_s.append(self.now_s)
         self._follow()
         scan, obstacle = observation.scan, observation.obstacle
         if scan is None and obstacle is None and motion.scan_measured:
@@ -158,6 +170,12 @@ class Surroundings:
     def moves(self) -> bool:
         """Whether something was seen to move lately."""
         return self.now_s - self.moved_s < self.remember_s
+
+    @property
+    def _old_s(self) -> float:
+        """What was seen before that is not counted on."""
+        lately_s = self.now_s - self.remember_s
+        return min(lately_s, self._way_s[0]) if self.one_eye and not self.moves else lately_s
 
     def forget(self) -> None:
         """Nothing was seen yet."""
@@ -239,7 +257,7 @@ class Surroundings:
         cells = rows + row, columns + column
         seen_s, below_s, came_s = self.seen_s[cells], self.below_s[cells], self.came_s[cells]
         at_eye, below = self.at_eye.votes[cells] >= least, self.below.votes[cells] >= least
-        remembered = seen_s >= self.now_s - self.remember_s
+        remembered = seen_s >= self._old_s
         beside = self.keeps_beside & (np.linalg.norm(points - self.pose[:2, 3], axis=-1) < self.radius_m + BESIDE_M)
         beside &= came_s >= self.now_s - self.low_s  # nobody saw it go; but who came goes on after a while
         fresh = remembered & (came_s >= self.now_s - self.fade_s)  # what came may have gone unseen
@@ -249,15 +267,15 @@ class Surroundings:
             if self.keeps_beside:
                 stale &= below_s - self.since_s[cells] < TRAIL_S
             low[stale] = self._on_map(self.in_body(points[stale]))
-        low |= below & beside & (below_s >= self.now_s - self.remember_s)
+        low |= below & beside & (below_s >= self._old_s)
         found = low | (at_eye & ((fresh & (seen_s >= self.now_s - within_s)) | (beside & remembered)))
         points, votes = points[found], np.maximum(self.at_eye.votes[cells], self.below.votes[cells])[found]
         body = self.in_body(points[(votes >= SPECK_VOTES) | has_neighbour(points, SPECK_M)])
         return body[np.hypot(*body.T) < NEAR_M]
 
-    def _on_map(self, points_m: np.ndarray) -> np.ndarray:
+    def _on_map(self, points_m: np.ndarray, within_m: float = MAPPED_M) -> np.ndarray:
         """(K,) bool: of points (K, 2) of the body frame, those where the map knows something: that does not go."""
-        return near_any(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
+        return near_any(points_m, NOTHING if self.map_m is None else self.map_m, within_m)
 
     def bump(self, ahead: float, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back: where something is known to stand, by what was seen or
@@ -285,13 +303,16 @@ class Surroundings:
         return np.full(len(bearings_rad), self.radius_m) if self.footprint is None else self.footprint.reach_m(bearings_rad)
 
     def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING,
-                   least: float = THING, turned_rad: float = 0.0) -> float:
+                   least: float = THING, turned_rad: float = 0.0, closer_m: float = 0.0) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
         nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; least: votes;
-        turned_rad: of a robot that turns on the spot first."""
+        turned_rad: of a robot that turns on the spot first; closer_m: so much nearer than that to what was seen near walls
+        of the map."""
         seen, (at, way) = self.things(least=least), arc(command, up_to_m)
         things = np.concatenate([seen, walls_m])
         margins_m = np.concatenate([margin_m + self._unsure_m(seen), np.full(len(walls_m), margin_m)])
+        if closer_m:
+            margins_m[:len(seen)] -= closer_m * self._on_map(seen, OFF_WALL_M)
         if not len(things):
             return up_to_m
         c, s = np.cos(turned_rad), np.sin(turned_rad)
@@ -304,7 +325,7 @@ class Surroundings:
             curvature = command.turn_radps / command.forward_mps if command.forward_mps else 0.0
             yaw_rad = curvature * way * (1.0 if command.forward_mps >= 0 else -1.0)
             close = near.any(axis=0)
-            wrong = self._too_near(self.footprint, things[close], np.column_stack([at, yaw_rad]), margins_m[close])
+            wrong = too_near(self.footprint, things[close], np.column_stack([at, yaw_rad]), margins_m[close])
         bad = wrong.any(axis=1)
         return float(way[np.argmax(bad)] - ARC_STEP_M) if bad.any() else up_to_m
 
@@ -323,19 +344,8 @@ class Surroundings:
         steps = max(1, int(np.ceil(abs(turn_rad) / TURN_STEP_RAD)))
         yaw_rad = turn_rad * np.arange(1, steps + 1) / steps
         stands = np.column_stack([np.zeros((steps, 2)), yaw_rad])
-        bad = self._too_near(self.footprint, things, stands, margin_m).any(axis=1)
+        bad = too_near(self.footprint, things, stands, margin_m).any(axis=1)
         return float(turn_rad * np.argmax(bad) / steps) if bad.any() else turn_rad
-
-    @staticmethod
-    def _too_near(footprint: Footprint, things_m: np.ndarray, stands: np.ndarray,
-                  margin_m: float | np.ndarray) -> np.ndarray:
-        """(M, K) bool: on each of stands (M, 3), x, y, yaw in the body frame, the robot's side is nearer than margin_m
-        (K,) to the thing (K, 2), and nearer than now."""
-        from_m, (c, s) = things_m - stands[:, None, :2], (f(stands[:, None, 2]) for f in (np.cos, np.sin))
-        turned = np.stack([from_m[..., 0] * c + from_m[..., 1] * s, from_m[..., 1] * c - from_m[..., 0] * s], axis=-1)
-        gaps = footprint.gaps_m(turned)
-        near: np.ndarray = (gaps < margin_m) & (gaps < footprint.gaps_m(things_m) - 0.01)
-        return near
 
     def unseen(self, command: Twist, *, margin_m: float, up_to_m: float, since_s: float) -> np.ndarray:
         """(K, 2) patches that the robot would pass over on the command's arc and that no view since since_s has covered, in
