@@ -32,6 +32,20 @@ def pictured(index: int, x_m: float) -> tuple[Observation, Motion]:
             Motion(np.eye(4), 1e-6 * np.eye(6), Tracking.OK, scan=scan(x_m), scan_measured=True))
 
 
+def blind(index: int, moved_m: float) -> tuple[Observation, Motion]:
+    """A view of one eye in which nothing could be measured."""
+    nothing = Scan(BEARINGS, np.full(len(BEARINGS), np.nan), 6.0)
+    return (Observation(index, 0.5 * index, CAMERA),
+            Motion(se2(moved_m, 0.0, 0.0), 1e-6 * np.eye(6), Tracking.OK, scan=nothing, scan_measured=True))
+
+
+def see(watched: Guard, seen_m: np.ndarray) -> None:
+    """Something was seen just now at (K, 2) of the body frame."""
+    around = watched.around
+    cells = around._cells_at(seen_m)
+    around.at_eye.votes[cells[:, 0], cells[:, 1]], around.seen_s[cells[:, 0], cells[:, 1]] = 4.0, around.now_s
+
+
 def watch() -> ObstacleWatch:
     grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
     return ObstacleWatch(grid, grid.free(), tolerance_m=0.3)
@@ -110,6 +124,42 @@ def test_one_eye_counts_refusals_on_end_and_then_drives_by_what_is_known() -> No
     assert watched.allow(AHEAD) == refused
 
 
+def test_one_eye_refused_again_and_again_passes_closer_by_a_wall_before_it_gives_up_what_it_saw() -> None:
+    """A wall of the map on the right, seen 4 cm from the side of a robot that keeps 5: refused six times, then passed."""
+    watched, wall_m = guard(), np.array([[0.05 * k, -0.34] for k in range(4, 20)])
+    watched.observe(*pictured(1, 5.0))
+    see(watched, wall_m)
+    watched.around.map_m = wall_m
+    allowed = [watched.allow(AHEAD)[0] is not None for _ in range(MOST_REFUSED + 1)]
+    assert allowed == [False] * MOST_REFUSED + [True]
+    assert len(watched.around.things()) > 10, "and it still knows of it"
+    see(watched, np.array([[0.36, 0.0]]))
+    watched.around.map_m = np.concatenate([wall_m, [[0.36, 0.0]]])
+    for _ in range(MOST_REFUSED):
+        assert watched.allow(AHEAD) == (None, Event.STOPPED), "what stands right ahead bars closer too"
+    assert not len(watched.around.things()), "then what was seen is given up"
+
+
+def test_one_eye_that_turns_beside_something_knows_of_it_until_it_has_driven_on() -> None:
+    """A thing seen 0.4 m to the left; two minutes of turns on the spot; then 6 m of way."""
+    watched = guard()
+    watched.observe(*blind(0, 0.25))
+    see(watched, np.array([[0.0, 0.4]]))
+    for index in range(1, 250):
+        watched.observe(*blind(index, 0.0))
+    assert len(watched.around.things()) == 1
+    watched = guard()
+    watched.observe(*blind(0, 0.0))
+    for index in range(1, 25):  # it drives on for 6 m beside a wall
+        see(watched, np.array([[0.0, 0.4]]))
+        watched.observe(*blind(index, 0.25))
+    behind_m = -watched.around.things()[:, 0].min()
+    assert 1.0 < behind_m, "what it saw on its last metres it knows"
+    for index in range(200, 225):
+        watched.observe(*blind(index, 0.25))
+    assert not len(watched.around.things())
+
+
 def test_one_eye_keeps_further_from_what_the_map_does_not_know() -> None:
     """A wall 0.6 m ahead of a robot of 0.3 m: 0.25 m of way to a known one, 0.2 m to one that was read off pictures."""
     watched = guard()
@@ -119,15 +169,14 @@ def test_one_eye_keeps_further_from_what_the_map_does_not_know() -> None:
         assert watched.around.free_way_m(AHEAD, 0.05, 0.5) == pytest.approx(way_m, abs=0.03)
 
 
-def one_eyed(seen_m: np.ndarray) -> tuple[Sentinel, np.ndarray]:
-    """One eye at (1, 1) of a free corridor, for which something stands at seen_m (K, 2) of its body frame."""
-    grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
-    sentinel = Sentinel(parts(None), grid, (), places=(("a", 4.0, 1.0),), radius_m=0.3, settings=MissionSettings())
-    pose, around = np.array([1.0, 1.0, 0.0]), sentinel.guard.around
+def one_eyed(seen_m: np.ndarray, width_m: float = 2.0) -> tuple[Sentinel, np.ndarray]:
+    """One eye in the middle of a free corridor so wide, for which something stands at seen_m (K, 2) of its body frame."""
+    pose = np.array([1.0, 0.5 * width_m, 0.0])
+    grid = Flatland(ring(width_m=width_m), tuple(pose), ()).grid()
+    sentinel = Sentinel(parts(None), grid, (), places=(("a", 4.0, pose[1]),), radius_m=0.3, settings=MissionSettings())
     sentinel.book.open(pose[:2])
     sentinel.guard.observe(*pictured(1, 5.0))
-    cells = around._cells(seen_m)
-    around.at_eye.votes[cells[:, 0], cells[:, 1]], around.seen_s[cells[:, 0], cells[:, 1]] = 4.0, around.now_s
+    see(sentinel.guard, seen_m)
     return sentinel, pose
 
 
@@ -148,3 +197,14 @@ def test_one_eye_that_has_no_way_past_what_it_saw_near_walls_goes_by_the_map() -
         assert sentinel.guard.forget_seen() == (stays == 0)
         assert len(around.things()) == stays
         assert len(sentinel.guard._told_m) == len(walls)
+
+
+def test_one_eye_whose_way_is_barred_by_what_it_saw_near_walls_plans_by_the_map_and_does_not_forget_it() -> None:
+    """A corridor with 0.8 m between its walls, which a robot of 0.6 m saw 0.1 m too near on both sides."""
+    walls = np.array([[0.1 * k, side] for k in range(-9, 30) for side in (-0.28, 0.38)])
+    sentinel, pose = one_eyed(walls, width_m=0.9)
+    sentinel.guard.around.map_m, sentinel.barred, sentinel.backed = sentinel.watch.walls_near(pose, 2.5), 1, 9
+    seen = len(sentinel.guard.around.things())
+    assert not sentinel._plan(pose, [])
+    assert sentinel._after_failed_plan(pose, []) is None and sentinel.by_map
+    assert sentinel._plan(pose, []) and len(sentinel.guard.around.things()) == seen > 0
