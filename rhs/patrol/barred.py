@@ -55,7 +55,7 @@ class Barred:
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
         self.looked_again, self.ventured, self.last_reason = False, False, ""
-        self.by_map = False  # one eye plans by the map, whatever it saw near walls, until it has come past
+        self.by_map = False  # one eye plans by what is known, whatever it saw near by, until it has come past
         self.progress, self.aside, self.guard.refused_for_hidden = Progress(), Aside(), 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 

@@ -224,7 +224,7 @@ class Sentinel(Barred):
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
         one_eye = self.guard.around.one_eye  # which may not see again from near what it saw from afar
-        near = self._near_things(pose, walls=one_eye and not self.by_map) if self.barred else NOTHING
+        near = self._near_things(pose, walls=one_eye) if self.barred and not self.by_map else NOTHING
         kept_from = [near]
         if one_eye:  # as far as its pictures err; where no way does, what its guard keeps has to do
             wide = spread(self._near_things(pose), self.settings.advanced.guard.pictured_m)
