@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rhs.api.geometry import planar
@@ -11,7 +13,7 @@ from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
 
 from .changed_map import ChangedMap
-from .surroundings import TRAIL_S
+from .surroundings import HIDES_M, TRAIL_S
 
 PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
 BESIDE_CELLS = 1.5  # so near to what stays there nothing has gone, cells
@@ -76,6 +78,7 @@ class ObstacleWatch:
         self._wall_gap_m = gap_cells * grid.resolution_m
         self.watch_on(free)
         self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
+        self._behind = np.zeros(grid.shape, bool)  # what a thing that the map does not know hid, when it was seen
         # of each: when a beam of it last passed a cell or ended there; one at eye height says nothing of what lies lower
         self.seen_s = np.full((2, *grid.shape), -np.inf)
         self.since_s = np.full((2, *grid.shape), np.inf)  # when it first saw what stands there, also if forgotten since
@@ -83,6 +86,25 @@ class ObstacleWatch:
     def watch_on(self, free: np.ndarray) -> None:
         """Tell things on these cells (H, W) from the map's walls, and take no notice of others."""
         self.gap_m = np.where(free, self._wall_gap_m, 0.0)  # to the nearest wall; 0 where nothing is known
+
+    def shade(self, map_from_body: np.ndarray, scan: Scan, radius_m: float) -> None:
+        """Note the ground behind what this view shows and the map does not know: the rest of it may stand there. Not where
+        the robot of that radius stands."""
+        shows = self._unknown(map_from_body, scan) & (scan.ranges_m < self.within_m)
+        for by_m in np.arange(self.grid.resolution_m, HIDES_M + 1e-9, 0.5 * self.grid.resolution_m):
+            points = scan_points(map_from_body, replace(scan, ranges_m=np.where(shows, scan.ranges_m + by_m, np.nan)))
+            cells = self.grid.cells(points[self.unknown(points, 0.0)])
+            self._behind[cells[:, 0], cells[:, 1]] = True
+        self._behind &= ~self.near(map_from_body[:2, 3], radius_m)
+
+    @property
+    def hidden(self) -> np.ndarray:
+        """(H, W) bool: so near behind a thing that the map does not know, and in no view of this patrol."""
+        if not self._behind.any():
+            return self._behind
+        near = inflate(self.cells, HIDES_M / self.grid.resolution_m)
+        hidden: np.ndarray = self._behind & near & np.isneginf(self.seen_s[0]) & ~self.cells
+        return hidden
 
     def forget(self) -> None:
         """A new mission begins with the map as surveyed, and with what was touched and nobody has looked through since."""

@@ -17,7 +17,7 @@ from rhs.api.validate import check_path
 from .guard import TIGHT_M
 from .mission import MissionSettings
 
-LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
+LONGER, LONGER_M = 1.2, 0.5  # room is worth a way this much longer, not the other way round the building
 COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
 SIDES = (1.0, 0.75, 0.5, 0.0)  # shares of the margin tried in this order in finer cells, none below TIGHT_M
 FINER = 3  # for them cells of the map are split so often, each way
@@ -62,7 +62,7 @@ class RoomyPlanner:
             return tight
         for room in self._grown[:-1] if least.found else ():
             plan = ask(*room)
-            if plan.found and length_m(plan) <= LONGER * length_m(least) + 0.5:
+            if plan.found and length_m(plan) <= LONGER * length_m(least) + LONGER_M:
                 return plan
         if least.reason is PlanReason.GOAL_BLOCKED and not self._something_at(goal_m, obstacles, gap_cells):
             return replace(least, reason=PlanReason.NEVER_SEEN)

@@ -18,16 +18,18 @@ from rhs.estimation.survey import known_free
 from .aside import PASSED_M, Trails
 from .barred import Barred
 from .changed_map import ChangedMap
-from .control import Pace, closest_gap, steer, target_on, turn
+from .control import Pace, ahead_on_path, closest_gap, steer, target_on, turn
 from .guard import Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import ELSEWHERE_M, Logbook, MissionSettings
+from .neighbours import near_any
 from .obstacles import ObstacleWatch, in_body, in_map, spread
-from .planning import RoomyPlanner
+from .planning import LONGER, LONGER_M, RoomyPlanner, length_m
 from .relocate import Search, cut_to_room
-from .surroundings import NEAR_M, NOTHING, SURE
+from .surroundings import HIDDEN_M, NEAR_M, NOTHING, SURE
 
+AGAIN_VIEWS = 8  # one eye plans anew past what it sees more of no more often
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -73,7 +75,7 @@ class Sentinel(Barred):
 
     def _begin_place(self) -> None:
         super()._begin_place()
-        self.views_spent = self.lost_steps = 0
+        self.views_spent = self.lost_steps = self.planned_at = 0
 
     # --- the pilot's side of the loop -------------------------------------------------------------------------
 
@@ -101,6 +103,8 @@ class Sentinel(Barred):
         if sure:
             shown = scan if around.one_eye else self.obstacle  # pictures show a thing from its foot on the floor upwards
             self.watch.look(belief.map_from_body, scan, shown, now_s=around.now_s, moves=around.moves)
+            if around.one_eye:
+                self.watch.shade(belief.map_from_body, scan, self.radius_m)
             self.trails.note(in_map(around.came_now(), pose))
         self.guard.touched_m = in_body(self.watch.touched_m, pose) if sure else NOTHING
         self.guard.known_m = self.watch.known_near(pose) if sure and around.one_eye else NOTHING
@@ -179,6 +183,8 @@ class Sentinel(Barred):
             command = self._answer(blockage, pose, events)
             if command is not None or self.book.current is None:
                 return command
+        if self.path is not None and self.guard.around.one_eye and self._leads_past_hidden(self.path, pose):
+            self.path, self.attempts = None, self.attempts - 1
         if self.path is not None and closest_gap(self.path, pose) > 0.6:
             self.path = None
             self.book.missions[-1].replans += 1
@@ -235,7 +241,9 @@ class Sentinel(Barred):
             plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
                                    seen_m=seen)
             if plan.found:
+                plan = self._round_hidden(plan, pose, goal_m, things) if one_eye else plan
                 break
+        self.planned_at = self.views_spent
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
@@ -243,6 +251,27 @@ class Sentinel(Barred):
         self.last_reason = plan.reason
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
+
+    def _round_hidden(self, plan: Path, pose: np.ndarray, goal_m: np.ndarray, things_m: np.ndarray) -> Path:
+        """The way, or one hardly longer that keeps from the unseen rest of what the map does not know too: one eye sees one
+        face of a box, passes it and turns in behind it."""
+        hidden, side_m = self.watch.hidden, self.roads.side_m
+        if not hidden.any():
+            return plan
+        wider = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells | hidden, things_m=things_m)
+        if wider.found and length_m(wider) <= LONGER * length_m(plan) + LONGER_M:
+            return wider
+        self.roads.side_m = side_m
+        return plan
+
+    def _leads_past_hidden(self, path: Path, pose: np.ndarray) -> bool:
+        """Whether the way ahead comes too near to the unseen rest of something, and was not planned just now."""
+        hidden_m = self.grid.centres(np.argwhere(self.watch.hidden))
+        if not len(hidden_m) or self.views_spent < self.planned_at + AGAIN_VIEWS:
+            return False
+        ahead = ahead_on_path(path.points_m, pose[:2], HIDDEN_M)
+        least_m = self.radius_m + self.settings.margin_m - 0.5 * self.grid.resolution_m
+        return bool(near_any(ahead, hidden_m, least_m).any())
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)
