@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
+from rhs.api.contracts import PLUGIN_KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
@@ -30,7 +31,7 @@ COMMANDS = {
     "bench": ("rhs.cli.bench", "a frozen benchmark with reproducible rows: bench planning-v1 --mine planner=mine"),
     "new": ("rhs.cli.new", "write a package with a plugin to start from: new planner my_planner"),
     "completion": ("rhs.cli.completion", "tab completion of the command `rhs`: completion bash | zsh | fish"),
-    "help": ("rhs.cli.commands", "help columns | events | kinds | commands"),
+    "help": ("rhs.cli.commands", "help KIND | settings | columns | events | statuses | kinds | commands"),
 }
 
 EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
@@ -41,6 +42,8 @@ def command(words: Sequence[str]) -> Callable[[], int] | None:
     if not words or words[0].startswith("-") or "=" in words[0] or words[0].startswith(("~", "+")):
         return None
     name, rest = words[0], [word for word in words[1:] if word != "--debug"]
+    if name in PLUGIN_KINDS:
+        raise ConfigError(f"{name} is a kind of part: type {name}=NAME, or python -m rhs help {name} for those there are")
     if name not in COMMANDS:
         raise ConfigError(f"{name}: neither a command nor key=value{nearest(name, list(COMMANDS))}; "
                           f"commands: {', '.join(COMMANDS)}")
@@ -95,14 +98,19 @@ def show_help(words: Sequence[str]) -> int:
     if topic == "commands":
         for name, (_, meaning) in COMMANDS.items():
             sys.stdout.write(f"  python -m rhs {name:<12} {meaning}\n")
-        sys.stdout.write("  python -m rhs --help       options, plugins and settings of a run\n")
+        sys.stdout.write("  python -m rhs --help       options of a run, parts to choose from\n")
         return 0
     if topic == "kinds":
         return _kinds()
+    from .help_text import KINDS, settings_text
+
+    if topic == "settings" or topic in PLUGIN_KINDS:
+        sys.stdout.write(settings_text(KINDS if topic == "settings" else [topic]) + "\n")
+        return 0
     wanted = {"columns": "Columns", "events": "Events", "statuses": "tatus"}.get(topic)
     if wanted is None:
-        raise ConfigError(f"help {topic}: there is help columns, events, statuses, kinds and commands; "
-                          f"python -m rhs --help for plugins and settings")
+        raise ConfigError(f"help {topic}: there is help commands, columns, events, statuses, settings, kinds and "
+                          f"{', '.join(PLUGIN_KINDS)}")
     section = ""
     for title, name, meaning in lines():
         if topic != "columns" and wanted not in title:
@@ -116,7 +124,6 @@ def show_help(words: Sequence[str]) -> int:
 
 
 def _kinds() -> int:
-    from rhs.api.contracts import PLUGIN_KINDS
     from rhs.config import registry
 
     for kind in PLUGIN_KINDS:

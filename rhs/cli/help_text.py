@@ -1,4 +1,4 @@
-"""The text of --help, made from what is registered: every plugin, every setting, its meaning, type and default.
+"""The texts of --help and `help`, made from what is registered: every plugin, every setting, its meaning, type and default.
 
 The meaning of a setting is the string literal after it in its settings dataclass: one home for each fact.
 """
@@ -6,6 +6,7 @@ The meaning of a setting is the string literal after it in its settings dataclas
 from __future__ import annotations
 
 import dataclasses
+import re
 import textwrap
 import typing
 from collections.abc import Iterator, Sequence
@@ -21,12 +22,19 @@ from rhs.config import registry
 from rhs.config.documented import field_docs, summary
 
 WIDTH = 118
+KINDS = (*CHOICES, "engine")
 
 TOP = """\
 python -m rhs [options] key=value ...     one run: map a building, then patrol it
 python -m rhs -m key=value1,value2 ...    a sweep: one run for each combination of values
-python -m rhs planner=prm --help          one part in full, with its advanced thresholds
-python -m rhs COMMAND ...                 tables, reports, checks and more: python -m rhs help commands
+python -m rhs COMMAND ...                 tables, reports, checks and more
+
+More help
+  python -m rhs help commands             every command in a line
+  python -m rhs help planner              the planners, each with its settings; the same for every kind below
+  python -m rhs planner=prm --help        one part in full, with its advanced thresholds
+  python -m rhs help settings             every part and every setting, with unit and default
+  python -m rhs help columns              every column of a table (also: events, statuses)
 
 Options
   -m, --multirun      run every combination of the given values, each in its own process
@@ -47,29 +55,46 @@ A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 
 Words of a sweep: engine=NAME, where its jobs run; keep=all|failures|none, whose folders stay (failures above 1000 jobs);
 share=false, jobs that differ only after the survey do not share one.
 Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 and 143 interrupted.
-The meaning of the columns of a table: python -m rhs help columns
 """
 
 
 def help_text(words: Sequence[str] = ()) -> str:
-    """All of it, or only the parts that the words `kind=name` choose."""
-    wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in (*CHOICES, "engine") and "=" in word]
+    """What --help prints: how to begin and what there is, by name, or all of the parts that the words `kind=name` choose."""
+    wanted = [tuple(word.split("=", 1)) for word in words if word.split("=", 1)[0] in KINDS and "=" in word]
     if wanted:
         return "\n".join("\n".join(_plugin(kind, name, is_default=False, full=True)) for kind, name in wanted)
-    lines = [TOP, "Experiments and stacks", *_folder_lines(), "", "Settings of a run", *_core_settings(), ""]
-    chosen = _defaults() | {"engine": "process"}
-    for kind in (*CHOICES, "engine"):
-        lines += [f"{kind}: {', '.join(registry.names(kind)) or 'none registered'}", ""]
+    chosen = _chosen()
+    parts = [line for kind in KINDS for line in _entry(f"  {kind}", _names(kind, chosen.get(kind)), indent=16)]
+    return "\n".join([TOP, "Parts, the default first (another sensor brings odometry, mapper and localiser that suit it)",
+                      *parts, "", "Settings of a run", *_core_settings(), "", "Experiments and stacks", *_folder_lines()])
+
+
+def settings_text(kinds: Sequence[str] = KINDS) -> str:
+    """Every part of these kinds with its settings but for advanced thresholds; of all kinds those of a run too."""
+    lines = ["Settings of a run", *_core_settings(), ""] if tuple(kinds) == KINDS else []
+    chosen = _chosen()
+    for kind in kinds:
+        lines += [f"{kind}: {_names(kind, chosen.get(kind))}", ""]
         for name in registry.names(kind):
             lines += _plugin(kind, name, is_default=chosen.get(kind) == name)
         lines.append("")
     return "\n".join(lines).rstrip()
 
 
-def _defaults() -> dict[str, str]:
-    """What conf/config.yaml chooses when nothing is said."""
-    entries = load_yaml(data_dir("conf") / "config.yaml").get("defaults", [])
-    return {key: str(value) for entry in entries if isinstance(entry, dict) for key, value in entry.items()}
+def _names(kind: str, default: str | None) -> str:
+    return ", ".join(sorted(registry.names(kind), key=lambda name: name != default)) or "none registered"
+
+
+def _chosen() -> dict[str, str]:
+    """The parts of a run to which nothing is said: by kind, those of the default sensor included."""
+    chosen = _entries("config.yaml") | {"engine": "process"}
+    return chosen | _entries(f"stack/{chosen['sensor']}.yaml")
+
+
+def _entries(page: str) -> dict[str, str]:
+    """What a page of conf/ chooses, by kind."""
+    entries = load_yaml(data_dir("conf") / page).get("defaults", [])
+    return {key.lstrip("/"): str(value) for entry in entries if isinstance(entry, dict) for key, value in entry.items()}
 
 
 def _folder_lines() -> Iterator[str]:
@@ -79,13 +104,19 @@ def _folder_lines() -> Iterator[str]:
 
 
 def _first_comment(path: Path) -> str:
-    comments = [line.lstrip("# ").rstrip() for line in path.read_text("utf-8").splitlines() if line.startswith("#")]
-    return next((line for line in comments if line and not line.startswith("@")), "")
+    """The first sentence of a page's comments."""
+    lines = path.read_text("utf-8").splitlines()
+    comments = [line.lstrip("# ").rstrip() for line in lines if line.startswith("#") and not line.startswith("# @")]
+    return re.split(r"(?<=\.) (?=[A-Z])", " ".join(comments), maxsplit=1)[0]
 
 
 def _plugin(kind: str, name: str, *, is_default: bool, full: bool = False) -> list[str]:
     if failure := registry.failure(kind, name):
         return list(_entry(f"  {kind}={name}", f"NOT USABLE: {failure}"))
+    if kind == "metric":
+        heads = [(f"    {metric.name}", f"{metric.meaning} [{metric.unit}]" if metric.unit else metric.meaning)
+                 for metric in registry.load(kind, name)]  # type: ignore[attr-defined]
+        return [f"  metric={name}", *(line for head in heads for line in _entry(*head))]
     cls = registry.load(kind, name)
     origin = registry.origins(kind, name)[0]
     notes = [note for note in ("the default" if is_default else "",

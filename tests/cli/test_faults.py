@@ -105,7 +105,7 @@ def test_a_terminal_that_lacks_a_letter_is_no_accident(tmp_path):
 
 
 def test_a_closed_pipe_is_no_accident(tmp_path):
-    done = subprocess.run(f"{sys.executable} -m rhs --help | head -1", shell=True, cwd=tmp_path, capture_output=True,
+    done = subprocess.run(f"{sys.executable} -m rhs help settings | head -1", shell=True, cwd=tmp_path, capture_output=True,
                           text=True, env=environment(FAKES), timeout=60)
     assert done.returncode == 0
     assert "Traceback" not in done.stderr

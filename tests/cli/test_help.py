@@ -1,4 +1,4 @@
-"""--help tells everything, quickly, without loading anything heavy."""
+"""--help and help tell everything, quickly, without loading anything heavy."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import pytest
 from installing import FAKES, environment, installed
 
 from rhs.api import settings
-from rhs.api.contracts import DEGRADE, KINDS
+from rhs.api.contracts import DEGRADE, KINDS, PLUGIN_KINDS
 from rhs.base.errors import ConfigError
 from rhs.cli.commands import COMMANDS, command
-from rhs.cli.help_text import help_text
+from rhs.cli.help_text import help_text, settings_text
 from rhs.config import registry
 from rhs.config.documented import field_docs
 
@@ -22,17 +22,18 @@ HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "r
 
 
 def test_every_plugin_and_every_setting_is_listed_with_its_default():
-    text = help_text()
+    text, short = settings_text(), help_text()
     for kind in (*KINDS, DEGRADE):
+        assert f"  {kind}=" not in short and settings_text([kind]) in text
         for name in registry.names(kind):
-            assert f"  {kind}={name}" in text
+            assert f"  {kind}={name}" in text and name in short
             if registry.failure(kind, name) is None:
                 for key in settings.defaults(registry.load(kind, name)):
                     assert (f"    {kind}.{key}=" in text) == (key != "advanced")
 
 
 def test_advanced_thresholds_stand_in_the_help_of_their_own_part_only():
-    assert "localiser.advanced." not in help_text()
+    assert "localiser.advanced." not in settings_text()
     one = help_text(["localiser=sift_db"])
     assert "    localiser.advanced.places.rival_share=0.85" in one
     assert "    localiser.advanced.places.explain.near_deg=40.0" in one
@@ -75,7 +76,7 @@ def test_the_meaning_of_a_setting_is_the_string_literal_after_it_base_classes_in
 
 def test_a_plugin_that_cannot_be_imported_is_listed_with_the_reason():
     with installed(FAKES):
-        text = " ".join(help_text().split())
+        text = " ".join(settings_text().split())
         one = help_text(["planner=fake"])
     assert "planner=broken NOT USABLE" in text
     assert "No module named 'a_module_nobody_has'" in text
@@ -85,14 +86,37 @@ def test_a_plugin_that_cannot_be_imported_is_listed_with_the_reason():
     assert "sensor" not in one
 
 
-@pytest.mark.parametrize("words", [["--help"], ["planner=fake", "--help"]])
+@pytest.mark.parametrize("words", [["--help"], ["planner=fake", "--help"], ["help", "settings"]])
 def test_help_loads_no_heavy_library(words):
     code = ("import sys; from rhs.cli.main import main; assert main(sys.argv[1:]) == 0;"
             f"bad = [m for m in {HEAVY!r} if m in sys.modules]; print('LOADED', bad, file=sys.stderr)")
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60,
                           env=environment(FAKES), check=True)
     assert "LOADED []" in done.stderr
-    assert "planner=fake" in done.stdout
+    assert "fake" in done.stdout
+
+
+def test_help_is_read_in_a_minute_and_begins_with_what_is_taken_by_default():
+    lines = help_text().splitlines()
+    assert len(lines) < 150
+    first = {tuple(line.split(",")[0].split()) for line in lines}
+    assert {("odometry", "keyframe"), ("planner", "prm"), ("sensor", "rgbd")} <= first
+
+
+def test_help_of_every_kind_lists_its_parts(capsys):
+    for kind in PLUGIN_KINDS:
+        assert command(["help", kind])() == 0
+        said = capsys.readouterr().out
+        assert all(f"  {kind}={name}" in said for name in registry.names(kind)), kind
+    assert "tracked_share" in settings_text(["metric"])
+
+
+def test_help_of_what_there_is_not_says_what_there_is(capsys):
+    with pytest.raises(ConfigError, match="help plans: there is help commands, columns, .* planner"):
+        command(["help", "plans"])()
+    with pytest.raises(ConfigError, match="^planner is a kind of part: type planner=NAME, or python -m rhs help planner"):
+        command(["planner"])
+    assert not capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

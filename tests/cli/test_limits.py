@@ -105,7 +105,7 @@ def test_a_plugin_that_never_ends_importing_does_not_hang_the_help(tmp_path):
     (tmp_path / "slow-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: slow\nVersion: 1.0\n")
     (tmp_path / "slow-1.0.dist-info" / "entry_points.txt").write_text("[rhs.planner]\nsleepy = sleepy:Sleepy\n")
     (tmp_path / "sleepy.py").write_text("import time\ntry:\n    time.sleep(3600)\nexcept Exception:\n    time.sleep(3600)\n")
-    done = subprocess.run([sys.executable, "-m", "rhs", "--help"], cwd=tmp_path, env=environment(tmp_path),
+    done = subprocess.run([sys.executable, "-m", "rhs", "help", "planner"], cwd=tmp_path, env=environment(tmp_path),
                           capture_output=True, text=True, timeout=120)
     assert done.returncode == 0
     told = done.stdout[done.stdout.index("planner=sleepy"):][:300]

@@ -284,8 +284,8 @@ class CameraFitSettings:
     """of the way, whose errors are taken for independent"""
     least_off: float = 0.04
     """a focal length, or a size of the depth image, that is off by less contradicts nothing, a share: fast turns of a
-    rolling shutter and the bent depth of a Kinect move a right one by up to 0.03 (results/README.md); colour and depth of
-    two cameras differ by 0.1"""
+    rolling shutter and the bent depth of a Kinect move a right one by up to 0.03 (measured: results/history); colour and
+    depth of two cameras differ by 0.1"""
     sure_sigma: float = 4.0
     """nor one that is off by less than so many standard errors"""
 
