@@ -20,7 +20,8 @@ BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and w
 TIGHT_M = 0.04  # on a way through a gap hardly wider than the robot: half a cell of what was seen, and the noise of depth
 BESIDE_M, SHORT_STEP_M, SHORT_SIGHT_M = 0.2, 0.1, 0.2  # so near to things there: steps and lookahead that keep to the way
 MOST_HELD = 20  # looks and refusals on end, after which a robot that stands has looked enough
-MOST_REFUSED = 6  # commands on end after which one eye looks anew from where it gets to
+MOST_REFUSED = 6  # commands on end after which one eye passes closer, then looks anew from where it gets to
+HEADWAY_M = 0.25  # let on so far it has come past; less is to and fro
 CLOSE_M, CLOSE_S = 0.02, 15.0  # then it passes so near to what it saw near walls, for so long, before it gives that up
 LEAST_M = 0.08  # a shorter way is none
 LEAST_RAD = np.radians(1.0)  # nor is a smaller turn
@@ -86,6 +87,7 @@ class Guard:
         self._to_see = np.zeros((0, 2))  # ground to look at, in the frame of the surroundings
         self.touched_m = NOTHING  # (K, 2) what was touched in this patrol and nobody has looked through, in the body frame
         self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; for one eye
+        self._on_m = 0.0  # metres that the robot was let on since it was refused, less what it went back
         self._close_s = -np.inf  # when one eye began to pass closer by what it saw near walls
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
@@ -156,7 +158,10 @@ class Guard:
             return None  # somebody may have come up there
         walls_m = np.concatenate([walls_m, self._told_m])
         way_m = self.around.free_way_m(back, BEHIND_M, self.settings.back_off_m, walls_m=walls_m)
-        return _cut(back, way_m) if way_m >= LEAST_M else None
+        if way_m < LEAST_M:
+            return None
+        self._on_m -= way_m
+        return _cut(back, way_m)
 
     def bump(self, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Mark what was touched; its (K, 2) points in the body frame, in which known_m (K, 2) is what else is known."""
@@ -169,7 +174,9 @@ class Guard:
         self.around.keeps_beside = self._held < MOST_HELD
         allowed, why = self._allowed(command, target_m)
         if allowed is not None and allowed.forward_mps > 0.0:
-            self._held = self._refused = 0
+            self._held = 0
+            self._on_m += allowed.forward_mps * allowed.duration_s
+            self._refused = 0 if self._on_m >= HEADWAY_M else self._refused
         elif command.forward_mps > 0.0:
             self._held += 1
         return allowed, why
@@ -195,6 +202,7 @@ class Guard:
             return other, None
         if seen_m >= LEAST_M:
             return self._slowed(_cut(command, seen_m), seen_m), None
+        self._on_m = self._on_m if self._refused else 0.0
         self._refused += 1
         self.refused_for_hidden += self._hidden_alone(command)
         if self.around.one_eye and self._refused % MOST_REFUSED == 0:

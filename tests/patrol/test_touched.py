@@ -140,6 +140,21 @@ def test_one_eye_refused_again_and_again_passes_closer_by_a_wall_before_it_gives
     assert not len(watched.around.things()), "then what was seen is given up"
 
 
+def test_going_back_and_on_again_before_the_same_thing_is_no_headway() -> None:
+    """Refused, back by 0.2 m, and on by 0.12: still refused on end; let on by 0.25 m it is not."""
+    watched, on = guard(), Twist(0.5, 0.0, 0.24)
+    for index in range(MOST_REFUSED - 1):
+        watched.around.forget()
+        watched.observe(*pictured(index, 0.36))
+        assert watched.allow(AHEAD) == (None, Event.STOPPED)
+        watched.around.forget()
+        assert watched.back_off() is not None and watched.allow(on)[0] is not None
+    assert watched._refused == MOST_REFUSED - 1
+    for _ in range(20):
+        assert watched.allow(on)[0] is not None
+    assert watched._refused == 0
+
+
 def test_one_eye_that_turns_beside_something_knows_of_it_until_it_has_driven_on() -> None:
     """A thing seen 0.4 m to the left; two minutes of turns on the spot; then 6 m of way."""
     watched = guard()
