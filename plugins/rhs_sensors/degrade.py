@@ -37,12 +37,11 @@ def noisy_image(image: np.ndarray, sigma: float, rng: np.random.Generator) -> np
     """The (H, W, 3) uint8 image with Gaussian noise of `sigma` grey levels on every channel, rounded and clipped."""
     if sigma == 0.0:
         return frozen(image.copy())
-    noise = rng.standard_normal(image.shape, dtype=np.float32)
-    noise *= sigma
-    noise += image
-    np.rint(noise, out=noise)
-    np.clip(noise, 0, 255, out=noise)
-    return frozen(noise.astype(np.uint8))
+    from .noise import add_grey, chosen, grey_levels  # numba takes half a second to load, which `--help` need not wait for
+
+    seen = np.empty(image.shape, np.uint8)
+    add_grey(np.ascontiguousarray(image).reshape(-1), chosen(rng, image.size), grey_levels(sigma), seen.reshape(-1))
+    return frozen(seen)
 
 
 def image_of(capture: Capture, camera: Camera) -> np.ndarray:

@@ -17,11 +17,11 @@ import numpy as np
 from rhs.api.contracts import Context
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture, Observation, Scan
-from rhs.api.spare import both
 from rhs.estimation.scans.obstacle_scan import ObstacleScanner, levelled
 from rhs.estimation.views.depth_noise import DepthLevel, mended
 
 from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
+from .noise import chosen, measure_depth, normal
 from .rgbd import Rgbd
 
 
@@ -35,6 +35,7 @@ class RgbdSensor:
         self._camera = context.camera
         self._image_rng, self._depth_rng, wheel_rng = context.rng.spawn(3)
         self._encoders = Encoders(settings, wheel_rng)
+        self._law = law_of(settings)
         self._rows = ScanRows(context.camera, settings)
         self._level, self._left = (DepthLevel(settings.advanced.depth_noise) for _ in range(2))
         self._band: ObstacleScanner | None = None
@@ -47,13 +48,12 @@ class RgbdSensor:
         noise = self._settings.noise and not capture.sensed
         ideal = depth_of(capture, self._camera)
         image_sigma = self._settings.image_sigma if noise else 0.0
-        (depth, scan, obstacle, times), image = both(lambda: self._ranges(ideal, noise),
-                                              lambda: noisy_image(clean, image_sigma, self._image_rng))
+        depth, scan, obstacle, times = self._ranges(ideal, noise)
         return Observation(
             capture.index,
             capture.stamp_s,
             self._camera,
-            image=image,
+            image=noisy_image(clean, image_sigma, self._image_rng),
             depth=depth,
             scan=scan,
             command=capture.command,
@@ -84,25 +84,21 @@ class RgbdSensor:
     def _degraded(self, ideal: np.ndarray, noise: bool) -> np.ndarray:
         """(H, W) float32 depth with noise, in steps of disparity, NaN outside the range."""
         settings = self._settings
-        depth = ideal.astype(np.float32, copy=True)
+        depth = np.array(ideal, np.float32, order="C")
         if noise:
-            depth[~np.isfinite(depth)] = np.nan
-            sigma = settings.depth_constant_m + settings.depth_quadratic_per_m * (depth - np.float32(0.4)) ** 2
-            sigma *= np.float32(settings.depth_noise)
-            depth += sigma * self._depth_rng.standard_normal(depth.shape, dtype=np.float32)
-            depth = quantised(depth, settings.disparity_m_px, settings.disparity_step_px)
+            which = chosen(self._depth_rng, depth.size)
+            return frozen(measure_depth(depth.reshape(-1), which, normal(), *self._law).reshape(depth.shape))
         with np.errstate(invalid="ignore"):
             depth[~((depth >= settings.min_range_m) & (depth <= settings.max_range_m))] = np.nan
         return frozen(depth)
 
 
-def quantised(depth: np.ndarray, disparity_m_px: float, step_px: float) -> np.ndarray:
-    """Depth whose disparity (disparity_m_px / depth) is a whole number of steps; NaN where it is not positive."""
-    if step_px == 0.0:
-        return depth
-    with np.errstate(divide="ignore", invalid="ignore"):
-        steps = np.rint(np.where(depth > 0, disparity_m_px / depth, np.nan) / step_px)
-        return (disparity_m_px / (steps * step_px)).astype(np.float32)
+def law_of(settings: Rgbd) -> tuple[tuple[np.float32, np.float32], ...]:
+    """What `measure_depth` is told: the deviation's two parts, disparity and its steps, the range."""
+    times = settings.depth_noise
+    pairs = ((times * settings.depth_constant_m, times * settings.depth_quadratic_per_m),
+             (settings.disparity_m_px, settings.disparity_step_px), (settings.min_range_m, settings.max_range_m))
+    return tuple((np.float32(first), np.float32(second)) for first, second in pairs)
 
 
 class RowSettings(Protocol):

@@ -8,7 +8,6 @@ import numpy as np
 from rhs.api.contracts import Context
 from rhs.api.errors import ContractError
 from rhs.api.records import Capture, Observation, Scan
-from rhs.api.spare import both
 from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_of
 from rhs.estimation.scans.floor_end import FloorEnds, filled
 from rhs.estimation.scans.obstacle_scan import ObstacleScanner
@@ -36,8 +35,7 @@ class StereoSensor:
         clean, clean_right = image_of(capture, self._camera), self._right_of(capture)
         pair = self._pair or self._meet(capture)
         sigma = self._settings.image_sigma if self._settings.noise and not capture.sensed else 0.0
-        image, right = both(lambda: noisy_image(clean, sigma, self._left_rng),
-                            lambda: noisy_image(clean_right, sigma, self._right_rng))
+        image, right = noisy_image(clean, sigma, self._left_rng), noisy_image(clean_right, sigma, self._right_rng)
         depth = frozen(pair.depth(image, right))
         scan, obstacle = self._scans(depth)
         return Observation(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import re
 import shutil
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -27,13 +28,16 @@ from .folders.frames import is_frames, open_frames
 from .folders.kitti import is_kitti, open_kitti
 from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
 from .folders.tartan import is_tartan, open_tartan
+from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
-from .replay_tum import UNREADABLE, Recording, is_tum, open_tum
-from .unread import of_file
+from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
+from .unread import BESIDE, of_file
 
 log = logging.getLogger("rhs.replay")
+NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic")  # in names of folders
+LENSED = re.compile(r"(?<!un)distorted")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
 
 
@@ -83,8 +87,8 @@ class ReplaySource(Source):
 
     @property
     def views_lost(self) -> int:  # type: ignore[override]
-        """Views that could not be read, so far."""
-        return self.rejected[UNREADABLE]
+        """Views that could not be read, or are of a clock that was set back, so far."""
+        return self.rejected[UNREADABLE] + self.rejected[SET_BACK]
 
     def _tell(self) -> None:
         """Once, at the end: what was left out or put right, in the log and in recording.json, for the metrics alone."""
@@ -168,11 +172,17 @@ def open_recording(settings) -> Recording:
             return FORMATS[kind][1](path, settings)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
-    inner = sorted(path.iterdir()) if path.is_dir() else [path]
-    if advice := next(filter(None, map(of_file, inner)), ""):
+    if advice := next(filter(None, map(of_file, _likely(path))), ""):
         raise ConfigError(f"source.path={settings.path}: found {advice}")
     raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI, EuRoC or "
                       "TartanAir folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
+
+
+def _likely(path: Path) -> list[Path]:
+    """The file, or those of a folder; tables and arrays, which lie beside anything, only where there is nothing else."""
+    inner = sorted(path.iterdir()) if path.is_dir() else [path]
+    beside = [p for p in inner if p.suffix.lower() in BESIDE]
+    return inner if len(beside) == len(inner) else [p for p in inner if p not in beside]
 
 
 # Which formats have a use for a setting: what was typed for another is refused, not ignored.
@@ -240,8 +250,13 @@ def _found(path: Path) -> str:
     if len(bags) > 1:
         return f"found {len(bags)} bags; type source.path={bags[0]} (the parts of one are read together if numbered alike)"
     names = sorted(p.name for p in path.iterdir())
+    video = next((p for p in sorted(path.iterdir()) if p.suffix.lower() in VIDEOS), None)
+    if video is not None and (path / "depth").is_dir():
+        return (f"found {video.name} beside depth; in that folder type: mkdir rgb; ffmpeg -i {video.name} -vsync 0 "
+                "-start_number 0 rgb/%06d.png")
     inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
-             and "depth" not in p.name.lower()]
+             and not NO_VIEWS.search(p.name.lower())]
     if inner:
-        return f"found no recording but one in it; type source.path={inner[0]}"
+        best = min(inner, key=lambda p: LENSED.search(str(p.relative_to(path))) is not None)
+        return f"found no recording but one in it; type source.path={best}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

@@ -1,4 +1,5 @@
-"""7-Scenes style folders: NAME.color.png, NAME.depth.png (16 bit, 1000 = 1 m), NAME.pose.txt (4x4 world_from_camera).
+"""7-Scenes style folders: NAME.color.png, NAME.depth.png (16 bit, 1000 = 1 m), NAME.pose.txt (4x4 world_from_camera); also
+NAME.color.jpg with NAME.depth.pgm (ScanNet's SensReader), NAME-color.png with NAME-depth.png (RGB-D Scenes).
 
 Shotton et al., "Scene coordinate regression forests", CVPR 2013. 0 and 65535 are unknown depth; a pose that holds NaN
 was never found and is unknown. The recordings have no stamps: 30 views a second.
@@ -10,6 +11,7 @@ cameras are taken to be registered.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -27,16 +29,17 @@ RATE_HZ = 30.0
 
 
 def is_seven_scenes(path: Path) -> bool:
-    return any(path.glob("*.color.*"))
+    return any(path.glob("*[.-]color.*"))
 
 
 def open_seven_scenes(path: Path, settings) -> Recording:
     """The views of a 7-Scenes folder in the order of their names. Raises ConfigError when a depth image is missing."""
     pairs, stamps, poses, unknown = [], [], [], 0
-    for number, color in enumerate(sorted(path.glob("*.color.*"))):
-        name = color.name.split(".color.")[0]
-        depth = path / f"{name}.depth.png"
-        if not depth.is_file():
+    for number, color in enumerate(sorted(path.glob("*[.-]color.*"))):
+        name, mark = re.split("[.-]color[.]", color.name)[0], color.stem[-len("color") - 1]
+        depth = next((file for end in ("png", "pgm") if (file := path / f"{name}{mark}depth.{end}").is_file()), None)
+        if depth is None:
+            depth = path / f"{name}{mark}depth.png"
             raise ConfigError(f"{path}: {color.name} is there but {depth.name} is not; replay needs both")
         stamp = number / (settings.rate_hz or RATE_HZ)
         pairs.append((stamp, color, depth))

@@ -27,6 +27,7 @@ from .replay_stamps import Truth, associate, in_order, read_tum_truth, rows, sec
 
 log = logging.getLogger("rhs.replay")
 UNREADABLE = "unreadable"  # of Recording.rejected: views whose files or messages hold no image
+SET_BACK = "of_a_clock_set_back"  # views of a bag whose stamps step back further than messages overtake one another
 ALIGNED = "aligned_depth.txt"
 COLORS, DEPTHS = ("rgb.txt", "color.txt"), (ALIGNED, "depth.txt")
 

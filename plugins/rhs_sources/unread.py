@@ -16,9 +16,19 @@ FILES = {
     ".rawlog": "a log of MRPT: convert it to a ROS bag or a CARMEN log",
     ".h5": f"a data file: export it as {_IMAGES}, or as a bag",
     ".active": "a bag that was not closed: rosbag reindex {file}, then name it .bag",
+    ".lcm": "a log of LCM: convert it to a ROS bag, or its scans to a CARMEN log",
+    ".rel": "relations, to judge a way by: source.relations={file} beside the source.path=LOG of their log",
+    ".gfs": "GMapping's own log: give the CARMEN log that it was made of",
+    ".csv": "a table: of scans write a CARMEN log, a line each: FLASER N ranges x y yaw x y yaw stamp host stamp",
+    ".las": "a cloud of a map or a scan: write .pcd or .ply, one file a scan (CloudCompare -O {file} -C_EXPORT_FMT PLY "
+            "-SAVE_CLOUDS)",
+    ".npy": "arrays: of clouds type points.astype('float32').tofile('000000.bin'); of depth they are read beside rgb",
+    ".xyz": "points as text: write .pcd, .ply or float32 x, y, z as .bin, one file a scan",
     ".db": "a data base: of RTAB-Map, rtabmap-export or rtabmap-databaseViewer write its images",
 }
+FILES |= dict.fromkeys((".laz", ".e57"), FILES[".las"]) | {".relations": FILES[".rel"], ".pts": FILES[".xyz"]}
 FILES |= {".svo2": FILES[".svo"], ".oniz": FILES[".oni"], ".pcapng": FILES[".pcap"], ".hdf5": FILES[".h5"]}
+BESIDE = (".csv", ".npy", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
 VIDEO = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "theora")
 MESSAGES = {
     "CustomMsg": "Livox's own message is not read: drive it with xfer_format: 0 (PointCloud2), or convert it",
@@ -33,7 +43,8 @@ MESSAGES = {
 
 def of_file(path: Path) -> str:
     """What to do with such a file; empty where nobody knows."""
-    return FILES.get(path.suffix.lower(), "").format(file=path.name)
+    ending = ".lcm" if path.name.startswith("lcmlog-") else path.suffix.lower()
+    return FILES.get(ending, "").format(file=path.name)
 
 
 def of_topics(found: Mapping[str, str]) -> str:

@@ -20,9 +20,10 @@ from .files import replacing
 from .geometry import align, inverse, se3
 
 _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
-_NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov")
+_NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
 _EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
+_NCLT_ROW = re.compile(r"\d{16}(,\s*[^,\s]+){6}$")  # microseconds, x y z, roll pitch heading
 _DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
 ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")
@@ -94,8 +95,8 @@ def seconds_in(stamp: float) -> float:
 
 def in_tum_order(text: str) -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
-    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, commented or not), or EuRoC's, which begins with whole
-    nanoseconds and a comma, without one; line by line. Another text as it is."""
+    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, commented or not), or EuRoC's, which begins
+    with whole nanoseconds and a comma, or NCLT's, with angles, without one; line by line. Another text as it is."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
@@ -103,21 +104,27 @@ def in_tum_order(text: str) -> str:
             nano = re.search(r"stamp[^,;]*\[ns\]|_ns\b|nsec|nanosec", line) is not None
             return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
         if words := line.split("#", 1)[0].strip():
+            if _NCLT_ROW.match(words):
+                return "\n".join(map(_of_angles, lines))
             plain = _EUROC if _EUROC_ROW.match(words) else _TUM if ";" in words else []
             return "\n".join(_ordered(row, plain, nano=False) for row in lines) if plain else text
     return text
 
 
 def _columns(header: str) -> list[int]:
-    """Where stamp x y z qx qy qz qw stand, by the names in a header; empty where it does not name each of them once."""
+    """Where stamp x y z qx qy qz qw stand, by the names in a header, and behind them the nanoseconds of a stamp in two
+    columns; empty where it does not name each of them once. 4Seasons calls its stamps frame_id."""
     separator = ";" if ";" in header else "," if "," in header else None
     found: dict[str, list[int]] = {}
     for k, name in enumerate(header.lstrip("#%\ufeff ").split(separator)):
-        name = re.sub(r"[\[(].*", "", name.strip(" \"'").lower()).strip()
+        name = re.sub(r"[\[(].*", "", name.strip(" \"'_").lower()).strip()
         turn = "q" if re.search(r"q|ori|rot", name[:-1]) else ""
         if not _NO_POSE.search(name):
-            found.setdefault("t" if _STAMP.fullmatch(name) else turn + name[-1:], []).append(k)
-    wanted = [found.get(key, []) for key in ("t", "x", "y", "z", "qx", "qy", "qz", "qw")]
+            key = name if name in ("nsec", "frame_id") else "t" if _STAMP.fullmatch(name) else turn + name[-1:]
+            found.setdefault(key, []).append(k)
+    stamps = found.get("t") or found.get("nsec") or found.get("frame_id", [])
+    wanted = [stamps, *(found.get(key, []) for key in ("x", "y", "z", "qx", "qy", "qz", "qw"))]
+    wanted += [found["nsec"]] if "t" in found and "nsec" in found else []
     return [ks[0] for ks in wanted] if all(len(ks) == 1 for ks in wanted) else []
 
 
@@ -126,10 +133,26 @@ def _ordered(row: str, order: list[int], *, nano: bool) -> str:
     if len(words) <= max(order):
         return row
     words = [words[k] for k in order]
+    if len(words) > len(_TUM):
+        return f"{words[0]}.{words[-1].zfill(9)} {' '.join(words[1:-1])}"
     behind = 9 if nano else _DIGITS.get(len(words[0]), 0)
     if behind and words[0].isdigit():
         words[0] = f"{words[0].zfill(behind + 1)[:-behind]}.{words[0].zfill(behind + 1)[-behind:]}"
     return " ".join(words)
+
+
+def _of_angles(row: str) -> str:
+    """NCLT's line, its angles about fixed axes as a quaternion; nothing of one that holds nan."""
+    from scipy.spatial.transform import Rotation
+
+    words = row.split("#", 1)[0].replace(",", " ").split()
+    if not _NCLT_ROW.match(row.strip()) or "nan" in row.lower():
+        return row if "nan" not in row.lower() else ""
+    try:
+        turn = Rotation.from_euler("xyz", [float(word) for word in words[4:]]).as_quat()
+    except ValueError:
+        return row
+    return f"{words[0][:-6]}.{words[0][-6:]} {' '.join(words[1:4])} {' '.join(f'{v:.9f}' for v in turn)}"
 
 
 def _text(path: Path) -> str:
@@ -148,8 +171,9 @@ def _tum_row(words: list[str], where: str) -> list[float]:
     except ValueError:
         row = []
     if len(row) != 8 or not np.all(np.isfinite(row)):
+        alone = "; of places alone write 0 0 0 1 behind each (rotations then tell nothing)" if len(row) == 4 else ""
         raise RecordingError(f"{where}: found '{' '.join(words)[:60]}', expected 8 finite numbers: "
-                             f"stamp x y z qx qy qz qw")
+                             f"stamp x y z qx qy qz qw{alone}")
     check_unit(row[4:], where)
     return row
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import EnumMeta
+
 
 class RhsError(Exception):
     """Any failure that rhs foresaw; shown as one line."""
@@ -29,6 +31,14 @@ class EngineError(RhsError):
 
 class RecordingError(RhsError):
     """A recording cannot be read or written."""
+
+
+def words_of(error: BaseException) -> str:
+    """What an error says; of a name that an enumeration lacks, of which Python says the name alone, those that it has."""
+    kind = getattr(error, "obj", None)
+    if isinstance(error, AttributeError) and isinstance(kind, EnumMeta):
+        return f"{kind.__name__} has no {error.name}; it has {', '.join(kind.__members__)}"
+    return str(error)
 
 
 # The last word of a name -> the unit that is said of its range.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import traceback
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rhs.base.commands import LONGEST, plain, shortened
 from rhs.base.errors import RhsError
@@ -25,6 +25,7 @@ class Terminated(KeyboardInterrupt):
 def one_run(config: RunConfig, debug: bool) -> int:
     """Run it under a progress bar, say what came of it; the exit code."""
     from rhs.api.jit import on_compile
+    from rhs.base.shared_state import global_states
     from rhs.base.system import processors
     from rhs.metrics.evaluate import folder_fault
     from rhs.metrics.truth_clock import clock_fault
@@ -36,11 +37,16 @@ def one_run(config: RunConfig, debug: bool) -> int:
 
     on_compile(partial(_compiling, beside=config.ahead != "off" and processors() > 1))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
+        before = global_states()
         row = run_config(config, claim.folder, bar)
+        drawn = [name for name, state in global_states().items() if state != before[name]]
         claim.publish()
         cause = row.pop("_cause", None)
         print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
     status = row.get("status")
+    if drawn and row.get("plugins"):
+        print(f"rhs: {' and '.join(drawn)}'s global generator was used: the same seed may not give this row again; a part "
+              "draws from context.rng", file=sys.stderr)
     for fault in (clock_fault(row), folder_fault(claim.folder) if status == "ok" else ""):
         if fault:
             print(f"rhs: {fault}", file=sys.stderr)
@@ -48,7 +54,7 @@ def one_run(config: RunConfig, debug: bool) -> int:
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
         return 3
     if status == "ok" and row.get("success") == 0:
-        print(f"rhs: not achieved: {row.get('plan_failure') or row.get('failure', '')}", file=sys.stderr)
+        print(f"rhs: not achieved: {row.get('plan_failure') or row.get('failure', '')}{_check_hint(row)}", file=sys.stderr)
         return 3
     failures = [str(row[name]) for name in ("row_failures", "metric_failures", "picture_failures") if row.get(name)]
     if status == "ok" and (failed := "; ".join(failures)):
@@ -58,6 +64,11 @@ def one_run(config: RunConfig, debug: bool) -> int:
         return 0
     code = 1 if cause is None or status != "interrupted" else signal_code(cause)
     return complain(cause, code, debug, f"{status}: {row.get('reason', '')}")
+
+
+def _check_hint(row: dict[str, Any]) -> str:
+    """What to type where parts took part that are not rhs's own; empty where none did."""
+    return "; does your part keep its contract? python -m rhs check [--plugin FILE] KIND=NAME" if row.get("plugins") else ""
 
 
 def _compiling(beside: bool) -> None:

@@ -51,17 +51,27 @@ def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> s
 
 def w_first(poses: np.ndarray) -> np.ndarray:
     """Poses (N, 4, 4) whose quaternions were read with w last, with w first."""
+    return _in_order(poses, [1, 2, 3, 0])
+
+
+def w_last(poses: np.ndarray) -> np.ndarray:
+    """The other way round."""
+    return _in_order(poses, [3, 0, 1, 2])
+
+
+def _in_order(poses: np.ndarray, order: list[int]) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     out = poses.copy()
-    out[:, :3, :3] = Rotation.from_quat(Rotation.from_matrix(poses[:, :3, :3]).as_quat()[:, [1, 2, 3, 0]]).as_matrix()
+    out[:, :3, :3] = Rotation.from_quat(Rotation.from_matrix(poses[:, :3, :3]).as_quat()[:, order]).as_matrix()
     return out
 
 
 # Of either file: misread alike, the two go together.
+_QW = ("qw first (of EuRoC's form: last): rpe_* mean nothing; name the columns in its first line: # timestamp tx ty tz qw "
+       "qx qy qz")
 READINGS: tuple[tuple[Callable[[np.ndarray], np.ndarray], str], ...] = (
-    (w_first, "qw first (of EuRoC's form: last): rpe_* mean nothing; name the columns in its first line: # timestamp tx "
-              "ty tz qw qx qy qz"),
+    (w_first, _QW), (w_last, _QW),
     (inverse, "the poses of the world in the body (Tcw): no figure means anything as read; invert them"),
 )
 

@@ -3,8 +3,8 @@
 Told apart by the first line. KITTI (Geiger et al. 2012): twelve numbers a line, the upper rows of world_from_camera, or
 sixteen (Replica); stamps are those of a times.txt beside it, else the numbers of the lines in place of seconds. MulRan: a
 stamp before the twelve. TartanAir: x y z qx qy qz qw without a stamp. Graphs (g2o, TORO): their vertices, numbered as they
-are. EuRoC (Burri et al. 2016): commas; nanoseconds, x y z, qw qx qy qz, and whatever follows. A header that names the
-columns is believed. Anything else is read as TUM.
+are. EuRoC (Burri et al. 2016): commas; nanoseconds, x y z, qw qx qy qz, and whatever follows. NCLT: microseconds, x y z,
+roll pitch heading. A header that names the columns is believed. Anything else is read as TUM.
 """
 
 from __future__ import annotations
@@ -36,12 +36,14 @@ def read_trajectory(path: Path) -> Trajectory:
     first = rows[0][1] if rows else [""]
     if first[0].startswith("VERTEX"):
         return _graph(path, rows)
+    if in_tum_order(text) is not text or not _is_number(first[0]):
+        return read_tum(path)  # a header, or a form with one order
     for stamped in (0, 1):  # EuRoC's has seventeen too, but no rotation there
         if len(first) - stamped in (MATRIX, WHOLE) and (not stamped or _is_rotation(first[1:])):
             return _matrices(path, rows, stamped)
     if len(first) == UNTIMED:
         return _untimed(path, rows)
-    if first[0].isdigit() and in_tum_order(text) is text and text.count(",") >= (EUROC_NUMBERS - 1) * len(rows):
+    if first[0].isdigit() and text.count(",") >= (EUROC_NUMBERS - 1) * len(rows):
         return _euroc(path, rows)
     return read_tum(path)
 
@@ -49,6 +51,14 @@ def read_trajectory(path: Path) -> Trajectory:
 def numbered(way: Trajectory) -> bool:
     """Whether the stamps of a trajectory are the numbers of its lines, because its file tells no time."""
     return len(way) > 1 and np.array_equal(way.stamps_s, np.arange(len(way)))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_rotation(words: list[str]) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rhs.api.files import replacing
 from rhs.base.commands import plain
-from rhs.base.errors import RhsError
+from rhs.base.errors import RhsError, words_of
 from rhs.config.compose import RunConfig
 from rhs.config.parts import called
 
@@ -88,6 +88,6 @@ def exit_noticed(tell: Callable[[str], None]) -> Iterator[None]:
 
 def _said(error: BaseException) -> str:
     try:
-        return str(error)
+        return words_of(error)
     except BaseException:
         return "(its text cannot be shown)"

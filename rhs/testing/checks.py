@@ -15,6 +15,7 @@ from rhs.api.contracts import DEGRADE as DEGRADED
 from rhs.api.contracts import SLAM
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.settings import slip
+from rhs.base.errors import words_of
 from rhs.config.documented import field_docs, summary
 from rhs.config.parts import SENSED
 
@@ -60,8 +61,10 @@ def _asserting(check: Check) -> Check:
     def asserting(settings: Any, folder: Path) -> None:
         try:
             check(settings, folder)
-        except AssertionError:
-            raise
+        except AssertionError as error:
+            if str(error):
+                raise
+            raise AssertionError(in_words(error)) from error  # of the part, which says nothing
         except Exception as error:
             hint = ("; depth, scan and wheel are None unless `needs` names them, wheel and command also in a view without "
                     "content" if "NoneType" in str(error) and _its_own(error) else "")
@@ -75,7 +78,7 @@ def in_words(error: BaseException) -> str:
     if isinstance(error, ContractError):
         return " ".join(str(error).split())
     own = _its_own(error)
-    return " ".join(f"{type(error).__name__}: {error}{f' ({own[-1]})' if own else ''}".split())
+    return " ".join(f"{type(error).__name__}: {words_of(error)}{f' ({own[-1]})' if own else ''}".split())
 
 
 def _its_own(error: BaseException) -> list[str]:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from rhs.base.shared_state import global_states
+
 UNUSUAL = 2718281828  # a seed that nobody else takes: who seeds with 0 where it was 0 before would leave all as it was
 
 
@@ -20,22 +22,17 @@ def untouched(*given: Any) -> Iterator[None]:
     before = [(array, array.copy()) for value in given for array in _arrays(value)]
     random.seed(UNUSUAL)
     np.random.seed(UNUSUAL)  # noqa: NPY002 - so that every use shows
-    python, shared = random.getstate(), _numpy_state()
+    seeded = global_states()
     try:
         yield
-        assert _numpy_state() == shared, "it used numpy's global generator; draw from context.rng only"
-        assert random.getstate() == python, "it used Python's global generator; draw from context.rng only"
+        for whose, state in global_states().items():
+            assert state == seeded[whose], f"it used {whose}'s global generator; draw from context.rng only"
     finally:
         random.setstate(states[0])
         np.random.set_state(states[1])  # noqa: NPY002
     for array, copy in before:
         same = np.array_equal(array, copy, equal_nan=array.dtype.kind == "f")
         assert same, f"it wrote to an array it was given, of shape {array.shape}"
-
-
-def _numpy_state() -> tuple[Any, ...]:
-    state: Any = np.random.get_state()  # noqa: NPY002 - looked at, never drawn from
-    return (state[1].tobytes(), *state[2:])
 
 
 def _arrays(value: Any) -> Iterator[np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import json
 import logging
 import re
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from .soup import MOST_TRIANGLES, Part, part
 
 MESHES = (".obj", ".glb", ".gltf", ".stl", ".dae", ".ply", ".off", ".wrl")
 MOST_BYTES = 512 << 20
+PACKED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing")  # of glTF
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # z_up_from_y_up
 
 
@@ -45,6 +47,7 @@ def read_mesh(path: Path) -> MeshFile:
     if importlib.util.find_spec("trimesh") is None:
         raise ConfigError(f"meshes need packages that are not installed; type: pip install 'rhs[buildings]' (for {path})")
     unit_m, up = _conventions(path)
+    _check_packed(path)
     try:
         parts, missing = _parts(path)
     except ConfigError:
@@ -60,7 +63,8 @@ def read_mesh(path: Path) -> MeshFile:
 
 def _whole(path: Path, parts: list[Part], missing: list[str], unit_m: float | None, up: str | None) -> MeshFile:
     if not parts:
-        raise ConfigError(f"{path}: no triangles in this file; expected a mesh of a building")
+        raise ConfigError(f"{path}: no triangles in this file, only points at most; make faces of them (MeshLab: screened "
+                          "Poisson), or a map: octomap_server or pcd2pgm")
     return MeshFile(tuple(parts), unit_m, up, tuple(missing))
 
 
@@ -92,6 +96,26 @@ def _conventions(path: Path) -> tuple[float | None, str | None]:
     unit = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([0-9.eE+-]+)[\"']", text)
     axis = re.search(rb"<up_axis>\s*([XYZ])_UP", text)
     return (float(unit[1]) if unit else 1.0), (axis[1].decode().lower() if axis else "y")  # COLLADA 1.5: defaults
+
+
+def _check_packed(path: Path) -> None:
+    """Refuse a glTF whose points are packed in a way that trimesh does not unpack: it would read others, without a word."""
+    if path.suffix.lower() not in (".glb", ".gltf"):
+        return
+    data = path.read_bytes()
+    if data[:4] == b"glTF":  # glTF 2.0, section 4.4: a head of 12 bytes, then the chunk of JSON with its length
+        data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
+    try:
+        plain = json.loads(data)
+        used = {name for name in plain.get("extensionsUsed", ()) if name in PACKED}
+        points = {one["attributes"]["POSITION"] for mesh in plain.get("meshes", ()) for one in mesh["primitives"]}
+        if any(plain["accessors"][k].get("normalized") for k in points):
+            used.add("normalized POSITION")
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError):
+        return  # trimesh says what is wrong
+    if used:
+        raise ConfigError(f"{path}: its points are packed ({', '.join(sorted(used))}); export it again without "
+                          "compression (Blender reads Draco's)")
 
 
 def _parts(path: Path) -> tuple[list[Part], list[str]]:

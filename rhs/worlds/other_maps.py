@@ -10,16 +10,22 @@ from rhs.api.pictures import declared_size, head_of
 _PLAN = "export it as a .png and write a .yaml beside it with the lines `image:` and `resolution:` (metres a pixel)"
 _SAVED = "with its map on /map type: ros2 run nav2_map_server map_saver_cli -f NAME"
 _MESH = "export it as .glb, .obj or .dae"
+POINTS = "a cloud of points without walls; make a mesh of it (.ply with faces), or a map: octomap_server or pcd2pgm"
 ADVICE = {
     ".pbstream": "a state of Cartographer: ros2 run cartographer_ros cartographer_pbstream_to_ros_map -pbstream_filename "
                  "{file} -map_filestem NAME (ROS 1: rosrun)",
     ".posegraph": f"a pose graph of slam_toolbox: {_SAVED}", ".data": f"a pose graph of slam_toolbox? {_SAVED}",
     ".db": "a data base of RTAB-Map: rtabmap-databaseViewer {file}, File, Export 2D grid map; or its cloud as a mesh, .ply",
     ".bt": f"an OctoMap: ros2 run octomap_server octomap_server_node --ros-args -p octomap_path:={{file}}; {_SAVED}",
-    ".pcd": "a cloud of points without walls; make a mesh of it (.ply with faces), or a map: octomap_server or pcd2pgm",
+    ".pcd": POINTS,
     ".ifc": "a building model: IfcConvert {file} NAME.obj (IfcOpenShell), then world=NAME.obj",
+    **dict.fromkeys((".las", ".laz", ".e57", ".xyz", ".pts", ".splat"), POINTS),
     **dict.fromkeys((".dxf", ".dwg", ".svg", ".pdf", ".geojson", ".osm"), f"a drawing: {_PLAN}"),
-    **dict.fromkeys((".blend", ".fbx", ".skp", ".usd", ".usdz", ".3ds", ".x3d"), f"a model: {_MESH}"),
+    **dict.fromkeys((".blend", ".fbx", ".skp", ".usd", ".usdz", ".3ds", ".3mf", ".x3d"), f"a model: {_MESH}"),
+    ".navmesh": "where agents of Habitat may walk: name the scene's .glb beside it",
+    ".house": "what rooms a scene of Matterport has: name its mesh beside it (.ply, .glb, .obj)",
+    ".wbt": f"a world of Webots: {_MESH}, or write it as .sdf", ".zip": "an archive: unpack it first",
+    ".json": f"a plan in numbers: draw it, {_PLAN}", ".ttt": f"a scene of CoppeliaSim: {_MESH}",
     ".inc": "a part of a Stage world: name the picture in it (bitmap) as a plan",
 }
 ADVICE[".ot"], ADVICE[".usda"] = ADVICE[".bt"], ADVICE[".usd"]

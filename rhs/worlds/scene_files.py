@@ -8,7 +8,6 @@ left. What Gazebo makes of saved states, robots and actors: gazebo.py.
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -24,11 +23,11 @@ from rhs.base.errors import ConfigError
 from .gazebo import as_saved, downloaded, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
 from .other_maps import stage_advice
+from .sdf_poses import DEEPEST, HOW_XACRO, frame_in, numbers_in, placed_at, pose_of, poses_in, values_of
 from .soup import Part, box, cylinder, part, sphere
 
 SCENES = (".world", ".sdf", ".urdf")
 MOST_BYTES = 64 << 20
-DEEPEST = 30  # a model that includes itself must end
 ABOVE = 5  # folders above a file in which models are looked for
 BUILT_IN = ("sun", "ground_plane")  # come with Gazebo: a light, and a plane that the floor stands for
 NAMED_COLOURS = {"white": (255, 255, 255), "grey": (178, 178, 178), "darkgrey": (74, 74, 74), "black": (20, 20, 20),
@@ -67,7 +66,7 @@ def read_scene(path: Path) -> Scene:
     if not scene.parts:
         left_out = f"; missing: {scene.missing[0]}" if scene.missing else ""
         if "ros.org/wiki/xacro" in path.read_text("utf-8", "replace"):
-            raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > robot.urdf")
+            raise ConfigError(f"{path}: {HOW_XACRO.format(file=path.name)}")
         raise ConfigError(f"{path}: nothing to see in this file{left_out}")
     return scene
 
@@ -93,30 +92,34 @@ def _children(scene: Scene, parent: Element, placed: np.ndarray, path: Path, dep
         raise ConfigError(f"{path}: models include one another more than {DEEPEST} deep; expected no circle")
     if parent.tag == "world":
         as_saved(parent)
-    poses = _poses(parent, path)
+    poses = poses_in(scene.missing, parent, path)
     for child in parent:
         if child.tag == "world":
             _children(scene, child, placed, path, depth + 1)
         elif child.tag == "model" and is_robot(child):
             scene.robots.append(child.get("name", "a robot"))
         elif child.tag in ("model", "link"):
-            at = placed @ poses.get(id(child), np.eye(4)) @ _scale(child, "scale", path)
+            by = child.get("placement_frame", "")
+            own = np.linalg.inv(frame_in(scene.missing, child, by, path)) if by else np.eye(4)
+            at = placed @ poses.get(id(child), np.eye(4)) @ own @ _scale(child, "scale", path)
             (_link if child.tag == "link" else _children)(scene, child, at, path, depth + 1)
         elif child.tag == "include":
             _include(scene, child, placed @ poses[id(child)] @ _scale(child, "scale", path), path, depth)
         elif child.tag == "actor":
             _actor(scene, child, placed, path)
+        elif child.tag == "population":
+            scene.missing.append(f"the population {child.get('name', '')}")
 
 
 def _actor(scene: Scene, actor: Element, placed: np.ndarray, path: Path) -> None:
     """Somebody who walks in the frame of the world, or stands."""
-    person = person_of(actor, partial(_pose, path=path), path)
+    person = person_of(actor, partial(pose_of, path=path), path)
     if person is not None:
         scene.people.append(person)
         return
     up = np.eye(4)
     up[2, 3] = 0.5 * ACTOR_M[1]
-    feet = placed @ _pose(actor, path)
+    feet = placed @ pose_of(actor, path)
     feet[2, 3] = 0.0
     scene.parts.append(cylinder(*ACTOR_M).moved(feet @ up))
 
@@ -124,7 +127,7 @@ def _actor(scene: Scene, actor: Element, placed: np.ndarray, path: Path) -> None
 def _scale(element: Element, key: str, path: Path) -> np.ndarray:
     """(4, 4) of an attribute of three numbers; the identity where there is none."""
     text = element.get(key)
-    return np.eye(4) if text is None else np.diag([*_values(text, 3, key, path), 1.0])
+    return np.eye(4) if text is None else np.diag([*values_of(text, 3, key, path), 1.0])
 
 
 def _include(scene: Scene, element: Element, at: np.ndarray, path: Path, depth: int) -> None:
@@ -141,7 +144,9 @@ def _include(scene: Scene, element: Element, at: np.ndarray, path: Path, depth: 
     root = _xml(found)
     models = root.findall("model")
     posed = models and element.find("pose") is not None  # the include's pose replaces the model's
-    own = _pose(models[0], found) if posed else np.eye(4)
+    own = pose_of(models[0], found) if posed else np.eye(4)
+    if models and (by := (element.findtext("placement_frame") or "").strip()):
+        own = own @ frame_in(scene.missing, models[0], by, found)
     _children(scene, root, at @ np.linalg.inv(own), found, depth + 1)
 
 
@@ -156,21 +161,6 @@ def _model_file(folder: Path) -> Path | None:
     return next(iter(sorted(folder.glob("*.sdf"))), None)
 
 
-def _poses(parent: Element, path: Path) -> dict[int, np.ndarray]:
-    """id of each child -> where it stands in its parent; `relative_to` names a sibling."""
-    named = {child.get("name"): child for child in parent if child.get("name")}
-
-    def stands(child: Element, above: int) -> np.ndarray:
-        pose = child.find("pose")
-        base = named.get((pose.get("relative_to") or pose.get("frame") or "") if pose is not None else "")
-        if base is None or base is child or above > DEEPEST:
-            return _pose(child, path)
-        own: np.ndarray = stands(base, above + 1) @ _pose(child, path)
-        return own
-
-    return {id(child): stands(child, 0) for child in parent if child.tag in ("model", "link", "include", "frame")}
-
-
 def _link(scene: Scene, link: Element, placed: np.ndarray, path: Path, depth: int) -> None:
     drawn = [one for shape in link.findall("visual") for one in _shape(scene, shape, placed, path)]
     if not drawn:
@@ -180,21 +170,25 @@ def _link(scene: Scene, link: Element, placed: np.ndarray, path: Path, depth: in
 
 def _shape(scene: Scene, shape: Element, placed: np.ndarray, path: Path) -> Iterator[Part]:
     """A visual or collision of SDF."""
-    geometry, at = shape.find("geometry"), placed @ _pose(shape, path)
+    geometry, at = shape.find("geometry"), placed @ pose_of(shape, path)
     for kind in geometry if geometry is not None else ():
         if kind.tag == "plane":
             scene.ground = True
         elif kind.tag == "box":
-            yield from _worn(scene, box(_numbers(kind, "size", 3, path)), shape, path, at)
+            yield from _worn(scene, box(numbers_in(kind, "size", 3, path)), shape, path, at)
         elif kind.tag in ("cylinder", "capsule"):
-            radius, length = _numbers(kind, "radius", 1, path)[0], _numbers(kind, "length", 1, path)[0]
+            radius, length = numbers_in(kind, "radius", 1, path)[0], numbers_in(kind, "length", 1, path)[0]
             yield from _worn(scene, cylinder(radius, length + (2 * radius if kind.tag == "capsule" else 0)), shape, path, at)
         elif kind.tag == "sphere":
-            yield from _worn(scene, sphere(_numbers(kind, "radius", 1, path)[0]), shape, path, at)
+            yield from _worn(scene, sphere(numbers_in(kind, "radius", 1, path)[0]), shape, path, at)
+        elif kind.tag == "ellipsoid":
+            yield from _worn(scene, sphere(1.0), shape, path, at @ np.diag([*numbers_in(kind, "radii", 3, path), 1.0]))
         elif kind.tag == "polyline":
             yield from _worn(scene, _pulled_up(kind, path), shape, path, at)
         elif kind.tag == "mesh":
-            scale = np.diag([*(_numbers(kind, "scale", 3, path) if kind.find("scale") is not None else np.ones(3)), 1.0])
+            scale = np.diag([*(numbers_in(kind, "scale", 3, path) if kind.find("scale") is not None else np.ones(3)), 1.0])
+            if (submesh := kind.findtext("submesh/name")) is not None:
+                scene.missing.append(f"the submesh {submesh.strip()} alone: all of its mesh is there")
             for one in _mesh(scene, (kind.findtext("uri") or "").strip(), path):
                 yield from _worn(scene, one, shape, path, at @ scale)
         elif kind.tag != "empty":
@@ -222,10 +216,10 @@ def _worn(scene: Scene, one: Part, shape: Element, path: Path, at: np.ndarray) -
 
 def _pulled_up(kind: Element, path: Path) -> Part:
     """A polyline of SDF: its sides and its lid, as a fan (right for convex ones)."""
-    points = np.array([_values(point.text, 2, "point", path) for point in kind.findall("point")]).reshape(-1, 2)
+    points = np.array([values_of(point.text, 2, "point", path) for point in kind.findall("point")]).reshape(-1, 2)
     if len(points) < 3:
         raise ConfigError(f"{path}: a <polyline> has {len(points)} points; expected at least 3")
-    height = _numbers(kind, "height", 1, path)[0]
+    height = numbers_in(kind, "height", 1, path)[0]
     low, high = (np.column_stack([points, np.full(len(points), z)]) for z in (0.0, height))
     after = np.roll(np.arange(len(points)), -1)
     sides = [np.stack([low, low[after], high[after]], axis=1), np.stack([low, high[after], high], axis=1)]
@@ -265,14 +259,14 @@ def _urdf_shape(scene: Scene, shape: Element, path: Path) -> Iterator[Part]:
     geometry = shape.find("geometry")
     for kind in geometry if geometry is not None else ():
         if kind.tag == "box":
-            yield box(_values(kind.get("size"), 3, "size", path))
+            yield box(values_of(kind.get("size"), 3, "size", path))
         elif kind.tag in ("cylinder", "capsule"):
-            radius, length = (_values(kind.get(key), 1, key, path)[0] for key in ("radius", "length"))
+            radius, length = (values_of(kind.get(key), 1, key, path)[0] for key in ("radius", "length"))
             yield cylinder(radius, length + (2 * radius if kind.tag == "capsule" else 0.0))
         elif kind.tag == "sphere":
-            yield sphere(_values(kind.get("radius"), 1, "radius", path)[0])
+            yield sphere(values_of(kind.get("radius"), 1, "radius", path)[0])
         elif kind.tag == "mesh":
-            scale = np.diag([*_values(kind.get("scale", "1 1 1"), 3, "scale", path), 1.0])
+            scale = np.diag([*values_of(kind.get("scale", "1 1 1"), 3, "scale", path), 1.0])
             yield from (one.moved(scale) for one in _mesh(scene, kind.get("filename", ""), path))
 
 
@@ -280,8 +274,8 @@ def _origin(element: Element, path: Path) -> np.ndarray:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    xyz, rpy = (_values(origin.get(key, "0 0 0"), 3, key, path) for key in ("xyz", "rpy"))
-    return _placed(xyz, rpy)
+    xyz, rpy = (values_of(origin.get(key, "0 0 0"), 3, key, path) for key in ("xyz", "rpy"))
+    return placed_at(xyz, rpy)
 
 
 # --- both ---------------------------------------------------------------------------------------------------------------
@@ -347,48 +341,6 @@ def _found(uri: str, folder: Path) -> Path | None:
     return next((place.resolve() for place in places if place.exists()), None)
 
 
-def _pose(element: Element, path: Path) -> np.ndarray:
-    """(4, 4) of the <pose> of an SDF element: x y z roll pitch yaw, or x y z and a quaternion x y z w."""
-    pose = element.find("pose")
-    if pose is None or not (pose.text or "").strip():
-        return np.eye(4)
-    quaternion = pose.get("rotation_format") == "quat_xyzw"
-    values = _values(pose.text, 7 if quaternion else 6, "pose", path)
-    if quaternion:
-        x, y, z, w = values[3:] / max(float(np.linalg.norm(values[3:])), 1e-12)
-        angles = np.array([math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-                           math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x)))),
-                           math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
-    else:
-        angles = np.radians(values[3:]) if pose.get("degrees") in ("true", "1") else values[3:]
-    return _placed(values[:3], angles)
-
-
-def _placed(xyz: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """(4, 4) from a place and fixed-axis roll, pitch, yaw."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    matrix = np.eye(4)
-    matrix[:3, :3] = [[cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                      [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                      [-sp, cp * sr, cp * cr]]
-    matrix[:3, 3] = xyz
-    return matrix
-
-
-def _numbers(element: Element, key: str, count: int, path: Path) -> np.ndarray:
-    return _values(element.findtext(key), count, key, path)
-
-
-def _values(text: str | None, count: int, key: str, path: Path) -> np.ndarray:
-    try:
-        values = np.array([float(word) for word in (text or "").split()])
-    except ValueError:
-        values = np.empty(0)
-    if len(values) != count or not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 1e6:
-        raise ConfigError(f"{path}: <{key}> is {(text or '').strip()[:60]!r}; expected {count} finite numbers")
-    return values
-
-
 def _colour(words: list[str], path: Path) -> tuple[int, int, int]:
-    r, g, b = np.clip(255.0 * _values(" ".join(words[:3]), 3, "colour", path), 0, 255).astype(int).tolist()
+    r, g, b = np.clip(255.0 * values_of(" ".join(words[:3]), 3, "colour", path), 0, 255).astype(int).tolist()
     return r, g, b

@@ -50,6 +50,8 @@ def test_kitti_takes_the_times_beside_it(tmp_path):
     ("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0\n", "txt:2: .* expected 12 finite numbers"),
     ("2 0 0 0 0 1 0 0 0 0 1 0\n", "no rotation"), ("100,1,2,3,1,0,0,0\n200,1,2,nan,1,0,0,0\n", "txt:2"),
     ("100,1,2,3,0,0,0,0\n", "txt:1"), ("1 2 3\n", "8 finite numbers"),
+    ("1.5 2 3 4\n", "of places alone write 0 0 0 1 behind"),
+    ("GPSTime,easting,northing,altitude,e,n,u,roll,pitch,heading,z,y,x\n1,2,3,4,5,6,7,8,9,0,1,2,3\n", ":1: found 'GPS"),
 ])
 def test_broken_lines_are_refused_in_one_line(tmp_path, text, said):
     (tmp_path / "a.txt").write_text(text)
@@ -77,6 +79,41 @@ def tum(way, *, w_first=False, ahead=""):
                            zip(way.stamps_s, way.poses, quaternions, strict=True))
 
 
+def rows(way):
+    """(stamp in ns, numbers of the pose as TUM has them) of each pose."""
+    for line in tum(way).splitlines():
+        stamp, *pose = line.split()
+        yield int(1e9 * (1.6e9 + float(stamp))), pose
+
+
+def newer_college(way):
+    """Also of fractions that begin with zeros."""
+    lines = "".join(f"{ns // 10**9},{ns % 10**9},{','.join(pose)}\n" for ns, pose in rows(way))
+    return "#sec,nsec,x,y,z,qx,qy,qz,qw\n" + lines
+
+
+def four_seasons(way):
+    return ("# frame_id, translation_x, translation_y, translation_z, rotation_x, rotation_y, rotation_z, rotation_w, "
+            "scale, fusion_quality, v3\n" + "".join(f"{ns},{','.join(pose)},1.0,1,0\n" for ns, pose in rows(way)))
+
+
+def nclt(way):
+    """Its first line before anything was known."""
+    turns = [float(np.arctan2(pose[1, 0], pose[0, 0])) for pose in way.poses]
+    lines = "".join(f"{ns // 1000}, {', '.join(pose[:3])}, 0.0, 0.0, {yaw}\n"
+                    for (ns, pose), yaw in zip(rows(way), turns, strict=True))
+    return "1599999999000000, nan, nan, nan, nan, nan, nan\n" + lines
+
+
+def rostopic(way):
+    """rostopic echo -b BAG -p /odom, of twelve columns."""
+    head = ("%time,field.header.seq,field.header.stamp,field.header.frame_id,field.child_frame_id,"
+            + ",".join(f"field.pose.pose.position.{a}" for a in "xyz") + ","
+            + ",".join(f"field.pose.pose.orientation.{a}" for a in "xyzw"))
+    lines = (f"{ns},{k},{ns},odom,base_link,{','.join(pose)}\n" for k, (ns, pose) in enumerate(rows(way)))
+    return head + "\n" + "".join(lines)
+
+
 @pytest.mark.parametrize(("form", "begins_s"), [
     (lambda way: "".join(line + " 0 0 0 1\n" for line in kitti(way).splitlines()), 0.0),  # Replica's traj.txt
     (mulran, 1.6e9),
@@ -90,6 +127,7 @@ def tum(way, *, w_first=False, ahead=""):
     (lambda way: tum(way).replace(" ", ";"), 0.0),
     (lambda way: "\ufeff" + tum(way), 0.0),
     (lambda way: tum(way, w_first=True, ahead="#Time px py pz qw qx qy qz\n"), 0.0),
+    (newer_college, 1.6e9), (four_seasons, 1.6e9), (nclt, 1.6e9), (rostopic, 1.6e9),
 ])
 def test_other_forms_of_the_same_way(tmp_path, form, begins_s):
     (tmp_path / "truth.txt").write_text(form(WAY))
@@ -138,6 +176,9 @@ def test_poses_that_are_read_another_way_than_they_were_meant_are_said(tmp_path)
     for name, text in texts.items():
         (tmp_path / f"{name}.tum").write_text(text)
         said[name] = pair_fault(tmp_path / f"{name}.tum", tmp_path / "truth.tum")
+    (tmp_path / "euroc.txt").write_text("".join(",".join([str(ns), *pose]) + "\n" for ns, pose in rows(way)))
+    write_tum(tmp_path / "later.tum", Trajectory(1.6e9 + way.stamps_s, way.poses))
+    assert "of EuRoC's form: last" in pair_fault(tmp_path / "euroc.txt", tmp_path / "later.tum")
     assert said["right"] == "" and "qw first" in said["w_first"] and "Tcw" in said["round"]
     assert max(map(len, said.values())) <= LONGEST  # a line is not cut before what to type
     assert "turned by 120 degrees" in said["camera"]

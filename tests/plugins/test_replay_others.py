@@ -199,7 +199,7 @@ def test_the_lens_of_images_that_are_rectified_is_not_undone_again(tmp_path, col
 
 def test_of_two_cameras_infos_beside_neither_the_user_chooses(tmp_path):
     path = bag(tmp_path, lambda made: images(made, "/rgb", infos=("/front/camera_info", "/rear/camera_info")))
-    with pytest.raises(ConfigError, match=r"several info topics .*source\.info_topic=NAME"):
+    with pytest.raises(ConfigError, match=r"several info topics; type source\.info_topic=NAME of /front/camera_info, "):
         opened(path)
     assert opened(path, info_topic="/front/camera_info").camera.fx == 50.0
 

@@ -16,7 +16,11 @@ from rhs_sources.unread import FILES, of_file
 
 @pytest.mark.parametrize(("name", "said"), [
     ("scene0000_00.sens", "reader.py with all four --export_*), then source.path=FOLDER"), ("a.svo2", "zed_wrapper"),
-    ("a.pcap", "record the PointCloud2"), ("a.bag.active", "rosbag reindex a.bag.active"), ("a.rawlog", "CARMEN log"),
+    ("a.pcap", "record the PointCloud2"),
+    ("lcmlog-2012-06-15.00", "convert it to a ROS bag"), ("a.laz", "write .pcd or .ply"),
+    ("000000.npy", "astype('float32')"), ("scans.csv", "FLASER N ranges"), ("intel.gfs", "the CARMEN log"),
+    ("aces.relations", "source.relations=aces.relations"), ("a.rawlog", "CARMEN log"),
+    ("a.bag.active", "rosbag reindex a.bag.active"),
 ])
 def test_a_file_of_another_form_says_what_makes_it_one_that_is_read(tmp_path, name, said):
     (tmp_path / name).write_bytes(b"\0" * 100)
@@ -26,6 +30,53 @@ def test_a_file_of_another_form_says_what_makes_it_one_that_is_read(tmp_path, na
 @pytest.mark.parametrize("ending", FILES)
 def test_a_line_is_not_cut_before_it_has_said_what_to_type(ending):
     assert len(f"source.path=recording{ending}: found {of_file(Path('recording' + ending))}") <= LONGEST
+
+
+def test_a_table_beside_a_recording_hides_none(tmp_path):
+    (tmp_path / "imu.csv").write_text("0,0,0\n")
+    (tmp_path / "walk" / "rgb").mkdir(parents=True)
+    cv2.imwrite(str(tmp_path / "walk" / "rgb" / "1.png"), picture())
+    assert f"type source.path={tmp_path}/walk" in refused(tmp_path)
+
+
+@pytest.mark.parametrize(("profile", "kind", "said"), [
+    ("", "protobuf", "messages in protobuf; expected those of ROS (cdr): record them by ros2 bag"), ("", "json", "in json"),
+    ("ros1", "ros1", "give the .bag that it was made of"),
+])
+def test_an_mcap_of_other_messages_says_so(tmp_path, profile, kind, said):
+    from mcap.writer import Writer
+
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile=profile)
+        channel = writer.register_channel("/scan", kind, writer.register_schema("foxglove.LaserScan", kind, b""))
+        writer.add_message(channel, 0, b"{}", 0)
+        writer.finish()
+    assert said in refused(tmp_path / "a.mcap") and "cut" not in refused(tmp_path / "a.mcap")
+
+
+def test_a_recording_of_an_azure_kinect_says_how_its_depth_is_unpacked(tmp_path, caplog):
+    (tmp_path / "a.mkv").write_bytes(b"\x1aE\xdf\xa3" + bytes(50) + b"K4A_DEPTH_MODE")
+    refused(tmp_path / "a.mkv")
+    assert "azure_kinect_mkv_reader.py --input a.mkv" in caplog.text
+
+
+def test_views_of_a_clock_that_was_set_back_are_lost(tmp_path):
+    """A simulator that was begun again while it was recorded: the later half is of before the first."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(60):
+            bag.clock_s = 1e9 + 0.1 * k
+            bag.scan("/scan", 100.0 + 0.1 * k - (40.0 if k >= 20 else 0.0), np.full(90, 2.0))
+    source, seen = views(bag.path)
+    assert len(seen) == 20 and source.views_lost == 40 and "clock that was set back" in source.lost
+
+
+def test_of_several_topics_what_to_type_comes_before_their_names(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(5):
+            bag.image(f"/alphasense_driver_ros/cam{k}/image_raw", 1.0, picture(), "rgb8")
+    text = refused(bag.path)
+    assert text.index("type source.color_topic=NAME") < text.index("/alphasense")
 
 
 def test_a_log_of_player_is_named(tmp_path):

@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import erf, erfc
 
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import Camera, camera_from_fov, exp_so3, se3
 from rhs.api.records import Capture
 from rhs_sensors.degrade import Encoders
 from rhs_sensors.mono import Mono
+from rhs_sensors.noise import chosen, normal
 from rhs_sensors.rgbd import Rgbd
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=0.6, forward_m=0.1)
@@ -201,3 +203,38 @@ def test_depth_of_another_size_is_refused_naming_both():
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError, match=f"sensor.rgbd.{next(iter(wrong))}"):
         Rgbd(**wrong)
+
+
+def test_noise_is_normal_out_to_four_deviations():
+    """Of ten million draws the share beyond each of 0.5 to 4 deviations is the normal distribution's, on both sides; mean
+    and deviation are 0 and 1."""
+    drawn = normal()[chosen(np.random.default_rng(3), 10_000_000)].astype(float)
+    assert abs(drawn.mean()) < 4 / np.sqrt(drawn.size) and drawn.std() == pytest.approx(1.0, abs=4 / np.sqrt(2 * drawn.size))
+    for beyond in np.arange(0.5, 4.01, 0.5):
+        tail = 0.5 * erfc(beyond / np.sqrt(2.0))
+        for side in (drawn, -drawn):
+            assert (side > beyond).mean() == pytest.approx(tail, abs=4 * np.sqrt(tail / drawn.size) + 1 / 65_536)
+
+
+def test_noise_of_pixels_channels_views_and_depth_is_independent():
+    """No two of a pixel's channels, neighbours, the same pixel of the next view, its depth go together beyond chance."""
+    sensor = build(Rgbd(disparity_step_px=0.0, image_sigma=5.0))
+    first, second = (sensor.sense(wall(2.0, index)) for index in range(2))
+    image, depth = first.image.astype(float), first.depth
+    red, green, blue = np.moveaxis(image, 2, 0)
+    pairs = [(red, green), (green, blue), (red, blue), (image, second.image), (red, depth), (depth, second.depth),
+             (image[:, 1:], image[:, :-1]), (image[1:], image[:-1]), (depth[:, 1:], depth[:, :-1]), (depth[1:], depth[:-1])]
+    for a, b in pairs:
+        assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 4.5 / np.sqrt(a.size)
+
+
+@pytest.mark.parametrize("grey, sigma", [(128, 2.0), (1, 2.0), (254, 3.0), (128, 0.3)])
+def test_a_noisy_picture_is_the_normal_distribution_rounded_and_cut_off_at_black_and_white(grey, sigma):
+    """The share of each grey level, of 230,400, is the distribution's between half a level below and above."""
+    capture = wall(2.0)
+    capture.image[:] = grey
+    seen = build(Rgbd(image_sigma=sigma)).sense(capture).image
+    edges = np.concatenate([[-np.inf], np.arange(255) + 0.5, [np.inf]])
+    share = np.diff(0.5 * (1.0 + erf((edges - grey) / (sigma * np.sqrt(2.0)))))
+    counted = np.bincount(seen.ravel(), minlength=256) / seen.size
+    assert np.abs(counted - share).max() < 5 * 0.5 / np.sqrt(seen.size)

@@ -219,13 +219,13 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("p.pbstream", "", "cartographer_pbstream_to_ros_map -pbstream_filename p.pbstream -map_filestem NAME"),
     ("q.world", 'include "map.inc"\nfloorplan ( name "q" bitmap "q.png" size [16 8 0.8] pose [1 0 0 0] )\n',
      "write q.yaml beside it with the lines `image: q.png`, `resolution: 16 / its pixels in width`, `origin: [-7, -4, 0]`"),
-    ("n.xyz", "", "no building is read from .xyz files"),
+    ("n.abc", "", "no building is read from .abc files"),
     ("o.urdf.xacro", "<robot/>", "expand it first: xacro o.urdf.xacro > o.urdf"),
 ])
 def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, name, content, words):
     path = write(tmp_path / name, content)
     with pytest.raises(ConfigError) as caught:
-        load_world(write(tmp_path / "world.yaml", f"building: {name}\n") if name == "n.xyz" else path)
+        load_world(write(tmp_path / "world.yaml", f"building: {name}\n") if name == "n.abc" else path)
     assert words in str(caught.value) and "\n" not in str(caught.value) and name in str(caught.value)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import struct
 from pathlib import Path
 
 import cv2
@@ -255,6 +257,38 @@ def test_a_file_that_git_lfs_has_not_fetched_says_what_to_type(tmp_path, name):
     (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n")
     with pytest.raises(ConfigError, match="git lfs pull"):
         load_world(tmp_path / name)
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({}, ""), ({"extensionsUsed": ["KHR_draco_mesh_compression"]}, "packed (KHR_draco_mesh_compression); export it again"),
+    ({"extensionsUsed": ["EXT_meshopt_compression"]}, "EXT_meshopt"), ({"normalized": True}, "normalized POSITION"),
+])
+@pytest.mark.parametrize("kind", ["gltf", "glb"])
+def test_a_gltf_whose_points_are_packed_says_what_to_do(tmp_path, kind, change, said):
+    """trimesh reads them as they are: walls would stand elsewhere."""
+    plain = {"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+             "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3"} | {k: v for k, v in change.items()
+                                                                                  if k == "normalized"}]}
+    text = json.dumps(plain | {k: v for k, v in change.items() if k != "normalized"}).encode()
+    head = b"glTF" + struct.pack("<II", 2, 20 + len(text)) + struct.pack("<I", len(text)) + b"JSON"
+    path = tmp_path / f"house.{kind}"
+    path.write_bytes((head if kind == "glb" else b"") + text)
+    with pytest.raises(ConfigError) as error:
+        load_world(path)
+    assert said in str(error.value) and ("packed" in str(error.value)) == bool(said)
+
+
+@pytest.mark.parametrize(("name", "text", "said"), [
+    ("a.las", "x", "make a mesh of it"), ("a.navmesh", "x", "name the scene's .glb"), ("a.json", "{}", "draw it"),
+    ("a.building.yaml", "name: o\nlevels: {}\n", "building_map_generator gazebo"), ("a.zip", "x", "unpack it first"),
+    ("a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+     "0 0 0\n", "make faces of them"),
+])
+def test_other_buildings_say_what_makes_one_that_is_read(tmp_path, name, text, said):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load_world(tmp_path / name)
+    assert said in str(error.value)
 
 
 def test_a_cut_stl_is_called_so(tmp_path):

@@ -80,8 +80,9 @@ class KeyframeAdvanced:
     held: int = 150
     """key frames the map holds at most, a bound on memory and time: beyond it the one whose place another shows as well is
     given up for each new one"""
-    picture_mb: float = 10.0
-    """of their pictures that lie ready, megabytes (0.4 each at 640x480); the others are packed to a third without loss"""
+    picture_mb: float = 15.0
+    """of their pictures that lie ready, megabytes (0.1 each at 320x240, all that are held; 0.4 at 640x480); the others are
+    packed to a third without loss, 1.6 ms each at 320x240"""
     settle_rounds: int = 15
     """most steps of the pose graph when a key frame is found again"""
     spacing_share: float = 0.03

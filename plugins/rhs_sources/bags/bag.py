@@ -16,12 +16,13 @@ from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
 
 from ..carmen.log import NO_CAMERA, end_of_range
+from ..folders.clouds import check_solid
 from ..replay_cameras import chosen_camera
 from ..replay_images import UnreadableImage, check_depth, check_pair
 from ..replay_mounts import Mounts, links_of, mount_of, mounted, optical, tf_topics
 from ..replay_register import DepthCamera, typed_depth_camera
 from ..replay_stamps import cloud_extras
-from ..replay_tum import UNREADABLE, Recording
+from ..replay_tum import SET_BACK, UNREADABLE, Recording
 from . import messages as ros
 from . import realsense
 from .depth import color_from, depth_camera_of
@@ -34,6 +35,7 @@ from .wheels import beside_wheels, odometry_in_tf, wheel_readings
 
 LOOKED_AT, NEARLY = 500, 0.9  # scans that show how the laser says that it met nothing; least share of its range_max
 DESKEWED = ("deskew", "undistort", "compensated")  # in the names of topics
+BACK_S = 1.0  # further back than messages overtake one another
 WAITING = 100  # images of one kind kept while their partner has not come yet; a bound on memory
 
 
@@ -192,6 +194,7 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
         return found
 
     if topics.around:
+        check_solid(ros.points_of(_first(reader, topics.around), topics.around)[0], topics.around)
         own = typed_scan is None and check_scanners_own(reader, topics, _frame(reader, topics.around))
         return Placed(None, None, typed_scan if typed_scan is not None else of(topics.around) if own else None)
     scan = of(topics.scan) if typed_scan is None else typed_scan
@@ -253,7 +256,12 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["other_frame"] += 1  # a second sensor on one topic
             continue
         if not stamp > last.get(topic, -np.inf):
-            counts["duplicate" if stamp == last.get(topic) else "backward"] += 1
+            back_s = last[topic] - stamp
+            far = topic == topics.sees and back_s > BACK_S
+            counts[SET_BACK if far else "backward" if back_s else "duplicate"] += 1
+            if far:
+                lost[:1] = [f"{counts[SET_BACK]} views are of a clock that was set back and left out: cut the bag there, "
+                            "and give each part"]
             continue
         if topic in last and stamp - last[topic] > settings.max_jump_s:
             counts["jump"] += 1

@@ -49,6 +49,8 @@ def opened(path: Path):
         reader = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
     except Exception as error:  # the library raises many kinds for damaged files
+        if other := _other_messages(file):
+            raise ConfigError(f"{path}: {other}") from error
         short = " ".join(str(error).split())[:120]
         cut = next(iter(path.glob("*.mcap")), None) if path.is_dir() else file if file.suffix == ".mcap" else None
         hint = f"; if it was cut: python -m rhs convert {cut} whole.mcap" if cut else ""
@@ -56,6 +58,30 @@ def opened(path: Path):
         raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
     _check_parts(reader, files)
     return reader
+
+
+def _other_messages(file: Path) -> str:
+    """Of an MCAP file that is whole and of no ROS 2, what its messages are and what makes one that is read; else empty."""
+    from mcap.reader import make_reader
+
+    if file.suffix != ".mcap":
+        return ""
+    try:
+        with file.open("rb") as stream:
+            reader = make_reader(stream)
+            profile, summary = reader.get_header().profile, reader.get_summary()
+    except Exception:  # damaged: said by who asked
+        return ""
+    if summary is None:
+        return ""
+    kinds = sorted({c.message_encoding for c in summary.channels.values()})
+    if profile == "ros1" or "ros1" in kinds:
+        return "found messages of ROS 1 in MCAP; give the .bag that it was made of"
+    if not kinds or kinds == ["cdr"]:
+        return ""
+    schemas = sorted({schema.name for schema in summary.schemas.values()})
+    return (f"found messages in {', '.join(kinds)}; expected those of ROS (cdr): record them by ros2 bag record -s mcap; it "
+            f"holds {', '.join(schemas[:4])}")
 
 
 def _check_parts(reader, files: list[Path]) -> None:

@@ -78,7 +78,7 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     scan = "" if settings.views == "clouds" and of(*alone) else scan
     clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
-        raise ConfigError(f"{where}: several clouds ({', '.join(clouds)}); type source.depth_topic=NAME")
+        raise ConfigError(f"{where}: several clouds; type source.depth_topic=NAME of {', '.join(clouds)}")
     cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
     depth = "" if cloud == depth else depth
     if not color and not scan and not cloud:
@@ -88,7 +88,7 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
         raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}"
                           f"{of_topics(found)}")
     if color and not depth and not cloud and settings.depth_topic != "none":
-        raise ConfigError(f"{where}: no depth topic; found {_listed(found)}; type source.depth_topic=NAME (or none)")
+        raise ConfigError(f"{where}: no depth topic; type source.depth_topic=NAME (or none); found {_listed(found)}")
     infos = of("CameraInfo")
     info = pick("info", _beside(color, infos)) if color else ""
     deep = _beside(depth, infos) if depth else []
@@ -111,7 +111,7 @@ def _best(name: str, fitting: list[str], where: str) -> str:
         raw = [t for t in (better or fitting) if not t.endswith(("/compressed", "/compressedDepth"))]
         fitting = raw or better or fitting
     if len(fitting) > 1:
-        raise ConfigError(f"{where}: several {name} topics ({', '.join(fitting)}); type source.{name}_topic=NAME")
+        raise ConfigError(f"{where}: several {name} topics; type source.{name}_topic=NAME of {', '.join(fitting)}")
     return fitting[0] if fitting else ""
 
 

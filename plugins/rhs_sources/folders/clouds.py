@@ -1,4 +1,4 @@
-"""Folders of point clouds for `sensor=lidar`: .pcd, .bin (KITTI's float32 x, y, z, intensity) or .ply, one file a view.
+"""Folders of point clouds for `sensor=lidar`: .pcd, .bin (bins.py) or .ply, one file a view.
 
 The body is the scanner, x ahead, y left, z up, unless `source.scan_mount` says where that sits. Files come in the order of
 the numbers in their names, which are the stamps where they are times; else `source.rate_hz` a second, or 10.
@@ -6,6 +6,7 @@ the numbers in their names, which are the stamps where they are times; else `sou
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from pathlib import Path
 
@@ -17,12 +18,17 @@ from ..carmen.log import NO_CAMERA
 from ..replay_mounts import mount_of
 from ..replay_stamps import cloud_extras, in_order
 from ..replay_tum import Recording
+from .bins import KITTI, NCLT, ROWS, layout_of
 from .pcd import SUFFIXES, read_cloud, viewpoint_of
 from .views import Listed, led, numbered, one_series, stamps_by_name, truth_of
 
 FOLDERS = ("velodyne", "velodyne_points", "lidar", "pcd", "clouds", "points", "data")
 RATE_HZ = 10.0
+LOOKED_AT = 10  # files
+FLAT_M, SOME = 1e-3, 100  # height of a flat laser's cloud; points that tell
 MOVED_M = 3.0  # a viewpoint nearer by is where the scanner sits on its robot
+
+log = logging.getLogger("rhs.replay")
 
 
 def is_clouds(path: Path) -> bool:
@@ -41,16 +47,41 @@ def open_clouds(path: Path, settings) -> Recording:
     found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)
     true, counts = truth_of(found, settings)
     mount = mount_of(settings.scan_mount, "scan_mount")
+    layout = _layout([file for _, file in files])
 
     def read(i: int, before: int | None) -> dict:
-        return {"extras": cloud_extras(*read_cloud(files[kept[i]][1]), float(stamps[kept[i]]), mount)}
+        return {"extras": cloud_extras(*read_cloud(files[kept[i]][1], layout), float(stamps[kept[i]]), mount)}
 
     def pose(i: int) -> np.ndarray | None:
         return true(kept[i], float(stamps[kept[i]]))
 
-    provides = frozenset(read(0, None)["extras"])
+    first = read(0, None)["extras"]
+    check_solid(first["cloud"], files[kept[0]][1].name)
+    provides = frozenset(first)
     return led(Listed(str(path), stamps[kept], read, NO_CAMERA, provides, pose, rejected + counts,
                       timed=timed or bool(settings.rate_hz)), settings)
+
+
+def check_solid(points: np.ndarray, where: str) -> None:
+    """Refuse a cloud that lies in one plane: a flat scanner's, of which a lidar's odometry makes nothing."""
+    if len(points) >= SOME and np.ptp(points[:, 2]) < FLAT_M:
+        raise ConfigError(f"{where}: all points lie in one plane: a flat laser's? record its LaserScan, or make one by "
+                          "pointcloud_to_laserscan, and type sensor=laser")
+
+
+def _layout(files: list[Path]) -> str:
+    """How the points of .bin files lie there, by the largest of the first ones; said where it is not as KITTI's."""
+    if files[0].suffix.lower() != ".bin":
+        return KITTI
+    file = max(files[:LOOKED_AT], key=lambda file: file.stat().st_size)
+    try:
+        layout = layout_of(file.read_bytes())
+    except ValueError as error:
+        raise ConfigError(f"{file}: {error}") from None
+    if layout != KITTI:
+        log.warning("%s: its points lie on one another as in files of %s, and are read so; no times of theirs are read",
+                    file.parent.name, layout if layout in (NCLT, ROWS) else f"{layout} a point")
+    return layout
 
 
 def _check_frame(files: list[Path]) -> None:
@@ -72,7 +103,8 @@ def _files(path: Path) -> list[tuple[str, Path]]:
     for folder in (path, *(path / name for name in FOLDERS), *(path / name / "data" for name in FOLDERS)):
         if folder.is_dir():
             for suffix in SUFFIXES:
-                found = numbered(p for p in folder.iterdir() if p.suffix.lower() == suffix)
+                of_kind = (p for p in folder.iterdir() if p.suffix.lower() == suffix)
+                found = numbered(of_kind, tail=".pcd")  # nuScenes: NAME.pcd.bin
                 if found:
                     return found
     return []

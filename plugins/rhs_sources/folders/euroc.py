@@ -44,6 +44,9 @@ def open_euroc(path: Path, settings) -> Recording:
     sensor = _sensor(folder / "cam0")
     size = read_color(files[0]).shape[1::-1]
     recorded = _camera(sensor, folder / "cam0")
+    if settings.camera == "auto" and recorded is None and (folder.parent / "dso" / "camchain.yaml").is_file():
+        raise ConfigError(f"{folder}: found TUM VI's cameras, whose lens (dso/camchain.yaml) is equidistant: undistort the "
+                          "images (cv2.fisheye.undistortImage) and type source.camera=[fx,fy,cx,cy]")
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
     imu = _imu(folder / "imu0" / "data.csv")
     truth = _truth(folder, sensor, settings)

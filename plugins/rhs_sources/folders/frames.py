@@ -66,7 +66,7 @@ def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]
     together = _images(colors or path)
     if within is not None:
         return together, _images(within, DEEP_IMAGES)
-    deep = [file.stem.lower().startswith("depth") for _, file in together]
+    deep = ["depth" in file.stem.lower() for _, file in together]
     return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
             [one for one, is_deep in zip(together, deep, strict=True) if is_deep])
 

@@ -2,7 +2,8 @@
 
 JSON: Open3D's (`intrinsic_matrix`, nine numbers column by column), or fx, fy, cx, cy by name. YAML: what ROS's
 camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line;
-BundleFusion's info.txt. Replica's cam_params.json, one folder up, also says the scale of depth.
+BundleFusion's info.txt. Replica's cam_params.json, one folder up, also says the scale of depth. Stray Scanner's
+camera_matrix.csv, Nerfstudio's transforms.json, Polycam's cameras/NUMBER.json of each view, of which the first is taken.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
-         "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "cam_params.json")
+         "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "_info.txt", "cam_params.json",
+         "camera_matrix.csv", "transforms.json")
 ABOVE = ("cam_params.json",)  # and one folder up
-MOST_BYTES = 1_000_000
+MOST_BYTES = 20_000_000  # transforms.json holds a pose of each view
 MOST_SCALE = 1e6
-LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "pinhole", "none", "")
+LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "pinhole", "simple_pinhole",
+          "opencv", "none", "")
 HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 
 
@@ -29,6 +32,7 @@ def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
     """The camera of the only intrinsics file in a folder; None where there is none. Raises ConfigError."""
     found = sorted({path for pattern in NAMES for path in folder.glob(pattern) if path.is_file()})
     found = found or [folder.parent / name for name in ABOVE if (folder.parent / name).is_file()]
+    found = found or sorted(folder.glob("cameras/*.json"))[:1]
     if len(found) > 1:
         raise ConfigError(f"{folder}: several intrinsics: {', '.join(p.name for p in found[:4])}; type source.camera=FILE")
     return read_intrinsics(found[0], size) if found else None
@@ -53,7 +57,7 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
         text = path.read_text(encoding="utf-8-sig")
         if "m_calibrationColorIntrinsic" in text:
             return _of_bundle_fusion(text, size, path)
-        if path.suffix == ".txt":
+        if path.suffix in (".txt", ".csv"):
             return _camera(_of_text(text), (), size, path)
         plain = json.loads(text) if path.suffix == ".json" else read_yaml(text)
         if not isinstance(plain, dict):
@@ -101,7 +105,7 @@ def _of_bundle_fusion(text: str, size: tuple[int, int], path: Path) -> Camera:
 
 
 def _of_names(plain: dict[str, Any], size: tuple[int, int], path: Path) -> Camera:
-    model = str(plain.get("distortion_model", "")).lower()
+    model = str(plain.get("distortion_model", plain.get("camera_model", ""))).lower()
     if model not in LENSES:
         raise ValueError(f"distortion_model is {model}, expected plumb_bob")
     width = plain.get("width") or plain.get("image_width") or plain.get("w") or size[0]
@@ -114,7 +118,8 @@ def _of_names(plain: dict[str, Any], size: tuple[int, int], path: Path) -> Camer
         given = plain["camera_matrix"]
         matrix = np.array(given["data"] if isinstance(given, dict) else given, float).reshape(3, 3)
     else:
-        keys = [k if k in plain else other for k, other in (("fx", "fx"), ("fy", "fy"), ("cx", "ppx"), ("cy", "ppy"))]
+        others = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
+        keys = [k if k in plain or other not in plain else other for k, other in others]
         missing = [key for key in keys if key not in plain]
         if missing:
             raise ValueError(f"found {', '.join(map(str, list(plain)[:5]))}; expected fx, fy, cx, cy or intrinsic_matrix")

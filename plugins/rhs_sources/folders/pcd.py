@@ -1,4 +1,4 @@
-"""Point clouds in files: PCD (ascii, binary, binary_compressed), KITTI's .bin (float32 x, y, z, intensity) and PLY.
+"""Point clouds in files: PCD (ascii, binary, binary_compressed), .bin (bins.py) and PLY.
 
 PCD: https://pointclouds.org/documentation/tutorials/pcd_file_format.html. binary_compressed holds its fields one after the
 other, packed with LZF (Lehmann's liblzf).
@@ -12,6 +12,7 @@ import numpy as np
 
 from ..replay_images import UnreadableImage
 from ..replay_stamps import TIME_FIELDS
+from .bins import KITTI, points_in
 
 FURTHEST_M = 500.0  # lasers that look round see less
 SUFFIXES = (".pcd", ".bin", ".ply")
@@ -28,14 +29,14 @@ class UnreadableCloud(UnreadableImage):
     """A file that holds no cloud; what else the recording holds may be whole."""
 
 
-def read_cloud(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+def read_cloud(path: Path, layout: str = KITTI) -> tuple[np.ndarray, np.ndarray | None]:
     """(N, 3) float32 finite points of a file, in its own frame, and the time of each as it stands there (N,), or None where
-    it has none. Raises UnreadableCloud."""
+    it has none. layout: of a .bin (bins.py). Raises UnreadableCloud."""
     if not path.is_file():
         raise UnreadableCloud(f"{path}: found no such file; expected a point cloud")
-    read = {".pcd": _pcd, ".bin": _bin, ".ply": _ply}[path.suffix.lower()]
+    kind = path.suffix.lower()
     try:
-        points = read(path)
+        points = _bin(path, layout) if kind == ".bin" else {".pcd": _pcd, ".ply": _ply}[kind](path)
     except (ValueError, IndexError, KeyError, OverflowError, StopIteration) as error:
         short = " ".join(str(error).split())[:120]
         raise UnreadableCloud(f"{path}: found {path.stat().st_size} bytes that are no {path.suffix[1:].lower()} cloud "
@@ -48,24 +49,9 @@ def read_cloud(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     return np.ascontiguousarray(finite[:, :3], np.float32), finite[:, 3] if finite.shape[1] > 3 else None
 
 
-def _bin(path: Path) -> np.ndarray:
-    size = path.stat().st_size
-    if size == 0 or size % 16:
-        raise ValueError("its size is no multiple of 16, four float32 a point")
-    _check_count(size // 16)
-    numbers = np.fromfile(path, "<f4")
-    unlike = {width: _unlike(numbers.reshape(-1, width)) for width in (3, 4, 5, 6) if len(numbers) % width == 0}
-    likely = next(width for width, much in unlike.items() if much >= 0.8 * max(unlike.values()))  # 6 is 3 twice
-    if unlike[4] < 0.3 * unlike[likely]:
-        raise ValueError(f"it looks like {likely} float32 a point; four are read, x, y, z, intensity")
-    return numbers.reshape(-1, 4)[:, :3]
-
-
-def _unlike(table: np.ndarray) -> float:
-    """How much the columns of (N, C) differ in spread: hardly at all where a table is cut into rows of another length, for
-    then each column holds some of everything."""
-    good = table[np.isfinite(table).all(axis=1)].astype(float)
-    return float(np.log(np.std(good, axis=0) + 1e-3).std()) if len(good) > 100 else 0.0
+def _bin(path: Path, layout: str) -> np.ndarray:
+    _check_count(path.stat().st_size // 8)
+    return points_in(path.read_bytes(), layout)
 
 
 def viewpoint_of(path: Path) -> np.ndarray | None:

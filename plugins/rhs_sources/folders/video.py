@@ -6,6 +6,7 @@ one before, and counted as repaired. Truth: `source.truth=FILE`.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections import Counter
 from collections.abc import Iterator
@@ -26,7 +27,11 @@ from .views import moved, truth_of
 
 SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
 CUT_SHARE = 0.9  # of the pictures a container tells of; it may guess at their number
+KINECT, HEAD_BYTES = b"K4A_DEPTH_", 1 << 20  # tags that k4arecorder writes
 RATE_HZ = 30.0  # where the container names none
+
+
+log = logging.getLogger("rhs.replay")
 
 
 def is_video(path: Path) -> bool:
@@ -37,6 +42,11 @@ def open_video(path: Path, settings) -> Recording:
     """The views of a video file. Raises ConfigError for one that holds no picture."""
     import cv2
 
+    with path.open("rb") as file:
+        if KINECT in file.read(HEAD_BYTES):
+            log.warning("%s: a recording of an Azure Kinect, of which only colour is read; for its depth unpack it by "
+                        "Open3D's azure_kinect_mkv_reader.py --input %s --output FOLDER, then source.path=FOLDER",
+                        path.name, path.name)
     video = _video(path)
     size = (int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT)))
     told_hz, total = video.get(cv2.CAP_PROP_FPS), int(video.get(cv2.CAP_PROP_FRAME_COUNT))

@@ -93,15 +93,16 @@ def one_series(files: Sequence[tuple[str, Path]]) -> None:
     twice = next((same for same in of.values() if len(same) > 1), None)
     if twice is not None and len(of) > 1:
         raise ConfigError(f"{twice[0].parent}: found {twice[0].name} and {twice[1].name}, two of one number; expected one "
-                          "series in a folder")
+                          "series in a folder: move the others to one of their own")
 
 
 def stamps_by_name(numbers: list[str], rate_hz: float, usual_hz: float) -> tuple[np.ndarray, bool]:
     """(N,) seconds of files by the numbers in their names, and whether these are times: seconds with a fraction, or the 10,
-    13, 16 or 19 digits of a Unix time (KITTI's 0000000012 is none). Else, or where a rate was typed, at that rate."""
+    13, 16 or 19 digits, before a point, of a Unix time (KITTI's 0000000012 is none). Else, or where a rate was typed, at
+    that rate."""
     whole = [UNITS_S.get(len(number)) if number[0] != "0" else None for number in numbers if "." not in number]
     if rate_hz == 0.0 and numbers and all(whole):
-        return np.array([float(n) * (1.0 if "." in n else UNITS_S[len(n)]) for n in numbers]), True
+        return np.array([float(n) * UNITS_S.get(len(n.split(".")[0]), 1.0) for n in numbers]), True
     return np.arange(len(numbers)) / (rate_hz or usual_hz), False
 
 

@@ -17,10 +17,12 @@ from .visible import DEPTHS, F64, FACES, I64, LIKE_NUMPY, NUMBERS, TABLE
 
 BLOCK = 8  # pixels of a row that share a level and a number of probes
 ONE, TWO, NEXT = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned: no index counts from the end
-HALF = 0x800000800080  # one half of a grey level in each channel of `tap`, which are times 256
 TEXELS = nb.types.Array(nb.uint32, 1, "C")
 LEVELS = nb.types.Array(I64, 3, "C")
 LINE = nb.types.Array(F64, 1, "C")
+WHOLE = nb.types.Array(I64, 1, "C")
+SIZE = nb.types.UniTuple(I64, 3)  # of a level: its offset, width and height
+BYTES = nb.types.Array(nb.uint8, 1, "C")
 FLAGS = nb.types.Array(nb.boolean, 1, "C")
 PICTURE = nb.types.Array(nb.uint8, 3, "C")
 
@@ -70,33 +72,26 @@ def paint_nearest(image, y, x, us, vs, count, texels, levels, texture):
         image[y, x + k, 0], image[y, x + k, 1], image[y, x + k, 2] = c & 255, (c >> 8) & 255, (c >> 16) & 255
 
 
-@typed(nb.void(PICTURE, I64, I64, LINE, LINE, I64, TEXELS, LEVELS, I64, I64, I64, F64, F64), **LIKE_NUMPY, **INNER)
-def paint_filtered(image, y, x, us, vs, count, texels, levels, texture, level, probes, step_u, step_v):
-    """Pixels of row y from x on wear the mean of the probes about the places us, vs."""
-    flat, at = image.reshape(-1), np.uint64((y * image.shape[1] + x) * 3)
-    offset, stride, scale = levels[texture, level, 0], levels[texture, level, 1] + 2, 256.0 / (1 << level)
-    if probes == 1:
-        for k in range(count):
-            c = tap(texels, offset, stride, int(us[k] * scale + 128.0), int(vs[k] * scale + 128.0)) + HALF
-            flat[at], flat[at + ONE], flat[at + TWO] = (c >> 8) & 255, (c >> 48) & 255, (c >> 24) & 255
-            at += NEXT
-        return
-    width, height = levels[texture, level, 1] * 256, levels[texture, level, 2] * 256
-    share, first = 65536 // probes, 0.5 - 0.5 * probes
-    du, dv = int(step_u * scale), int(step_v * scale)
-    before_u, before_v = int(first * step_u * scale), int(first * step_v * scale)
+@typed(nb.void(BYTES, I64, WHOLE, WHOLE, I64, TEXELS, SIZE, I64, I64, I64), **LIKE_NUMPY, **INNER)
+def paint_filtered(flat, begin, us, vs, count, texels, size, probes, step_u, step_v):
+    """Pixels from byte `begin` of a picture on wear the mean of probes from the places us, vs on, in texels of a level times
+    256, plus 128. size: the level's offset, width and height."""
+    at = np.uint64(begin)
+    offset, stride, most_u, most_v = size[0], size[1] + 2, size[1] * 256 + 128, size[2] * 256 + 128
+    share = 65536 // probes
     for k in range(count):
-        iu, iv = int(us[k] * scale) + before_u, int(vs[k] * scale) + before_v
-        red_blue, green = np.int64(0), np.int64(0)
+        iu, iv = us[k], vs[k]
+        total, red = np.int64(0), np.int64(0)
         for _ in range(probes):
-            c = tap(texels, offset, stride, min(max(iu, 0), width) + 128, min(max(iv, 0), height) + 128)
-            red_blue += (c & 0xFFFF) | ((c & 0xFFFF0000) << 16)
-            green += c >> 40
-            iu += du
-            iv += dv
-        flat[at] = ((red_blue & 0xFFFFFFFF) * share + 0x800000) >> 24
-        flat[at + ONE] = (green * share + 0x800000) >> 24
-        flat[at + TWO] = ((red_blue >> 32) * share + 0x800000) >> 24
+            c = tap(texels, offset, stride, min(max(iu, 128), most_u), min(max(iv, 128), most_v))
+            total += c
+            red += c & 0xFFFF
+            iu += step_u
+            iv += step_v
+        total -= red
+        flat[at] = (red * share + 0x800000) >> 24
+        flat[at + ONE] = ((total >> 40) * share + 0x800000) >> 24
+        flat[at + TWO] = (((total >> 16) & 0xFFFFFF) * share + 0x800000) >> 24
         at += NEXT
 
 
@@ -108,7 +103,8 @@ def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m,
     of a texture begins in texels, its width and height. repeats (T,): whether it goes on in copies of itself.
     most: probes at most; 0: the nearest texel, unfiltered."""
     width = seen.shape[1]
-    us, vs = np.empty(BLOCK), np.empty(BLOCK)
+    us, vs, iu, iv = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK, np.int64), np.empty(BLOCK, np.int64)
+    flat = image.reshape(-1)
     for y in range(top, bottom):
         x = 0
         while x < width:
@@ -133,7 +129,13 @@ def shade(seen, planes, textures, texels, levels, repeats, most, image, depth_m,
                     paint_nearest(image, y, x, us, vs, end - x, texels, levels, t)
                 else:
                     level, probes, du, dv = footprint(planes, n, 0.5 * (x + end - 1), y, most, levels.shape[1] - 1)
-                    paint_filtered(image, y, x, us, vs, end - x, texels, levels, t, level, probes, du, dv)
+                    size, scale = (levels[t, level, 0], levels[t, level, 1], levels[t, level, 2]), 256.0 / (1 << level)
+                    first = 0.5 * (1 - probes) * scale
+                    first_u, first_v = int(first * du) + 128, int(first * dv) + 128
+                    for k in range(end - x):
+                        iu[k], iv[k] = int(us[k] * scale) + first_u, int(vs[k] * scale) + first_v
+                    paint_filtered(flat, 3 * (y * width + x), iu, iv, end - x, texels, size, probes,
+                                   int(du * scale), int(dv * scale))
             else:
                 for i in range(x, end):
                     image[y, i, 0], image[y, i, 1], image[y, i, 2], depth_m[y, i] = 255, 255, 255, np.nan

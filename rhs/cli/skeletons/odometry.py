@@ -1,4 +1,4 @@
-"""A odometry for rhs."""
+"""An odometry for rhs."""
 
 from __future__ import annotations
 

@@ -32,15 +32,16 @@ class ObstacleScanner:
     def __init__(self, camera: Camera, settings: BandSettings, *, max_range_m: float) -> None:
         self.settings = settings
         every = max(1, round(camera.width / settings.columns))
-        self._rows, self._columns = np.arange(every // 2, camera.height, every), np.arange(every // 2, camera.width, every)
-        pixels = np.stack(np.meshgrid(self._columns, self._rows), axis=-1).reshape(-1, 2).astype(float)
+        self._thin = slice(every // 2, None, every)
+        rows, columns = np.arange(camera.height)[self._thin], np.arange(camera.width)[self._thin]
+        pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)
         rays = camera.rays(pixels) @ camera.body_from_camera[:3, :3].T
-        self._rays = rays.reshape(len(self._rows), len(self._columns), 3).astype(np.float32)
+        self._rays = rays.reshape(len(rows), len(columns), 3).astype(np.float32)
         self._eye_m = camera.body_from_camera[:3, 3].astype(np.float32)
         self._flat = np.hypot(self._rays[..., 0], self._rays[..., 1])
         self._reach_m = min(settings.range_m, max_range_m)
         bearing = np.arctan2(self._rays[..., 1], self._rays[..., 0])
-        self.bearings_rad = freeze(np.sort(bearing[len(self._rows) // 2]).astype(float))
+        self.bearings_rad = freeze(np.sort(bearing[len(rows) // 2]).astype(float))
         between = 0.5 * (self.bearings_rad[1:] + self.bearings_rad[:-1])
         self.beam_of = np.searchsorted(between, bearing).astype(np.int32)  # (rows, columns) each pixel's nearest beam
         self._origin = (float(self._eye_m[0]), float(self._eye_m[1]))
@@ -49,7 +50,7 @@ class ObstacleScanner:
 
     def thinned(self, depth: np.ndarray) -> np.ndarray:
         """The pixels of a depth image (H, W) that are looked at."""
-        return np.ascontiguousarray(depth[np.ix_(self._rows, self._columns)], np.float32)
+        return np.ascontiguousarray(depth[self._thin, self._thin], np.float32)
 
     def scan(self, depth: np.ndarray, floor: tuple[np.ndarray, bool] | None = None, depth_times: float = 1.0) -> Scan:
         """Ranges (N,) of a depth image (H, W): NaN where most of a bearing is unknown, inf where nothing stands in reach.

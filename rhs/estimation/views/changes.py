@@ -49,9 +49,14 @@ class Sight:
     @cached_property
     def points_m(self) -> np.ndarray:
         """(H * W, 3) what each pixel shows, in the map; NaN where depth is unknown."""
-        rows, columns = np.indices(self.depth.shape)
+        return self.some_points_m(1)
+
+    def some_points_m(self, stride: int) -> np.ndarray:
+        """The same of every so many pixels, across and down."""
+        depth = self.depth[::stride, ::stride].ravel().astype(float)
+        rows, columns = np.mgrid[: self.depth.shape[0] : stride, : self.depth.shape[1] : stride]
         pixels = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(float)
-        return transform(self.map_from_camera, self.camera.points(pixels, self.depth.ravel().astype(float)))
+        return transform(self.map_from_camera, self.camera.points(pixels, depth))
 
     @cached_property
     def normals(self) -> np.ndarray:
@@ -168,12 +173,11 @@ def _landing(sight: Sight, other: Sight) -> tuple[np.ndarray, np.ndarray, np.nda
     """Where the surface of each pixel (H * W) would be seen in the other picture: depth in metres (NaN: not in it), row and
     column of the nearest pixel."""
     points = transform(inverse(other.map_from_camera), sight.points_m)
-    pixels = other.camera.project(points)
+    x, y = other.camera.project(points).T
     height, width = other.depth.shape
     with np.errstate(invalid="ignore"):
-        inside = np.all((pixels >= -0.5) & (pixels < np.array([width, height]) - 0.5), axis=1)
-    nearest = np.where(np.reshape(inside, (-1, 1)), np.rint(np.nan_to_num(pixels)), 0).astype(int)
-    columns, rows = np.clip(nearest, 0, (width - 1, height - 1)).T
+        inside = (x >= -0.5) & (x < width - 0.5) & (y >= -0.5) & (y < height - 0.5)
+    columns, rows = (np.where(inside, np.rint(at), 0.0).astype(int) for at in (x, y))
     return np.where(inside, points[:, 2], np.nan), rows, columns
 
 

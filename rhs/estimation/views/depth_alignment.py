@@ -25,14 +25,14 @@ LEAST_PAIRS = 30
 
 def aligned(moved: Sight, fixed: Sight) -> Sight:
     """`moved` at the pose on the floor where its surfaces lie on those of `fixed` best."""
-    points = moved.points_m.reshape(*moved.depth.shape, 3)[::STRIDE, ::STRIDE].reshape(-1, 3)
-    points = points[np.isfinite(points).all(axis=1)]
-    target = fixed.points_m.reshape(*fixed.depth.shape, 3)
+    points = moved.some_points_m(STRIDE)
+    points = points[np.isfinite(points[:, 2])]
+    target, camera_from_map = fixed.points_m.reshape(*fixed.depth.shape, 3), inverse(fixed.map_from_camera)
     origin = moved.map_from_body[:2, 3]
     step = np.zeros(3)
     for paired_m in np.geomspace(*PAIRED_M, ROUNDS):
         shifted = transform(_about(origin, step), points)
-        found = _pairs(shifted, fixed, target, paired_m)
+        found = _pairs(shifted, transform(camera_from_map, shifted), fixed, target, paired_m=paired_m)
         if found is None:
             return moved
         at, distance_m, normal = found
@@ -52,17 +52,18 @@ def _about(origin: np.ndarray, step: np.ndarray) -> np.ndarray:
     return pose
 
 
-def _pairs(points: np.ndarray, fixed: Sight, target: np.ndarray, paired_m: float,
+def _pairs(points: np.ndarray, seen: np.ndarray, fixed: Sight, target: np.ndarray, *, paired_m: float,
            ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """(points (N, 3), how far each lies before the surface it lands on (N,), that surface's normal (N, 3))."""
-    pixels = fixed.camera.project(transform(inverse(fixed.map_from_camera), points))
+    """(points (N, 3), how far each lies before the surface it lands on (N,), that surface's normal (N, 3)). seen: the same
+    points in the fixed camera."""
+    x, y = fixed.camera.project(seen).T
     height, width = fixed.depth.shape
     with np.errstate(invalid="ignore"):
-        inside = ((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
+        inside = np.flatnonzero((x >= -0.5) & (x < width - 0.5) & (y >= -0.5) & (y < height - 0.5))
     points = points[inside]
-    columns, rows = np.rint(pixels[inside]).astype(int).T
+    columns, rows = np.rint(x[inside]).astype(int), np.rint(y[inside]).astype(int)
     normal = fixed.normals[rows, columns]
-    distance_m = ((points - target[rows, columns]) * normal).sum(axis=1)
+    distance_m = np.einsum("ni,ni->n", points - target[rows, columns], normal)
     with np.errstate(invalid="ignore"):
-        good = np.abs(distance_m) < paired_m
-    return (points[good], distance_m[good], normal[good]) if good.sum() >= LEAST_PAIRS else None
+        good = np.flatnonzero(np.abs(distance_m) < paired_m)
+    return (points[good], distance_m[good], normal[good]) if len(good) >= LEAST_PAIRS else None

@@ -1,0 +1,77 @@
+"""What is said of a stranger's part where Python itself says next to nothing, and of what only a run shows."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pytest
+
+from rhs.api.records import BeliefStatus
+from rhs.base.errors import words_of
+from rhs.testing import check_plugin
+
+PLANNER = '''"""Draws from numpy's own generator, and leaves the building."""
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rhs.api.records import Path, PlanReason
+
+
+@dataclass
+class Careless:
+    """Leaves the building."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        return self
+
+    def plan(self, problem):
+        np.random.normal()
+        return Path(PlanReason.OK, np.vstack([problem.start_m, [0.0, 99.0], problem.goal_m]))
+'''
+
+
+def test_a_name_that_an_enumeration_lacks_is_told_with_those_that_it_has():
+    with pytest.raises(AttributeError) as caught:
+        BeliefStatus.OK  # noqa: B018 - what is tested
+    assert words_of(caught.value) == "BeliefStatus has no OK; it has TRACKING, CONVERGING, LOST"
+    assert words_of(ValueError("so")) == "so"
+
+
+@dataclass
+class Asserts:
+    """Believes that there is always a way."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        return self
+
+    def plan(self, problem):
+        raise AssertionError
+
+
+def test_an_assert_without_words_is_told_with_its_line():
+    with pytest.raises(AssertionError, match=r"AssertionError: \(test_strangers_words.py:\d+\)"):
+        check_plugin("planner", Asserts())
+
+
+def test_a_run_says_that_a_global_generator_was_used_and_how_a_part_is_asked(tmp_path):
+    (tmp_path / "mine.py").write_text(PLANNER, encoding="utf-8")
+    words = ("--plugin", "mine.py", "task=planning", "world=square_small", "planner=careless")
+    said = subprocess.run([sys.executable, "-m", "rhs", *words], cwd=tmp_path, capture_output=True, text=True, timeout=180,
+                          check=False)
+    assert said.returncode == 3, said.stderr
+    assert "numpy's global generator was used: the same seed may not give this row again" in said.stderr
+    assert "does your part keep its contract? python -m rhs check [--plugin FILE] KIND=NAME" in said.stderr
+    ours = subprocess.run([sys.executable, "-m", "rhs", *words[2:4], "planner=rrt"], cwd=tmp_path, capture_output=True,
+                          text=True, timeout=180, check=False)
+    assert ours.returncode == 0 and "generator" not in ours.stderr
