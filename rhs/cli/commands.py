@@ -109,8 +109,9 @@ def show_help(words: Sequence[str]) -> int:
         return 0
     wanted = {"columns": "Columns", "events": "Events", "statuses": "tatus"}.get(topic)
     if wanted is None:
-        raise ConfigError(f"help {topic}: there is help commands, columns, events, statuses, settings, kinds and "
-                          f"{', '.join(PLUGIN_KINDS)}")
+        topics = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
+        raise ConfigError(f"help {topic}: there is no such help{nearest(topic, list(topics))} "
+                          f"(there is {', '.join(topics)})")
     section = ""
     for title, name, meaning in lines():
         if topic != "columns" and wanted not in title:

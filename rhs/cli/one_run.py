@@ -25,7 +25,7 @@ class Terminated(KeyboardInterrupt):
 def one_run(config: RunConfig, debug: bool) -> int:
     """Run it under a progress bar, say what came of it; the exit code."""
     from rhs.api.jit import on_compile
-    from rhs.base.shared_state import global_states
+    from rhs.base.global_generators import global_states
     from rhs.base.system import processors
     from rhs.metrics.evaluate import folder_fault
     from rhs.metrics.truth_clock import clock_fault

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.base.shared_state import global_states
+from rhs.base.global_generators import global_states
 
 UNUSUAL = 2718281828  # a seed that nobody else takes: who seeds with 0 where it was 0 before would leave all as it was
 

@@ -19,7 +19,7 @@ from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_wor
 from .maps import advice_on, is_shaded, load_map, read_header, writing_in
 from .mesh_files import MESHES
 from .mesh_world import read_solid
-from .near_walls import near_walls
+from .near_walls import keep_near_walls
 from .other_maps import advice_for
 from .robot import shape_of
 from .scene_files import SCENES
@@ -148,7 +148,7 @@ def settled(world: World, building: Building, file: Section) -> World:
             left = rooms_left_m2(grid, world.robot_radius_m, start)
         if isinstance(places, int):
             need_m = world.robot_radius_m + MARGIN_M + SPARE_M
-            grid, start = near_walls(grid, start, need_m, given=not given.isdisjoint(("start", "route_m")))
+            grid, start = keep_near_walls(grid, start, need_m, given=not given.isdisjoint(("start", "route_m")))
         tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name)
     except ConfigError as error:
         raise ConfigError(f"{world.path}: {error}") from error

@@ -15,8 +15,8 @@ FAR_M = 3.0  # led along a wall at this distance a camera of 57 degrees sees it 
 ROOM_M = 1.0  # from walls, of a start that is proposed in place of one too far from them
 
 
-def near_walls(grid: OccupancyGrid, start: tuple[float, ...], need_m: float, *,
-               given: bool) -> tuple[OccupancyGrid, tuple[float, ...]]:
+def keep_near_walls(grid: OccupancyGrid, start: tuple[float, ...], need_m: float, *,
+                    given: bool) -> tuple[OccupancyGrid, tuple[float, ...]]:
     """The grid without the free ground that lies further than FAR_M from everything (unknown there), and a start on what is
     left, the nearest with ROOM_M. Both as they are where nothing is so wide, or where the start is given and what is left
     does not hold it.

@@ -5,12 +5,12 @@ Written after the SDFormat specification, "Pose frame semantics" (http://sdforma
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from rhs.api.geometry import rotation_of_quaternion, se3
 from rhs.base.errors import ConfigError
 
 DEEPEST = 30  # a model that includes itself must end
@@ -66,27 +66,18 @@ def pose_of(element: Element, path: Path) -> np.ndarray:
     pose = element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
-    quaternion = pose.get("rotation_format") == "quat_xyzw"
-    values = values_of(pose.text, 7 if quaternion else 6, "pose", path)
-    if quaternion:
-        x, y, z, w = values[3:] / max(float(np.linalg.norm(values[3:])), 1e-12)
-        angles = np.array([math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-                           math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x)))),
-                           math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
-    else:
-        angles = np.radians(values[3:]) if pose.get("degrees") in ("true", "1") else values[3:]
-    return placed_at(values[:3], angles)
+    if pose.get("rotation_format") == "quat_xyzw":
+        values = values_of(pose.text, 7, "pose", path)
+        return se3(rotation_of_quaternion(values[3:]) if values[3:].any() else np.eye(3), values[:3])
+    values = values_of(pose.text, 6, "pose", path)
+    return placed_at(values[:3], np.radians(values[3:]) if pose.get("degrees") in ("true", "1") else values[3:])
 
 
 def placed_at(xyz: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """(4, 4) from a place and fixed-axis roll, pitch, yaw."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    matrix = np.eye(4)
-    matrix[:3, :3] = [[cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                      [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                      [-sp, cp * sr, cp * cr]]
-    matrix[:3, 3] = xyz
-    return matrix
+    """(4, 4) from a place and fixed-axis roll, pitch, yaw, radians."""
+    from scipy.spatial.transform import Rotation
+
+    return se3(Rotation.from_euler("xyz", rpy).as_matrix(), xyz)
 
 
 def numbers_in(element: Element, key: str, count: int, path: Path) -> np.ndarray:

@@ -112,8 +112,8 @@ def test_help_of_every_kind_lists_its_parts(capsys):
 
 
 def test_help_of_what_there_is_not_says_what_there_is(capsys):
-    with pytest.raises(ConfigError, match="help plans: there is help commands, columns, .* planner"):
-        command(["help", "plans"])()
+    with pytest.raises(ConfigError, match=r"help planers: .*; did you mean planner\? \(there is commands, columns, "):
+        command(["help", "planers"])()
     with pytest.raises(ConfigError, match="^planner is a kind of part: type planner=NAME, or python -m rhs help planner"):
         command(["planner"])
     assert not capsys.readouterr().out
