@@ -131,7 +131,8 @@ class ParticleLocaliser:
             fit.see(scan)
         fit.follow(self._expected, self._peak.mean)
         if fit.rivals_due():
-            fit.compare(rivals(fit, self._field, self._peak.mean, self._rng, self._advanced.search))
+            found = rivals(fit, self._field, self._peak.mean, rng=self._rng, s=self._advanced.search)
+            fit.compare(found)
         fit.look(self._peak.mean)
 
     def _watch(self, observation: Observation, motion: Motion) -> None:

@@ -51,9 +51,10 @@ class FitWatch:
 
     def start(self, chance: float | None = None) -> None:
         """A robot that begins, or was carried off: no scan of before counts. chance: of its belief, if it is known."""
-        self.chance = self.settings.prior if chance is None else float(np.clip(chance, self.settings.prior, self.settings.most))
+        least, most = self.settings.prior, self.settings.most
+        self.chance = least if chance is None else float(np.clip(chance, least, most))
         self.share = self.rival = float("nan")  # explained from the belief, and most of what is from a rival
-        self._rivals = np.empty((0, 3))
+        self.rivals = np.empty((0, 3))  # poses elsewhere
         self._frames: list[Frame] = []
         self._odom_from_body = np.eye(4)
         self._way_m, self._searched_m = 0.0, -np.inf
@@ -62,10 +63,10 @@ class FitWatch:
         """The robot has moved."""
         self._odom_from_body = self._odom_from_body @ previous_from_body
         self._way_m += way_m
-        x, y, yaw = self._rivals.T
+        x, y, yaw = self.rivals.T
         dx, dy, turn = planar(previous_from_body)
         c, s = np.cos(yaw), np.sin(yaw)
-        self._rivals = np.column_stack([x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn])
+        self.rivals = np.column_stack([x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn])
 
     def see(self, scan: Scan) -> None:
         """Put a scan into the window; the last one gives way unless the robot has moved on from the one before."""
@@ -98,16 +99,16 @@ class FitWatch:
 
     def compare(self, rivals: np.ndarray) -> None:
         """Take over the best rival poses (K, 3)."""
-        self._rivals, self._searched_m = rivals, self._way_m
+        self.rivals, self._searched_m = rivals, self._way_m
 
     def follow(self, expected: np.ndarray | None, believed: np.ndarray) -> None:
         """A belief (3,) that is not where the last one and the motion since lead to is another belief: what was known of the
-        other does not count, the scans do, and rivals are asked for anew."""
+        other does not count, the scans do, and the map is searched anew, with the place left among the rivals."""
         if expected is None:
             return
         off = planar(inverse(se2(*expected)) @ se2(*believed))
         if np.hypot(off[0], off[1]) > self.settings.jump_m or abs(off[2]) > np.radians(self.settings.jump_deg):
-            self._searched_m = -np.inf
+            self._searched_m, self.rivals = -np.inf, np.vstack([self.rivals, expected])
             for frame in self._frames:
                 frame.chance = self.settings.prior
 
@@ -117,11 +118,12 @@ class FitWatch:
             return
         s, beams, first = self.settings, self.beams(), self._frames[0]
         self.share = float(self.explained(believed[None], beams)[0])
-        self.rival = float(self.explained(self._rivals, beams).max()) if len(self._rivals) else 0.0
+        self.rival = float(self.explained(self.rivals, beams).max()) if len(self.rivals) else 0.0
         seen_m = self._way_m - first.way_m
         stayed = np.exp(-seen_m / s.leaves_m)
         before = s.prior + (first.chance - s.prior) * stayed
-        gain = (self.share - self.rival - s.margin) / s.scale * min(1.0, (s.first_m + seen_m) / s.window_m)
+        ahead = (self.share - self.rival - s.margin) / s.scale
+        gain = max(ahead, s.loss * ahead) * min(1.0, (s.first_m + seen_m) / s.full_m)
         odds = np.log(before) - np.log1p(-before) + gain
         self.chance = float(np.clip(1.0 / (1.0 + np.exp(-odds)), 1.0 - s.most, s.most))
 
@@ -131,7 +133,8 @@ class FitWatch:
         cell = self._grid.resolution_m
         cells = (np.asarray(states, float) - [*self._grid.origin_m, 0.0]) / [cell, cell, 1.0]
         tables = (self._hit, self._solid, self._mapped)
-        return _explained(np.ascontiguousarray(cells), beams / cell, tables, self.settings.mapped, 0 if roughly else self.settings.slack_cells)
+        slack = 0 if roughly else self.settings.slack_cells
+        return _explained(np.ascontiguousarray(cells), beams / cell, tables, self.settings.mapped, slack)
 
 
 @compiled

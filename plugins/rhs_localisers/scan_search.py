@@ -58,13 +58,15 @@ def summits(
     return ParticleSet(tried[kept], np.log(share[kept] / share[kept].sum()))
 
 
-def rivals(fit: FitWatch, field: LikelihoodField, believed: np.ndarray, rng: np.random.Generator, s: SearchSettings) -> np.ndarray:
+def rivals(
+    fit: FitWatch, field: LikelihoodField, believed: np.ndarray, *, rng: np.random.Generator, s: SearchSettings
+) -> np.ndarray:
     """(K, 3) poses apart from a belief (3,) from which the map explains most of the scans of the last metres, best first, the
-    best of each square metre and quarter of a turn."""
+    best of each square metre and quarter of a turn. The rivals of before stay in the race."""
     r, beams = fit.settings, rng.permutation(fit.beams())[: fit.settings.fine_beams]
     thrown = field.anywhere(throws(field.area_m2, s), rng)
     rough = fit.explained(thrown, beams[: r.rough_beams], roughly=True)
-    thrown = thrown[np.argsort(-rough, kind="stable")[: r.sifted]]
+    thrown = np.concatenate([fit.rivals, thrown[np.argsort(-rough, kind="stable")[: r.sifted]]])
     score = partial(fit.explained, beams=beams, roughly=True)
     states = summits(thrown, score(thrown), score, rng, s).states
     away = np.hypot(*(states[:, :2] - believed[:2]).T) > r.apart_m
