@@ -281,14 +281,10 @@ class FitSettings:
     """... and by which the best of them climb"""
     sifted: int = 4000
     """throws that are left after sifting"""
-    margin: float = 0.02
-    """so much more than the best rival a belief explains that is as likely right as off the map"""
-    scale: float = 0.025
-    """a margin larger by this is worth one more of log-odds,"""
-    loss: float = 0.5
-    """and one below `margin` by as much takes this share of that: among corridors all alike a rival fits as well for a while;"""
+    scale: float = 0.03
+    """a belief that explains more than the best rival by this is worth one of log-odds against being off the map,"""
     full_m: float = 3.0
-    """by a window of so much way or more; by a shorter one less in proportion, metres"""
+    """if the window is of so much way or more; by a shorter one less in proportion, metres"""
     first_m: float = 1.0
     """a single scan is worth as much as so much way, metres"""
     leaves_m: float = 200.0
@@ -319,8 +315,7 @@ class FitSettings:
     def __post_init__(self) -> None:
         check_ranges("", self, window_m=(0.1, 1000.0), frame_m=(0.01, 1000.0), beams=(1, 100_000), rivals_m=(0.0, 1000.0),
                      apart_m=(0.0, 1000.0), apart_rad=(0.0, 3.2), rivals=(1, 10_000), rough_beams=(1, 100_000),
-                     fine_beams=(1, 100_000), sifted=(1, 10_000_000), margin=(-1.0, 1.0), scale=(1e-4, 10.0),
-                     loss=(0.0, 1.0), full_m=(0.01, 1000.0), first_m=(0.0, 1000.0), leaves_m=(0.1, 1e9),
+                     fine_beams=(1, 100_000), sifted=(1, 10_000_000), scale=(1e-4, 10.0), full_m=(0.01, 1000.0), first_m=(0.0, 1000.0), leaves_m=(0.1, 1e9),
                      prior=(1e-4, 0.9999), most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4),
                      sigma_m=(1e-3, 10.0), slack_cells=(1, 1000), range_max_m=(0.1, 1000.0), least_beams=(1, 100_000),
                      mapped=(0.0, 1.0), jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))

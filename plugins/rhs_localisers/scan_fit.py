@@ -122,8 +122,7 @@ class FitWatch:
         seen_m = self._way_m - first.way_m
         stayed = np.exp(-seen_m / s.leaves_m)
         before = s.prior + (first.chance - s.prior) * stayed
-        ahead = (self.share - self.rival - s.margin) / s.scale
-        gain = max(ahead, s.loss * ahead) * min(1.0, (s.first_m + seen_m) / s.full_m)
+        gain = (self.share - self.rival) / s.scale * min(1.0, (s.first_m + seen_m) / s.full_m)
         odds = np.log(before) - np.log1p(-before) + gain
         self.chance = float(np.clip(1.0 / (1.0 + np.exp(-odds)), 1.0 - s.most, s.most))
 

@@ -38,7 +38,7 @@ def test_ends_on_walls_are_explained_those_in_the_open_and_behind_walls_are_not(
     assert explained(watch, scan(1.95, 1.95), np.array([2.0, 2.5, 0.0])) == pytest.approx(0.5, abs=0.01)  # left 0.5 m too far
     assert explained(watch, scan(1.95, 1.45), np.array([2.0, 2.5, 0.0])) == pytest.approx(1.0)
     assert explained(watch, scan(1.0, 1.0), np.array([2.0, 1.0, 0.0])) < 0.01  # in the open
-    assert explained(watch, scan(1.95, 1.9), np.array([2.0, 2.05, 0.0])) == pytest.approx(0.5)  # ahead through the post at 3.05 m
+    assert explained(watch, scan(1.95, 1.9), np.array([2.0, 2.05, 0.0])) == pytest.approx(0.5)  # ahead through the post
 
 
 def test_ends_where_nothing_is_mapped_say_nothing():
@@ -65,7 +65,7 @@ AT, WRONG, SEEN = np.array([2.0, 2.5, 0.0]), np.array([2.0, 1.0, 0.0]), scan(1.9
 
 
 def test_the_margin_over_the_best_rival_weighs_what_was_believed_before():
-    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, margin=0.1, scale=0.5, first_m=1.0, window_m=8.0))
+    watch = FitWatch(room(), FitSettings(least_beams=2, prior=0.2, scale=0.5, first_m=1.0, full_m=8.0))
     watch.see(SEEN)
     assert watch.rivals_due()
     watch.compare(np.array([WRONG, WRONG]))
@@ -73,7 +73,7 @@ def test_the_margin_over_the_best_rival_weighs_what_was_believed_before():
     watch.look(AT)
     margin = watch.share - watch.rival
     assert watch.share == pytest.approx(1.0) and 0.4 < margin < 0.6  # the wall ahead explains one of two beams
-    odds = 0.25 * np.exp((margin - 0.1) / 0.5 / 8.0)  # one scan is worth a metre of the eight of the window
+    odds = 0.25 * np.exp(margin / 0.5 / 8.0)  # one scan is worth a metre of the eight that count in full
     assert watch.chance == pytest.approx(odds / (1.0 + odds))
     watch.look(AT)
     assert watch.chance == pytest.approx(odds / (1.0 + odds))  # nothing new
@@ -86,7 +86,7 @@ def test_a_rival_that_explains_as_much_leaves_a_robot_in_doubt_for_as_long_as_it
         watch.see(SEEN)
         watch.compare(AT[None])
         watch.look(AT)
-    assert watch.share == watch.rival and watch.chance < FitSettings().prior
+    assert watch.share == watch.rival and watch.chance == pytest.approx(FitSettings().prior)
     for _ in range(40):
         watch.move(se2(0.0, 0.0, 0.0), 0.5)
         watch.see(SEEN)
@@ -113,7 +113,8 @@ def test_scans_of_before_are_laid_where_the_odometry_puts_them():
     watch.see(SEEN)
     watch.move(se2(0.5, 0.0, 0.0), 0.5)
     watch.see(scan(1.45, 1.45))
-    assert watch.beams() == pytest.approx(np.array([[-0.5, 0, 1.45, 0], [-0.5, 0, -0.5, 1.45], [0, 0, 1.45, 0], [0, 0, 0, 1.45]]))
+    before, now = [[-0.5, 0, 1.45, 0], [-0.5, 0, -0.5, 1.45]], [[0, 0, 1.45, 0], [0, 0, 0, 1.45]]
+    assert watch.beams() == pytest.approx(np.array(before + now))
     watch.start()
     assert len(watch.beams()) == 0
 
@@ -129,7 +130,7 @@ def test_a_belief_that_leaps_off_its_motion_is_another_belief():
         return watch.chance
 
     assert led(np.array([1.2, 1.0, 0.1])) > 0.99  # near enough
-    assert led(np.array([2.0, 1.0, 0.0])) < 0.9
+    assert led(np.array([2.0, 1.0, 0.0])) < 0.98
 
 
 def test_what_is_new_in_a_scan_goes_with_the_way():
