@@ -315,10 +315,11 @@ class FitSettings:
     def __post_init__(self) -> None:
         check_ranges("", self, window_m=(0.1, 1000.0), frame_m=(0.01, 1000.0), beams=(1, 100_000), rivals_m=(0.0, 1000.0),
                      apart_m=(0.0, 1000.0), apart_rad=(0.0, 3.2), rivals=(1, 10_000), rough_beams=(1, 100_000),
-                     fine_beams=(1, 100_000), sifted=(1, 10_000_000), scale=(1e-4, 10.0), full_m=(0.01, 1000.0), first_m=(0.0, 1000.0), leaves_m=(0.1, 1e9),
-                     prior=(1e-4, 0.9999), most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4),
-                     sigma_m=(1e-3, 10.0), slack_cells=(1, 1000), range_max_m=(0.1, 1000.0), least_beams=(1, 100_000),
-                     mapped=(0.0, 1.0), jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0))
+                     fine_beams=(1, 100_000), sifted=(1, 10_000_000), scale=(1e-4, 10.0), full_m=(0.01, 1000.0),
+                     first_m=(0.0, 1000.0), leaves_m=(0.1, 1e9), prior=(1e-4, 0.9999), most=(0.5, 1.0 - 1e-9),
+                     doubt=(0.0, 1.0), again=(0.0, 1e4), sigma_m=(1e-3, 10.0), slack_cells=(1, 1000),
+                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), mapped=(0.0, 1.0), jump_m=(0.0, 1000.0),
+                     jump_deg=(0.0, 180.0))
 
 
 @dataclass

@@ -1,13 +1,13 @@
 """Is the robot where it believes itself, or where the map says nothing (off the map, or map and world differ)?
 
 A particle filter compares poses in the map with one another: the best of them gets all the weight, also where the robot is
-in a room that the map does not show. So `off` is a hypothesis of its own. The scans of the last metres, laid together by the
-odometry, are laid onto the map at the belief, and onto the whole map, every metre, for the best rival elsewhere. What the
-map explains at wrong poses is its own null distribution: the best of as many wrong ones off the map explains about as much as
-the best rival, and more by d with a chance that falls exponentially in d (the tail of the largest of many: Gumbel 1958;
-Karlin, Altschul, PNAS 87 (1990) 2264, use it in the same way for matches of sequences). So the log-odds of the belief against
-`off` grow with the margin over the best rival, and with the way seen. A scan is taken as evidence once: the margin weighs
-what was believed when the oldest scan of the window came, and in between the robot may have left the map.
+in a room that the map does not show. So `off` is a hypothesis of its own. The scans of the last metres, laid together by
+the odometry, are laid onto the map at the belief, and every metre onto the whole map, for the best rival elsewhere. What
+the map explains at wrong poses is its own null distribution: the best of as many wrong poses off the map explains about as
+much as the best rival, and more by d with a chance that falls exponentially in d (the tail of the largest of many; Karlin
+and Altschul, PNAS 87 (1990) 2264, judge matches of sequences by it). So the log-odds of the belief against `off` grow with
+the margin over the best rival. A scan is evidence once: the margin weighs the chance that the belief had when the oldest
+scan of the window came, less what may have happened in between, for a robot may leave the map.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from .advanced import FitSettings
 
 @dataclass
 class Frame:
-    """One scan of the window: starts and ends (B, 4) of its beams in the body frame, metres, the pose by the odometry, the way
-    gone when it came, and the chance of the belief by then."""
+    """One scan of the window: starts and ends (B, 4) of its beams in the body frame, metres, the pose by the odometry, the
+    way gone when it came, and the chance of the belief by then."""
 
     beams: np.ndarray
     odom_from_body: np.ndarray
@@ -127,8 +127,8 @@ class FitWatch:
         self.chance = float(np.clip(1.0 / (1.0 + np.exp(-odds)), 1.0 - s.most, s.most))
 
     def explained(self, states: np.ndarray, beams: np.ndarray, *, roughly: bool = False) -> np.ndarray:
-        """(N,) share of the ends in mapped ground that lie on walls which their beams reach, from states (N, 3); beams (B, 4)
-        in the body frame, metres. roughly: beams are looked at at two points only."""
+        """(N,) share of the ends in mapped ground that lie on walls which their beams reach, from states (N, 3); beams
+        (B, 4) in the body frame, metres. roughly: beams are looked at at two points only."""
         cell = self._grid.resolution_m
         cells = (np.asarray(states, float) - [*self._grid.origin_m, 0.0]) / [cell, cell, 1.0]
         tables = (self._hit, self._solid, self._mapped)
@@ -139,8 +139,9 @@ class FitWatch:
 @compiled
 def _explained(states: np.ndarray, beams: np.ndarray, tables: tuple[np.ndarray, np.ndarray, np.ndarray], least: float,
                slack: int) -> np.ndarray:
-    """See FitWatch.explained; lengths in cells. Where a share less than `least` of the beams ends in mapped ground or behind
-    a wall, the others count as not explained. slack: cells before its end in which a beam may meet a wall, 0: see roughly."""
+    """See FitWatch.explained; lengths in cells. Where a share less than `least` of the beams ends in mapped ground or
+    behind a wall, the others count as not explained. slack: cells before its end in which a beam may meet a wall, 0:
+    see roughly."""
     hit, solid, mapped = tables
     rows, columns = hit.shape
     out = np.empty(len(states))

@@ -61,8 +61,8 @@ def summits(
 def rivals(
     fit: FitWatch, field: LikelihoodField, believed: np.ndarray, *, rng: np.random.Generator, s: SearchSettings
 ) -> np.ndarray:
-    """(K, 3) poses apart from a belief (3,) from which the map explains most of the scans of the last metres, best first, the
-    best of each square metre and quarter of a turn. The rivals of before stay in the race."""
+    """(K, 3) poses apart from a belief (3,) from which the map explains most of the scans of the last metres, best first,
+    the best of each square metre and quarter of a turn. The rivals of before stay in the race."""
     r, beams = fit.settings, rng.permutation(fit.beams())[: fit.settings.fine_beams]
     thrown = field.anywhere(throws(field.area_m2, s), rng)
     rough = fit.explained(thrown, beams[: r.rough_beams], roughly=True)

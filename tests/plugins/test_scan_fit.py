@@ -35,7 +35,7 @@ def explained(watch: FitWatch, seen: Scan, at: np.ndarray) -> float:
 
 def test_ends_on_walls_are_explained_those_in_the_open_and_behind_walls_are_not():
     watch = FitWatch(room(), FitSettings(least_beams=2, slack_cells=2))
-    assert explained(watch, scan(1.95, 1.95), np.array([2.0, 2.5, 0.0])) == pytest.approx(0.5, abs=0.01)  # left 0.5 m too far
+    assert explained(watch, scan(1.95, 1.95), np.array([2.0, 2.5, 0.0])) == pytest.approx(0.5, abs=0.01)  # left: too far
     assert explained(watch, scan(1.95, 1.45), np.array([2.0, 2.5, 0.0])) == pytest.approx(1.0)
     assert explained(watch, scan(1.0, 1.0), np.array([2.0, 1.0, 0.0])) < 0.01  # in the open
     assert explained(watch, scan(1.95, 1.9), np.array([2.0, 2.05, 0.0])) == pytest.approx(0.5)  # ahead through the post
