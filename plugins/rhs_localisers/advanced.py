@@ -289,7 +289,7 @@ class FitSettings:
     """a single scan is worth as much as so much way, metres"""
     leaves_m: float = 200.0
     """mean way after which a robot has left the map, metres"""
-    prior: float = 0.2
+    prior: float = 0.35
     """chance of a belief of which nothing is known yet"""
     most: float = 0.9995
     """surer than this nobody gets, one way or the other"""
