@@ -261,35 +261,22 @@ class SearchSettings:
 class FitSettings:
     """Whether the map explains what is seen; see scan_fit.py."""
 
-    window_m: float = 8.0
-    """way of which the scans are laid together, metres"""
-    frame_m: float = 0.5
-    """way between two of them, metres"""
-    beams: int = 30
-    """used of each, evenly spaced"""
+    expected: float = 0.65
+    """share of a scan's ends in mapped ground that lie on walls, at which a right pose is as likely
+    as the best wrong one"""
+    rival_weight: float = 0.65
+    """how far the share from the best rival place on the map moves `expected` to itself (0: not at all)"""
     rivals_m: float = 1.0
     """way between two searches for rivals, metres"""
     apart_m: float = 1.0
-    """nearer than this to the belief nothing is a rival, metres ..."""
-    apart_rad: float = 0.5
-    """... unless it is turned by more, radians"""
+    """nearer than this to the belief nothing is a rival, metres"""
     rivals: int = 30
-    """rivals looked at, the likeliest first, one in each square metre and quarter of a turn"""
-    rough_beams: int = 24
-    """beams of the window by which throws over the map are sifted ..."""
-    fine_beams: int = 90
-    """... and by which the best of them climb"""
-    sifted: int = 4000
-    """throws that are left after sifting"""
-    scale: float = 0.03
-    """a belief that explains more than the best rival by this is worth one of log-odds against being off the map,"""
-    full_m: float = 3.0
-    """if the window is of so much way or more; by a shorter one less in proportion, metres"""
-    first_m: float = 1.0
-    """a single scan is worth as much as so much way, metres"""
-    leaves_m: float = 200.0
-    """mean way after which a robot has left the map, metres"""
-    prior: float = 0.35
+    """rivals looked at, the likeliest first, one in each square metre"""
+    slope: float = 4.0
+    """log-odds that a share larger by 1 is worth"""
+    step: float = 1.5
+    """most that one scan is worth, log-odds"""
+    prior: float = 0.2
     """chance of a belief of which nothing is known yet"""
     most: float = 0.9995
     """surer than this nobody gets, one way or the other"""
@@ -297,10 +284,8 @@ class FitSettings:
     """below this chance the whole map is searched ..."""
     again: float = 1.0
     """... whenever so many new scans have come, so that a rival gets its chance"""
-    sigma_m: float = 0.12
-    """of an end against a wall, metres: map and range noise"""
-    slack_cells: int = 3
-    """so near to its end a beam may meet a wall, cells"""
+    reach_m: float = 0.25
+    """an end as near as this to a wall lies on it, metres"""
     range_max_m: float = 30.0
     """longer beams are not used, metres"""
     least_beams: int = 10
@@ -311,15 +296,17 @@ class FitSettings:
     """a belief that moved so far off its own motion is another belief, metres"""
     jump_deg: float = 30.0
     """or turned off it by so much, degrees"""
+    slip_m: float = 0.5
+    """a belief that scans pulled so far off its own motion, metres, ..."""
+    slip_over_m: float = 3.0
+    """... over so much way, is not trusted: at the end of the map it stays where the walls still look alike"""
 
     def __post_init__(self) -> None:
-        check_ranges("", self, window_m=(0.1, 1000.0), frame_m=(0.01, 1000.0), beams=(1, 100_000), rivals_m=(0.0, 1000.0),
-                     apart_m=(0.0, 1000.0), apart_rad=(0.0, 3.2), rivals=(1, 10_000), rough_beams=(1, 100_000),
-                     fine_beams=(1, 100_000), sifted=(1, 10_000_000), scale=(1e-4, 10.0), full_m=(0.01, 1000.0),
-                     first_m=(0.0, 1000.0), leaves_m=(0.1, 1e9), prior=(1e-4, 0.9999), most=(0.5, 1.0 - 1e-9),
-                     doubt=(0.0, 1.0), again=(0.0, 1e4), sigma_m=(1e-3, 10.0), slack_cells=(1, 1000),
-                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), mapped=(0.0, 1.0), jump_m=(0.0, 1000.0),
-                     jump_deg=(0.0, 180.0))
+        check_ranges("", self, expected=(0.0, 1.0), rival_weight=(0.0, 1.0), rivals_m=(0.0, 1000.0), apart_m=(0.0, 1000.0),
+                     rivals=(1, 10_000), slope=(0.0, 1000.0), step=(0.0, 100.0), prior=(1e-4, 0.9999),
+                     most=(0.5, 1.0 - 1e-9), doubt=(0.0, 1.0), again=(0.0, 1e4), reach_m=(0.01, 10.0),
+                     range_max_m=(0.1, 1000.0), least_beams=(1, 100_000), mapped=(0.0, 1.0),
+                     jump_m=(0.0, 1000.0), jump_deg=(0.0, 180.0), slip_m=(0.0, 1000.0), slip_over_m=(0.1, 1000.0))
 
 
 @dataclass

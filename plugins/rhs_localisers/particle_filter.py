@@ -115,7 +115,7 @@ class ParticleLocaliser:
         self._peak = peak(self._cloud, near_m=RIGHT_M, near_rad=RIGHT_RAD, cluster_m=self._advanced.cluster_m,
                           cluster_rad=self._advanced.cluster_rad)
         if self._fit is not None:
-            self._explain(self._fit, scan_of(observation, motion))
+            self._explain(self._fit, scan_of(observation, motion), motion)
         if self._places is not None:
             if self._expected is not None:
                 self._confirmation.follow(self._expected, self._peak.mean)
@@ -124,16 +124,18 @@ class ParticleLocaliser:
         self._sure_views = self._sure_views + 1 if self._status() is BeliefStatus.TRACKING else 0
         return self._belief(self._peak)
 
-    def _explain(self, fit: FitWatch, scan: Scan | None) -> None:
-        """What does the map explain of the last scans, from the belief and from elsewhere?"""
+    def _explain(self, fit: FitWatch, scan: Scan | None, motion: Motion) -> None:
+        """What does the map explain of the scan, from the belief and from elsewhere?"""
         assert self._peak is not None and self._field is not None and isinstance(self._advanced, ScanAdvanced)
-        if scan is not None:
-            fit.see(scan)
-        fit.follow(self._expected, self._peak.mean)
-        if fit.rivals_due():
-            found = rivals(fit, self._field, self._peak.mean, rng=self._rng, s=self._advanced.search)
-            fit.compare(found)
-        fit.look(self._peak.mean)
+        a, believed = self._advanced, self._peak.mean
+        way_m = way_of(motion, a)
+        fit.follow(self._expected, believed, way_m)
+        if scan is not None and fit.rivals_due(way_m):
+            score = partial(self._field.log_likelihood, scan=scan)
+            thrown = self._field.anywhere(throws(self._field.area_m2, a.search), self._rng)
+            found = summits(thrown, score(thrown), score, self._rng, a.search).states
+            fit.compare(scan, rivals(found, score(found), believed, a.fit.apart_m, a.fit.rivals))
+        fit.look(scan, believed, self._fresh)
 
     def _watch(self, observation: Observation, motion: Motion) -> None:
         """Does this view go on from the last one? If not, the robot may have been carried anywhere."""
@@ -145,13 +147,11 @@ class ParticleLocaliser:
         else:
             last, self._scan = self._scan, scan_of(observation, motion)
             seen = scan_continuity(last, self._scan, motion.previous_from_body, self._advanced.continuity)
-        if self._fit is not None and isinstance(self._advanced, ScanAdvanced):
-            self._fit.move(motion.previous_from_body, way_of(motion, self._advanced))
         if seen is Continuity.BROKEN:
             self._sure_views = 0
             self._elsewhere = max(self._elsewhere, self._advanced.continuity.carried)
             if self._fit is not None:
-                self._fit.start()
+                self._fit.begin()
 
     def _move(self, motion: Motion) -> None:
         travel = planar(motion.previous_from_body)

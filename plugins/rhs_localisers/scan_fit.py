@@ -1,18 +1,16 @@
-"""Is the robot where it believes itself, or where the map says nothing (off the map, or map and world differ)?
+"""Does the map explain what is seen from where the robot believes itself to be?
 
 A particle filter compares poses in the map with one another: the best of them gets all the weight, also where the robot is
-in a room that the map does not show. So `off` is a hypothesis of its own. The scans of the last metres, laid together by
-the odometry, are laid onto the map at the belief, and every metre onto the whole map, for the best rival elsewhere. What
-the map explains at wrong poses is its own null distribution: the best of as many wrong poses off the map explains about as
-much as the best rival, and more by d with a chance that falls exponentially in d (the tail of the largest of many; Karlin
-and Altschul, PNAS 87 (1990) 2264, judge matches of sequences by it). So the log-odds of the belief against `off` grow with
-the margin over the best rival. A scan is evidence once: the margin weighs the chance that the belief had when the oldest
-scan of the window came, less what may have happened in between, for a robot may leave the map.
+in a room that the map does not show, or where the map is out of date. So the belief is held against the alternative that it
+is wrong: of the scan's ends in mapped ground, how many lie on a wall that the beam could reach? Beams that end where nothing
+is mapped say nothing, unless they are many. How large a share a right pose has depends on the building, on what was moved
+since, and on the scanner; how large a one a wrong pose can have is seen in the map itself: every metre of way the whole map
+is searched for the best rival elsewhere. A robot off the map has one that fits as well as its belief or better. The
+evidence of one scan is a log-odds in proportion to the share above or below the mean of FitSettings.expected and the share
+from there, and views taken a short way apart count as one: they share their errors.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,144 +22,120 @@ from rhs.api.records import Scan
 from .advanced import FitSettings
 
 
-@dataclass
-class Frame:
-    """One scan of the window: starts and ends (B, 4) of its beams in the body frame, metres, the pose by the odometry, the
-    way gone when it came, and the chance of the belief by then."""
-
-    beams: np.ndarray
-    odom_from_body: np.ndarray
-    way_m: float
-    chance: float
-
-
 class FitWatch:
-    """The chance that the robot is where it believes itself and the map shows it."""
+    """The chance that the belief is where the robot is, by what the map explains of the scans since it is what it is."""
 
     def __init__(self, grid: OccupancyGrid, settings: FitSettings) -> None:
         from scipy.ndimage import distance_transform_edt
 
-        self.settings, self._grid = settings, grid
+        self._s, self._grid = settings, grid
         occupied = grid.occupied()
-        gap_m = distance_transform_edt(~occupied) * grid.resolution_m if occupied.any() else np.full(grid.shape, np.inf)
-        self._hit = np.exp(-0.5 * (gap_m / settings.sigma_m) ** 2).astype(np.float32)
         self._solid = occupied.astype(np.uint8)
-        self._mapped = (occupied | grid.free() | (gap_m <= 2.0 * settings.sigma_m)).astype(np.uint8)
+        gap_m = distance_transform_edt(~occupied) * grid.resolution_m if occupied.any() else np.full(grid.shape, np.inf)
+        self._wall = (gap_m <= settings.reach_m).astype(np.uint8)
+        self._mapped = (occupied | grid.free() | (gap_m <= settings.reach_m)).astype(np.uint8)
         self.start()
 
     def start(self, chance: float | None = None) -> None:
-        """A robot that begins, or was carried off: no scan of before counts. chance: of its belief, if it is known."""
-        least, most = self.settings.prior, self.settings.most
-        self.chance = least if chance is None else float(np.clip(chance, least, most))
-        self.share = self.rival = float("nan")  # explained from the belief, and most of what is from a rival
-        self.rivals = np.empty((0, 3))  # poses elsewhere
-        self._frames: list[Frame] = []
-        self._odom_from_body = np.eye(4)
-        self._way_m, self._searched_m = 0.0, -np.inf
+        """A robot that begins, of whose belief only this is known."""
+        self.rival = float("nan")  # largest share from a place that is not believed in, at the last search
+        self._unrivalled_m = np.inf
+        self.begin(chance)
 
-    def move(self, previous_from_body: np.ndarray, way_m: float) -> None:
-        """The robot has moved."""
-        self._odom_from_body = self._odom_from_body @ previous_from_body
-        self._way_m += way_m
-        x, y, yaw = self.rivals.T
-        dx, dy, turn = planar(previous_from_body)
-        c, s = np.cos(yaw), np.sin(yaw)
-        self.rivals = np.column_stack([x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn])
+    def begin(self, chance: float | None = None) -> None:
+        """A new belief, of which only this is known."""
+        prior = self._s.prior if chance is None else min(max(chance, self._s.prior), self._s.most)
+        self._odds = self._log_odds(prior)
+        self.share = float("nan")
+        self._pulls: list[tuple[float, np.ndarray]] = []  # way, and how far the scans moved the belief off its motion
 
-    def see(self, scan: Scan) -> None:
-        """Put a scan into the window; the last one gives way unless the robot has moved on from the one before."""
-        s = self.settings
-        reach, bearing = np.asarray(scan.ranges_m, float), np.asarray(scan.bearings_rad, float)
-        used = np.flatnonzero(np.isfinite(reach) & (reach <= s.range_max_m))
-        if len(used) < s.least_beams:
-            return
-        used = used[np.linspace(0, len(used) - 1, min(s.beams, len(used))).astype(int)]
-        ends = np.stack([np.cos(bearing[used]), np.sin(bearing[used])], axis=1) * reach[used, None]
-        begin = np.broadcast_to(np.asarray(scan.origin_xy_m, float), ends.shape)
-        if len(self._frames) > 1 and self._way_m - self._frames[-2].way_m < s.frame_m:
-            self._frames.pop()
-        self._frames.append(Frame(np.hstack([begin, begin + ends]), self._odom_from_body, self._way_m, self.chance))
-        while self._way_m - self._frames[0].way_m > s.window_m:
-            self._frames.pop(0)
+    @staticmethod
+    def _log_odds(chance: float) -> float:
+        return float(np.log(chance) - np.log1p(-chance))
 
-    def beams(self) -> np.ndarray:
-        """(B, 4) starts and ends of all beams of the window in the body frame of now, metres."""
-        out = [np.empty((0, 4))]
-        for frame in self._frames:
-            now_from_then = inverse(self._odom_from_body) @ frame.odom_from_body
-            turn, shift = now_from_then[:2, :2].T, now_from_then[:2, 3]
-            out.append(np.hstack([frame.beams[:, :2] @ turn + shift, frame.beams[:, 2:] @ turn + shift]))
-        return np.concatenate(out)
+    @property
+    def chance(self) -> float:
+        """That the map explains the belief."""
+        return float(1.0 / (1.0 + np.exp(-self._odds)))
 
-    def rivals_due(self) -> bool:
-        """Whether the map is to be searched for rivals."""
-        return bool(self._frames) and self._way_m - self._searched_m >= self.settings.rivals_m
-
-    def compare(self, rivals: np.ndarray) -> None:
-        """Take over the best rival poses (K, 3)."""
-        self.rivals, self._searched_m = rivals, self._way_m
-
-    def follow(self, expected: np.ndarray | None, believed: np.ndarray) -> None:
-        """A belief (3,) that is not where the last one and the motion since lead to is another belief: what was known of the
-        other does not count, the scans do, and the map is searched anew, with the place left among the rivals."""
+    def follow(self, expected: np.ndarray | None, believed: np.ndarray, way_m: float) -> None:
+        """A belief (3,) that is not where the last one and the motion since, of way_m, lead to is another belief. One that
+        was held back or pulled along bit by bit is trusted like a new one until it has followed its motion again."""
         if expected is None:
             return
         off = planar(inverse(se2(*expected)) @ se2(*believed))
-        if np.hypot(off[0], off[1]) > self.settings.jump_m or abs(off[2]) > np.radians(self.settings.jump_deg):
-            self._searched_m, self.rivals = -np.inf, np.vstack([self.rivals, expected])
-            for frame in self._frames:
-                frame.chance = self.settings.prior
-
-    def look(self, believed: np.ndarray) -> None:
-        """Bayes' rule between the belief (3,) and `off`."""
-        if not self._frames:
+        if np.hypot(off[0], off[1]) > self._s.jump_m or abs(off[2]) > np.radians(self._s.jump_deg):
+            self.begin()
             return
-        s, beams, first = self.settings, self.beams(), self._frames[0]
-        self.share = float(self.explained(believed[None], beams)[0])
-        self.rival = float(self.explained(self.rivals, beams).max()) if len(self.rivals) else 0.0
-        seen_m = self._way_m - first.way_m
-        stayed = np.exp(-seen_m / s.leaves_m)
-        before = s.prior + (first.chance - s.prior) * stayed
-        gain = (self.share - self.rival) / s.scale * min(1.0, (s.first_m + seen_m) / s.full_m)
-        odds = np.log(before) - np.log1p(-before) + gain
-        self.chance = float(np.clip(1.0 / (1.0 + np.exp(-odds)), 1.0 - s.most, s.most))
+        if not self._pulls or self._pulls[-1][0] > 0.05 * self._s.slip_over_m:
+            self._pulls.append((0.0, np.zeros(2)))
+        since_m, pull = self._pulls.pop()
+        self._pulls.append((since_m + way_m, pull + believed[:2] - expected[:2]))
+        while sum(way for way, _ in self._pulls) - self._pulls[0][0] >= self._s.slip_over_m:
+            self._pulls.pop(0)
+        if np.hypot(*np.sum([pull for _, pull in self._pulls], axis=0)) > self._s.slip_m:
+            self._odds = min(self._odds, self._log_odds(self._s.prior))
 
-    def explained(self, states: np.ndarray, beams: np.ndarray, *, roughly: bool = False) -> np.ndarray:
-        """(N,) share of the ends in mapped ground that lie on walls which their beams reach, from states (N, 3); beams
-        (B, 4) in the body frame, metres. roughly: beams are looked at at two points only."""
+    def rivals_due(self, way_m: float) -> bool:
+        """Whether the map is to be searched for rivals, after so much more way."""
+        self._unrivalled_m += way_m
+        return self._s.rival_weight > 0 and self._unrivalled_m >= self._s.rivals_m
+
+    def compare(self, scan: Scan | None, rivals: np.ndarray) -> None:
+        """Take over what the map explains of a scan from the best of rival poses (K, 3)."""
+        self._unrivalled_m = 0.0
+        shares = np.array([self.explained(scan, rival) for rival in rivals])
+        self.rival = float(np.nanmax(shares)) if np.isfinite(shares).any() else float("nan")
+
+    def look(self, scan: Scan | None, believed: np.ndarray, fresh: float) -> None:
+        """Take the evidence of a scan seen from a pose (3,). fresh: 0..1, how much of it is new."""
+        s = self._s
+        self.share = self.explained(scan, believed)
+        if np.isfinite(self.share):
+            expected = s.expected if np.isnan(self.rival) else s.expected + s.rival_weight * (self.rival - s.expected)
+            evidence = float(np.clip(s.slope * (self.share - expected), -s.step, s.step))
+            most = self._log_odds(s.most)
+            self._odds = float(np.clip(self._odds + fresh * evidence, -most, most))
+
+    def explained(self, scan: Scan | None, at: np.ndarray) -> float:
+        """Share of the scan's ends in mapped ground that lie on walls which their beams reach, from a pose (3,); NaN with
+        too few beams."""
+        if scan is None:
+            return float("nan")
         cell = self._grid.resolution_m
-        cells = (np.asarray(states, float) - [*self._grid.origin_m, 0.0]) / [cell, cell, 1.0]
-        tables = (self._hit, self._solid, self._mapped)
-        slack = 0 if roughly else self.settings.slack_cells
-        return _explained(np.ascontiguousarray(cells), beams / cell, tables, self.settings.mapped, slack)
+        reach, bearing = np.asarray(scan.ranges_m, float), np.asarray(scan.bearings_rad, float)
+        used = np.isfinite(reach) & (reach <= self._s.range_max_m)
+        if used.sum() < self._s.least_beams:
+            return float("nan")
+        start = se2(*at)[:2, :2] @ np.asarray(scan.origin_xy_m, float) + at[:2]
+        begin = (start - np.asarray(self._grid.origin_m)) / cell
+        good, told = _explained(begin, reach[used] / cell, bearing[used] + at[2], (self._solid, self._wall, self._mapped),
+                                self._s.reach_m / cell)
+        if told < self._s.mapped * used.sum():
+            return good / int(used.sum())  # the robot believes itself where hardly anything is mapped
+        return good / told if told >= self._s.least_beams else float("nan")
 
 
 @compiled
-def _explained(states: np.ndarray, beams: np.ndarray, tables: tuple[np.ndarray, np.ndarray, np.ndarray], least: float,
-               slack: int) -> np.ndarray:
-    """See FitWatch.explained; lengths in cells. Where a share less than `least` of the beams ends in mapped ground or
-    behind a wall, the others count as not explained. slack: cells before its end in which a beam may meet a wall, 0:
-    see roughly."""
-    hit, solid, mapped = tables
-    rows, columns = hit.shape
-    out = np.empty(len(states))
-    for k in range(len(states)):
-        c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
-        good, told = 0.0, 0
-        for b in range(len(beams)):
-            sx, sy = states[k, 0] + c * beams[b, 0] - s * beams[b, 1], states[k, 1] + s * beams[b, 0] + c * beams[b, 1]
-            ex, ey = states[k, 0] + c * beams[b, 2] - s * beams[b, 3], states[k, 1] + s * beams[b, 2] + c * beams[b, 3]
-            length = np.hypot(ex - sx, ey - sy)
-            step, way, last = (1.0, 1.0, length - slack) if slack else (0.35 * length, 0.35 * length, 0.8 * length)
-            free = True
-            while free and way < last:
-                x, y = sx + (ex - sx) * way / length, sy + (ey - sy) * way / length
-                free = not (x >= 0 and y >= 0 and x < columns and y < rows and solid[int(y), int(x)])
-                way += step
-            if not free:
-                told += 1
-            elif ex >= 0 and ey >= 0 and ex < columns and ey < rows and mapped[int(ey), int(ex)]:
-                told += 1
-                good += hit[int(ey), int(ex)]
-        out[k] = good / max(told if told >= least * len(beams) else len(beams), 1)
-    return out
+def _explained(start: np.ndarray, reach: np.ndarray, heading: np.ndarray, cells: tuple[np.ndarray, np.ndarray, np.ndarray],
+               slack: float) -> tuple[int, int]:
+    """How many beams end by a wall and met none before (but within `slack` of their end), and how many end in mapped
+    ground or behind a wall; lengths in cells. cells: walls, cells by a wall, mapped ones."""
+    solid, wall, mapped = cells
+    rows, columns = solid.shape
+    good, told = 0, 0
+    for b in range(len(reach)):
+        c, s = np.cos(heading[b]), np.sin(heading[b])
+        free, way = True, 1.0
+        while free and way < reach[b] - slack - 1.0:
+            px, py = start[0] + c * way, start[1] + s * way
+            if px >= 0 and py >= 0 and px < columns and py < rows and solid[int(py), int(px)]:
+                free = False
+            way += 1.0
+        x, y = start[0] + c * reach[b], start[1] + s * reach[b]
+        if not free:
+            told += 1
+        elif x >= 0 and y >= 0 and x < columns and y < rows and mapped[int(y), int(x)]:
+            told += 1
+            good += wall[int(y), int(x)]
+    return good, told

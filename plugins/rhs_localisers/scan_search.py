@@ -8,17 +8,13 @@ best spots are climbed, and every place found gets the weight of its summit, not
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
-from rhs.api.geometry import wrap
 from rhs.estimation.filters.clusters import cluster_labels
 from rhs.estimation.filters.particles import ParticleSet, displaced
-from rhs.estimation.scans.likelihood_field import LikelihoodField
 
 from .advanced import SearchSettings
-from .scan_fit import FitWatch
 
 USUAL = SearchSettings()
 BIN = np.array([0.5, 0.5, np.pi / 6.0])  # metres and radians in which only the best throw climbs
@@ -58,20 +54,12 @@ def summits(
     return ParticleSet(tried[kept], np.log(share[kept] / share[kept].sum()))
 
 
-def rivals(
-    fit: FitWatch, field: LikelihoodField, believed: np.ndarray, *, rng: np.random.Generator, s: SearchSettings
-) -> np.ndarray:
-    """(K, 3) poses apart from a belief (3,) from which the map explains most of the scans of the last metres, best first,
-    the best of each square metre and quarter of a turn. The rivals of before stay in the race."""
-    r, beams = fit.settings, rng.permutation(fit.beams())[: fit.settings.fine_beams]
-    thrown = field.anywhere(throws(field.area_m2, s), rng)
-    rough = fit.explained(thrown, beams[: r.rough_beams], roughly=True)
-    thrown = np.concatenate([fit.rivals, thrown[np.argsort(-rough, kind="stable")[: r.sifted]]])
-    score = partial(fit.explained, beams=beams, roughly=True)
-    states = summits(thrown, score(thrown), score, rng, s).states
-    away = np.hypot(*(states[:, :2] - believed[:2]).T) > r.apart_m
-    states = states[away | (np.abs(wrap(states[:, 2] - believed[2])) > r.apart_rad)]
-    return states[_best_of_each_bin(states, score(states), np.array([1.0, 1.0, np.pi / 2.0]))[: r.rivals]]
+def rivals(states: np.ndarray, log_likelihood: np.ndarray, believed: np.ndarray, apart_m: float, most: int) -> np.ndarray:
+    """(K, 3) the likeliest of states (N, 3) in each square metre that is further than apart_m from a pose (3,), at most
+    `most`, best first."""
+    away = np.hypot(*(states[:, :2] - believed[:2]).T) > apart_m
+    states, log_likelihood = states[away], log_likelihood[away]
+    return states[_best_of_each_bin(states, log_likelihood, np.array([1.0, 1.0, np.inf]))[:most]]
 
 
 def _best_of_each_bin(states: np.ndarray, value: np.ndarray, size: np.ndarray) -> np.ndarray:

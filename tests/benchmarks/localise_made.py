@@ -1,6 +1,6 @@
 """A localiser in maps of made logs (`laser_made.py`): does a setting pay where nobody looked?
 
-    python tests/benchmarks/localise_made.py --seeds 6000-6007 --variants '' localiser.advanced.fit.scale=0.04
+    python tests/benchmarks/localise_made.py --seeds 6000-6007 --variants '' localiser.advanced.fit.rival_weight=0
 
 One row per log, map and variant. Every log is drawn once and led once; each variant (words of the command line, separated by
 blanks) then localises on the same stretches of it, in the map of the whole log and in the one of its first half, as
