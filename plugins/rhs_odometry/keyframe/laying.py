@@ -49,7 +49,9 @@ class Direct:
     def __init__(self, settings: Keyframe, camera: Camera, keyframes: KeyframeMap, *, on_floor: bool) -> None:
         self._settings, self._camera, self._map, self._on_floor = settings, camera, keyframes, on_floor
         self._advanced = settings.advanced
-        self._direct = replace(self._advanced.direct, levels=1) if on_floor else self._advanced.direct  # wheels bring it near
+        s = self._direct = self._advanced.direct
+        if on_floor:  # wheels bring it near
+            self._direct = replace(s, levels=1, grey_sigma=s.floor_grey_sigma)
         self._gate = gate(6, self._direct.probability)
         self._kept: Kept | None = None
 
@@ -112,8 +114,10 @@ class Direct:
     def joined(self, look: PreparedView, tracker: Tracker, fit: PoseFit | None, laid: Laid,
                followed: tuple[np.ndarray, np.ndarray]) -> PoseFit | None:
         """What the points and all pixels say together. Where they contradict, many points are right, and a few are looked up
-        anew from where the pixels put the view; None when those do not bear the pixels out. followed: ids (N,) and pixels
-        (N, 2) before the view."""
+        anew from where the pixels put the view; None when those do not bear the pixels out, and on a floor, where wheels and
+        pixels know more than a few points. followed: ids (N,) and pixels (N, 2) before the view."""
+        if self._on_floor:
+            return None
         if fit is not None and fit.inliers.sum() >= self._advanced.outvote * self._settings.min_inliers:
             if self._contradicts(fit, laid):
                 self._kept = None
