@@ -51,7 +51,7 @@ class Direct:
         self._advanced = settings.advanced
         s = self._direct = self._advanced.direct
         if on_floor:  # wheels bring it near
-            self._direct = replace(s, levels=1, grey_sigma=s.floor_grey_sigma)
+            self._direct = replace(s, levels=1, grey_sigma=s.floor_grey_sigma, bent_per_m=s.floor_bent_per_m)
         self._gate = gate(6, self._direct.probability)
         self._kept: Kept | None = None
 
