@@ -100,7 +100,8 @@ class DirectSettings:
     def __post_init__(self) -> None:
         check_ranges("", self, columns=(8, 10_000), levels=(1, 10), iterations=(1, 1000), still=(0.0, 1.0),
                      student_dof=(0.5, 1e6), gain_sigma=(1e-6, 1e3), offset_sigma=(1e-6, 1e6),
-                     correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), floor_grey_sigma=(1e-3, 255.0), clear_sigmas=(0.0, 100.0),
+                     correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), floor_grey_sigma=(1e-3, 255.0),
+                     clear_sigmas=(0.0, 100.0),
                      inverse_depth_sigma=(1e-6, 10.0), least_known=(0.0, 1.0), rough_per_m=(1e-6, 10.0),
                      least_shared=(0.0, 1.0), floor_bent_per_m=(1e-6, 1e6),
                      vague_m=(1e-6, 100.0), keep_shared=(0.0, 1.0), keep_sigmas=(1.0, 1e6), probability=(0.5, 1.0 - 1e-12),

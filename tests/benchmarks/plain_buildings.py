@@ -3,9 +3,10 @@
     python tests/benchmarks/plain_buildings.py --seeds 0-11 --out runs/plain
     python tests/benchmarks/plain_buildings.py --seeds 10000-10011 --out runs/judged odometry=fused
 
-Number n draws an office, a hall, a carpark, an L of two halls, a T of two corridors or a home (n modulo six), turned by any angle, with or without
-furniture and skirting, walls of one colour or of several, as OBJ, GLB, STL, COLLADA or SDF boxes. Words behind are those of
-a run. Writes plain.csv beside the runs. Numbers below 10000 are for building and tuning, those from 10000 on for judging only.
+Number n draws an office, a hall, a carpark, an L of two halls, a T of two corridors or a home (n modulo six), turned by
+any angle, with or without furniture and skirting, walls of one colour or of several, as OBJ, GLB, STL, COLLADA or SDF boxes.
+Words behind are those of a run. Writes plain.csv beside the runs. Numbers below 10000 are for building and tuning, those
+from 10000 on for judging only.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from rhs.runfolder.row import read_row
 
 FORMATS = ("obj", "glb", "stl", "dae", "sdf")
 HEIGHT_M, THICK_M, DOOR_M, LINTEL_M = 2.7, 0.15, 0.95, 2.1
-FIGURES = ("places_total", "places_visited", "collisions", "belief_wrong_sure_share", "ate_rmse_m", "ate_closed_rmse_m", "lost_share", "wall_ms")
+FIGURES = ("places_total", "places_visited", "collisions", "belief_wrong_sure_share", "ate_rmse_m", "lost_share",
+           "wall_ms")
 
 
 @dataclass
@@ -43,7 +45,8 @@ class Drawing:
         """The floor of a rectangle, under its walls too."""
         self.box((low[0] - THICK_M, low[1] - THICK_M, -0.1), (high[0] + THICK_M, high[1] + THICK_M, 0.0), "floor")
 
-    def wall(self, start: tuple[float, float], end: tuple[float, float], doors: tuple[float, ...] = (), wide: float = DOOR_M) -> None:
+    def wall(self, start: tuple[float, float], end: tuple[float, float], doors: tuple[float, ...] = (),
+             wide: float = DOOR_M) -> None:
         """Along x or y, with gaps of `wide` about `doors` (metres from its start)."""
         a, b = np.array(start), np.array(end)
         length = float(np.abs(b - a).max())
@@ -70,7 +73,8 @@ class Drawing:
 
 def office(d: Drawing) -> None:
     """Rooms on both sides of a corridor."""
-    rooms, wide, deep, corridor = int(d.rng.integers(3, 5)), d.rng.uniform(3.6, 5.0), d.rng.uniform(3.2, 4.5), d.rng.uniform(1.6, 2.4)
+    rooms, wide = int(d.rng.integers(3, 5)), d.rng.uniform(3.6, 5.0)
+    deep, corridor = d.rng.uniform(3.2, 4.5), d.rng.uniform(1.6, 2.4)
     length = rooms * wide
     top = deep + corridor
     d.room((0, 0), (length, top + deep))
@@ -113,7 +117,8 @@ def ell(d: Drawing) -> None:
     x, y, a, b = d.rng.uniform(11, 18), d.rng.uniform(10, 16), d.rng.uniform(3.5, 6), d.rng.uniform(3.5, 6)
     d.room((0, 0), (x, b))
     d.room((0, b), (a, y))
-    for start, end in (((0, 0), (x, 0)), ((x, 0), (x, b)), ((a, b), (x, b)), ((a, b), (a, y)), ((0, y), (a, y)), ((0, 0), (0, y))):
+    for start, end in (((0, 0), (x, 0)), ((x, 0), (x, b)), ((a, b), (x, b)), ((a, b), (a, y)), ((0, y), (a, y)),
+                       ((0, 0), (0, y))):
         d.wall(start, end)
     d.stand((x - 0.8, b / 2), (0.6, 1.4, 0.9))
     d.stand((a / 2, y - 0.8), (1.4, 0.6, 1.7))
@@ -158,7 +163,8 @@ def draw(number: int, folder: Path) -> Path:
     left_out = {what for what, chance in (("furniture", 0.4), ("skirting", 0.5)) if rng.random() < chance}
     angle = float(rng.uniform(0.0, 0.5 * np.pi)) if rng.random() < 0.75 else 0.0
     grey, several = rng.uniform(0.55, 0.9), rng.random() < 0.5
-    shades = {"floor": np.full(3, grey - rng.uniform(0.05, 0.3)), "skirting": np.full(3, 0.35), "furniture": rng.uniform(0.2, 0.8, 3)}
+    shades = {"floor": np.full(3, grey - rng.uniform(0.05, 0.3)), "skirting": np.full(3, 0.35),
+              "furniture": rng.uniform(0.2, 0.8, 3)}
     out = [(*box, rng.uniform(0.4, 0.95, 3) if several and box[2] == "wall" else shades.get(box[2], np.full(3, grey)))
            for box in drawing.boxes if box[2] not in left_out]
     folder.mkdir(parents=True, exist_ok=True)
@@ -194,8 +200,9 @@ def write_mesh(path: Path, boxes: list[tuple], angle: float) -> None:
     scene = trimesh.Scene()
     for shade, solids in by_colour.items():
         mesh = trimesh.util.concatenate(solids)
-        material = (trimesh.visual.material.PBRMaterial(baseColorFactor=shade, metallicFactor=0.0) if path.suffix == ".glb"
-                    else trimesh.visual.material.SimpleMaterial(diffuse=shade, name="m" + "_".join(map(str, shade))))
+        physical = path.suffix in (".glb", ".dae")
+        material = (trimesh.visual.material.PBRMaterial(baseColorFactor=shade, metallicFactor=0.0) if physical else
+                    trimesh.visual.material.SimpleMaterial(diffuse=shade, name="m" + "_".join(map(str, shade))))
         mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(mesh.vertices), 2)), material=material)
         scene.add_geometry(mesh)
     if path.suffix == ".stl":
@@ -226,7 +233,8 @@ def main() -> int:
             continue
         run = options.out / path.stem
         if not (run / "row.json").exists():
-            command = [sys.executable, "-m", "rhs", f"world={path}", f"output={run}", "recording=off", "pictures=off", *options.words]
+            words = [f"world={path}", f"output={run}", "recording=off", "pictures=off", *options.words]
+            command = [sys.executable, "-m", "rhs", *words]
             subprocess.run(command, check=False, stdout=subprocess.DEVNULL)
         row = read_row(run / "row.json") if (run / "row.json").exists() else {"status": "no row"}
         found.append({"building": path.name, "status": row["status"], **{name: row.get(name) for name in FIGURES}})

@@ -158,7 +158,7 @@ class KeyframeOdometry(Odometry):
                 self._tracker.ids, self._tracker.pixels = followed
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
-    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wides: tuple[np.ndarray, np.ndarray],
+    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wides: tuple[np.ndarray, ...],
               followed: tuple[np.ndarray, np.ndarray]) -> tuple[PoseFit | None, Laid | None]:
         """What points and all pixels say together, and what the pixels say; without these the fit as it is."""
         laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), guess, wides)
@@ -362,8 +362,7 @@ class KeyframeOdometry(Odometry):
     def _flat(self, pose: np.ndarray, information: np.ndarray) -> np.ndarray:
         """The planar pose of the camera nearest to one (4, 4) with this information (6, 6)."""
         b = self._camera.body_from_camera
-        move = adjoint(inverse(b))
-        flat, _ = on_floor(b @ pose @ inverse(b), move.T @ information @ move)
+        flat, _ = on_floor(b @ pose @ inverse(b), adjoint(inverse(b)).T @ information @ adjoint(inverse(b)))
         out: np.ndarray = inverse(b) @ flat @ b
         return out
 
@@ -372,8 +371,7 @@ class KeyframeOdometry(Odometry):
         if self._floor is None or self._floor.sways:
             return wide
         move = adjoint(self._camera.body_from_camera)
-        out: np.ndarray = np.linalg.inv(np.linalg.inv(wide) + move.T @ HELD @ move)
-        return out
+        return np.asarray(np.linalg.inv(np.linalg.inv(wide) + move.T @ HELD @ move))
 
     def _in_camera(self, body_motion: np.ndarray) -> np.ndarray:
         b = self._camera.body_from_camera

@@ -68,9 +68,9 @@ class Direct:
         return fit is None or (not self._on_floor and self.noise(fit, followed)) or bool(fit.inliers.sum() < few)
 
     def lay(self, look: PreparedView, tracker: Tracker, start: np.ndarray, guess: np.ndarray,
-            wides: tuple[np.ndarray, np.ndarray]) -> Laid | None:
+            wides: tuple[np.ndarray, ...]) -> Laid | None:
         """The view on the one kept, or on the tracker's last one, which is then kept. start, guess: of its map_from_camera;
-        wides (6, 6): covariance of the camera's guessed motion, and that of any. None, too, of a picture all of one
+        wides (6, 6): covariance of the camera's guessed motion, and in a hand of any. None, too, of a picture all of one
         brightness: no camera that works shows that, noise being what it is, and who believes its depth?"""
         if np.ptp(look.picture[0]) == 0:
             return None
@@ -98,7 +98,7 @@ class Direct:
         adding = found.covariance if self._on_floor else _adding(found.covariance, wide)
         return Laid(orthonormal(pose @ found.then_from_now), found.covariance, adding)
 
-    def _aligned(self, then: list[Level], now: list[Level], starts: np.ndarray, wides: tuple[np.ndarray, np.ndarray]):
+    def _aligned(self, then: list[Level], now: list[Level], starts: np.ndarray, wides: tuple[np.ndarray, ...]):
         """How `now` lies on `then` from where to start and what is guessed (2, 4, 4), and the covariance that the guess had:
         the second where the views show a jerk that the first one denies."""
         start, guess = starts
