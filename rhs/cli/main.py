@@ -16,6 +16,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
 
 import argparse  # noqa: E402
 import atexit  # noqa: E402
+import faulthandler  # noqa: E402
 import gc  # noqa: E402
 import io  # noqa: E402
 import signal  # noqa: E402
@@ -85,6 +86,8 @@ def entry() -> int:
     from rhs.base.processes import adopt_orphans, allow_helpers, kill_strays
 
     gc.set_threshold(COLLECT_AFTER)
+    with suppress(RuntimeError, OSError, ValueError):  # there is no stderr
+        faulthandler.enable(all_threads=False)  # a part that crashes the process is told with its file and line
     adopt_orphans()
     allow_helpers()
     try:
@@ -92,8 +95,9 @@ def entry() -> int:
     except KeyboardInterrupt:  # a second one, while the first was answered
         code = 130
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left is to end
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # a part took it away, or closed it
+            stream.flush()
     if not any(word.startswith("live=") for word in sys.argv):  # a viewer stays open
         kill_strays(os.getpid())
     if any(not thread.daemon and thread is not threading.main_thread() for thread in threading.enumerate()):
