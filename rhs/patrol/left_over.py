@@ -38,8 +38,9 @@ def left_as_found(config: RunConfig) -> Iterator[None]:
     drawn = [name for name, state in global_states().items() if state != states[name]] if homes else []
     changed += [f"{name}'s global generator" for name in drawn]
     if changed:
-        warnings.warn(f"this run changed {', '.join(changed[:4])}: the next one in this process begins with that, and may give "
-                      "another row; a part keeps in itself (self) what it learns, and draws from context.rng", stacklevel=5)
+        warnings.warn(f"this run changed {', '.join(changed[:4])}: the next one in this process begins with that, and may "
+                      "give another row; a part keeps in itself (self) what it learns, and draws from context.rng",
+                      stacklevel=5)
 
 
 def shared_state(homes: set[str]) -> dict[str, bytes]:

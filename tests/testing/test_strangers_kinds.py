@@ -15,12 +15,15 @@ import rhs
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.metric import Metric
-from rhs.api.records import Capture, Motion, Tracking, WorldFacts
+from rhs.api.records import Capture, Motion, Scan, Tracking, WorldFacts
 from rhs.api.validate_source import check_clearance, check_facts, check_provides
+from rhs.blame.oracles import Watched
 from rhs.config import loose, registry
 from rhs.config.compose import compose_config
 from rhs.config.degraded import Degraded
 from rhs.metrics.evaluate import evaluate
+from rhs.patrol.observers import drives_in
+from rhs.worlds.world import load_world
 
 pytestmark = pytest.mark.usefixtures("afresh")
 LIGHT = ["source=fake", "sensor=fake", "odometry=fake", "recording=off", "pictures=off"]
@@ -230,3 +233,35 @@ def test_the_child_of_a_part_that_forks_writes_nothing_into_the_run(tmp_path):
     assert os.getpid() == process and row["status"] == "ok"
     steps = (tmp_path / "run/steps.csv").read_text().splitlines()
     assert [line.partition(",")[0] for line in steps] == ["index", "0", "1", "2", "3", "4", "5"]
+
+
+class Refilled:
+    """A source of four scans that stand in one and the same array."""
+
+    def __init__(self):
+        self.index, self.ranges, self.pose = 0, np.ones(3), np.eye(4)
+
+    def lead(self):
+        if self.index == 4:
+            return None
+        self.index += 1
+        self.ranges[:] = self.pose[0, 3] = self.index
+        return Capture(self.index, float(self.index), scan=Scan(np.arange(3.0), self.ranges, 10.0))
+
+    def truth(self):
+        return self.pose
+
+    def clearance_m(self):
+        return 1.0, False
+
+
+def test_blame_shows_the_views_of_a_source_that_fills_its_arrays_again_as_they_were():
+    watched = Watched(Refilled(), "source=refilled")
+    shown = [(watched.lead().scan.ranges_m[0], watched.truth()[0, 3]) for _ in range(4)]
+    assert shown == [(1.0, 1.0), (2.0, 2.0), (3.0, 3.0), (4.0, 4.0)]
+
+
+def test_a_simulator_with_a_world_of_its_own_is_not_judged_by_the_one_that_was_typed():
+    world = load_world("square_small")
+    assert drives_in(world, world.facts())
+    assert not drives_in(world, WorldFacts("flat", (1.0, 1.0, 0.0), (("door", 5.0, 3.0),), (0.0, 0.0, 6.0, 4.0), 0.15))
