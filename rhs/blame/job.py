@@ -56,8 +56,8 @@ class BlameJob:
         self.parts = context.parts(world=world)
         if "map" in settings.links and not drives_in(world, self.parts.source.facts):
             rest = ",".join(link for link in settings.links if link != "map")
-            raise ConfigError(f"links: {self.parts.who['source']} drives in a world of its own, whose true map nobody knows; "
-                              f"leave out map: links=[{rest}]")
+            raise ConfigError(f"links: {self.parts.who['source']} drives in a world of its own, whose true map nobody "
+                              f"knows; leave out map: links=[{rest}]")
         self.orders = [] if len(settings.links) <= MOST_EXACT else self._orders()
 
     def _orders(self) -> list[list[str]]:
@@ -71,7 +71,8 @@ class BlameJob:
         source = self.parts.source
         bare = source.source if isinstance(source, Degraded) else source
         watched = Watched(bare, self.parts.who["source"])
-        chain = Chain(self.settings, self.context, self.world, self.parts, watched, self.spoiling, folder / "counterfactuals")
+        chain = Chain(self.settings, self.context, self.world, self.parts, watched, self.spoiling,
+                      folder / "counterfactuals")
         if any(truth is None for _, truth, _ in chain.source.taken):
             raise ConfigError("task=blame needs a source that knows the truth")
         chain.folder.mkdir()
