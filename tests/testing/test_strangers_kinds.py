@@ -18,6 +18,7 @@ from rhs.api.metric import Metric
 from rhs.api.records import Capture, Motion, Scan, Tracking, WorldFacts
 from rhs.api.validate_source import check_clearance, check_facts, check_provides
 from rhs.blame.oracles import Watched
+from rhs.cli import check
 from rhs.config import loose, registry
 from rhs.config.compose import compose_config
 from rhs.config.degraded import Degraded
@@ -265,3 +266,44 @@ def test_a_simulator_with_a_world_of_its_own_is_not_judged_by_the_one_that_was_t
     world = load_world("square_small")
     assert drives_in(world, world.facts())
     assert not drives_in(world, WorldFacts("flat", (1.0, 1.0, 0.0), (("door", 5.0, 3.0),), (0.0, 0.0, 6.0, 4.0), 0.15))
+
+
+@dataclass
+class Semantic:
+    """A sensor with a label for each pixel."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "labels"})
+
+    def build(self, context):
+        return self
+
+    def sense(self, capture):
+        raise NotImplementedError
+
+
+@dataclass
+class Labelled:
+    """An odometry that looks at the labels."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "labels"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        return self
+
+    def update(self, observation):
+        return Motion(np.eye(4), observation.extras["labels"].mean() * np.eye(6), Tracking.OK)
+
+
+def test_a_sensor_that_has_the_extra_modality_which_a_part_needs_is_offered():
+    rhs.register("sensor", "semantic", Semantic)
+    rhs.register("odometry", "labelled", Labelled)
+    with pytest.raises(ConfigError, match="needs labels, which source=fake does not provide; type .*sensor=semantic"):
+        compose_config([*LIGHT[:2], "odometry=labelled"])
+
+
+def test_a_check_that_has_not_what_a_part_needs_says_so(capsys):
+    rhs.register("odometry", "labelled", Labelled)
+    assert check.main(["odometry=labelled"]) == 1
+    assert "the views of these checks hold no labels, which it needs" in capsys.readouterr().out
