@@ -86,6 +86,7 @@ def entry() -> int:
     from rhs.base.processes import adopt_orphans, allow_helpers, kill_strays
 
     gc.set_threshold(COLLECT_AFTER)
+    open_streams()
     with suppress(RuntimeError, OSError, ValueError):  # there is no stderr
         faulthandler.enable(all_threads=False)  # a part that crashes the process is told with its file and line
     adopt_orphans()
@@ -105,6 +106,17 @@ def entry() -> int:
     if sys.getprofile() is None and sys.gettrace() is None:
         _leave(code)
     return code
+
+
+def open_streams() -> None:
+    """Whoever starts this without stdin, stdout or stderr (`2>&-`, a service) gets none of what is written there, and no file
+    of a run takes their numbers, to which libraries write."""
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass
+    os.close(descriptor)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - to the end of the process
 
 
 def _leave(code: int) -> None:

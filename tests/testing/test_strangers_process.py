@@ -79,6 +79,13 @@ def test_a_part_that_crashes_the_process_is_told_with_its_line(rude, tmp_path):
     assert f"killed by SIGABRT in {tmp_path.name}/rude_planner.py:{line}" in swept.stdout
 
 
+@pytest.mark.parametrize("closed", ["2>&-", "<&- >&- 2>&-"])
+def test_a_run_without_streams_is_a_run(closed, tmp_path):
+    command = f"{sys.executable} -m rhs task=planning world=map1 pictures=off output=run {closed}"
+    assert subprocess.run(command, shell=True, cwd=tmp_path, timeout=180, check=False).returncode == 0
+    assert rhs.load_run(tmp_path / "run").row["status"] == "ok"
+
+
 def test_a_job_log_without_a_crash_names_nobody(tmp_path):
     assert _crashed_in(tmp_path) == ""
     (tmp_path / "job.log").write_text('  File "/a/b.py", line 3 in plan\n')
