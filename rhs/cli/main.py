@@ -16,6 +16,7 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
 
 import argparse  # noqa: E402
 import atexit  # noqa: E402
+import errno  # noqa: E402
 import faulthandler  # noqa: E402
 import gc  # noqa: E402
 import io  # noqa: E402
@@ -75,7 +76,7 @@ def main(words: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        return complain(error, 1, debug)
+        return complain(error, 1, debug, not_written(error) if isinstance(error, OSError) else "")
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -108,15 +109,23 @@ def entry() -> int:
     return code
 
 
+def not_written(error: OSError) -> str:
+    """What to do about a disk that is full or cannot be written to; empty for another error."""
+    if error.errno not in (errno.EROFS, errno.ENOSPC, errno.EDQUOT):
+        return ""
+    where = f" {error.filename}" if error.filename else ""
+    return f"cannot write{where}: {error.strerror}; free some space, or go to another folder or name one by output=FOLDER"
+
+
 def open_streams() -> None:
-    """Whoever starts this without stdin, stdout or stderr (`2>&-`, a service) gets none of what is written there, and no file
-    of a run takes their numbers, to which libraries write."""
+    """Whoever starts this without stdin, stdout or stderr (`2>&-`, a service) gets none of what is written there, and no
+    file of a run takes their numbers, to which libraries write."""
     while (descriptor := os.open(os.devnull, os.O_RDWR)) < 3:
         pass
     os.close(descriptor)
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - to the end of the process
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
 
 
 def _leave(code: int) -> None:

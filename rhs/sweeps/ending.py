@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
+import shutil
 import signal
 import sysconfig
 import time
@@ -25,6 +27,7 @@ from .leader import READY
 from .turns import Group
 from .worker import COMPILING, JOB_LOG
 
+FULL_MB = 1.0  # a disk with less is full
 GRACE_S = 10.0  # a job told to stop has so long to write down what it has
 LINGER_S = 2.0  # a job that has written its row has so long to end
 
@@ -132,7 +135,16 @@ def _fate(code: int | None, folder: Path) -> tuple[str, str]:
         with contextlib.suppress(ValueError):
             return "killed", f"the process was killed by {signal.Signals(-code).name}{_crashed_in(folder)}"
         return "killed", f"the process was killed by signal {-code}"
-    return "failed", f"the process ended with exit code {code} before it wrote a row; see job.log"
+    full = free_mb(folder) < FULL_MB
+    return "failed", (f"the process ended with exit code {code} before it wrote a row; see job.log"
+                      + ("; no space is left on the disk: free some, then --resume" if full else ""))
+
+
+def free_mb(folder: Path) -> float:
+    """Of the disk that a folder is on; infinity where nobody tells."""
+    with contextlib.suppress(OSError):
+        return shutil.disk_usage(folder if folder.exists() else folder.parent).free / 1e6
+    return math.inf
 
 
 def _crashed_in(folder: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -11,8 +12,9 @@ import numpy as np
 import pytest
 
 import rhs
+from rhs.cli.main import not_written
 from rhs.config import registry
-from rhs.sweeps.ending import _crashed_in
+from rhs.sweeps import ending
 
 PLANNER = '''"""Does to its process what a part must not."""
 import os
@@ -86,10 +88,19 @@ def test_a_run_without_streams_is_a_run(closed, tmp_path):
     assert rhs.load_run(tmp_path / "run").row["status"] == "ok"
 
 
+def test_a_disk_that_cannot_be_written_to_is_told_with_what_to_do(monkeypatch, tmp_path):
+    said = not_written(OSError(errno.EROFS, "Read-only file system", "results"))
+    assert said.startswith("cannot write results: Read-only file system; ") and "output=FOLDER" in said
+    assert not_written(FileNotFoundError(errno.ENOENT, "No such file", "results")) == ""
+    assert "no space" not in ending._fate(1, tmp_path)[1]
+    monkeypatch.setattr(ending, "free_mb", lambda folder: 0.2)
+    assert "no space is left on the disk" in ending._fate(1, tmp_path)[1]
+
+
 def test_a_job_log_without_a_crash_names_nobody(tmp_path):
-    assert _crashed_in(tmp_path) == ""
+    assert ending._crashed_in(tmp_path) == ""
     (tmp_path / "job.log").write_text('  File "/a/b.py", line 3 in plan\n')
-    assert _crashed_in(tmp_path) == ""
+    assert ending._crashed_in(tmp_path) == ""
 
 
 def test_the_table_is_printed_though_a_part_took_stdout_away(rude, tmp_path):
