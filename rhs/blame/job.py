@@ -29,7 +29,7 @@ from rhs.metrics.shares import (
     shapley_of_orders,
     subsets,
 )
-from rhs.patrol.observers import write_json
+from rhs.patrol.observers import drives_in, write_json
 from rhs.patrol.run import RunContext
 from rhs.runfolder.run import Run
 
@@ -54,6 +54,10 @@ class BlameJob:
         if "drive" in settings.links and "teleport" not in context.config.parts["source"].settings.provides:
             raise ConfigError(f"links: source={context.config.parts['source'].name} cannot teleport; leave out drive")
         self.parts = context.parts(world=world)
+        if "map" in settings.links and not drives_in(world, self.parts.source.facts):
+            rest = ",".join(link for link in settings.links if link != "map")
+            raise ConfigError(f"links: {self.parts.who['source']} drives in a world of its own, whose true map nobody "
+                              f"knows; leave out map: links=[{rest}]")
         self.orders = [] if len(settings.links) <= MOST_EXACT else self._orders()
 
     def _orders(self) -> list[list[str]]:
@@ -66,7 +70,8 @@ class BlameJob:
         folder, settings = self.context.folder, self.settings
         source = self.parts.source
         bare = source.source if isinstance(source, Degraded) else source
-        chain = Chain(self.settings, self.context, self.world, self.parts, Watched(bare), self.spoiling,
+        watched = Watched(bare, self.parts.who["source"])
+        chain = Chain(self.settings, self.context, self.world, self.parts, watched, self.spoiling,
                       folder / "counterfactuals")
         if any(truth is None for _, truth, _ in chain.source.taken):
             raise ConfigError("task=blame needs a source that knows the truth")

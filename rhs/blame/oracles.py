@@ -15,6 +15,7 @@ from rhs.api.frozen import freeze
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, Capture, Closure, Motion, Observation, Revision, Scan, Tracking, Twist, View
+from rhs.api.validate import check_capture
 
 SURE = 1e-6 * np.eye(6)  # metres^2, radians^2
 
@@ -25,11 +26,14 @@ class Watched:
 
     leads_ahead = False
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, who: str) -> None:
+        """who: what the source is called in an error. A source may fill its arrays again: what is kept are copies."""
         self.source = source
         self.taken: list[tuple[Capture, np.ndarray | None, tuple[float, bool]]] = []
         while (capture := source.lead()) is not None:
-            self.taken.append((capture, source.truth(), source.clearance_m()))
+            truth = source.truth()
+            self.taken.append((check_capture(capture, who=who), None if truth is None else np.array(truth),
+                               source.clearance_m()))
         self.views_expected: int | None = len(self.taken)
         self.shown = 0
 

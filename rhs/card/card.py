@@ -49,6 +49,7 @@ PATIENCE_S = {"planner": 20.0, "localiser": 180.0, "odometry": 180.0, "mapper": 
 CHECK_PATIENCE_S = 120.0
 MADE_UP = 0.05  # share of walls that are none from which the verdict says so
 WIDE = 10.0  # sigmas over errors, as many as rhs.testing allows the other way round
+WAITS = 0.2  # share of its time from which the verdict says that CPU times are not all of it
 HARM_PCT = 110.0  # rhs.testing allows a tenth more
 Tell = Callable[[str], None]
 
@@ -127,7 +128,7 @@ def measure(card: Card, kind: str, parts: dict[str, Any], tell: Tell) -> None:
         result = card.results[part] = run_forked(work, patience_s=PATIENCE_S[kind])
         content["figures"][part] = module.figures(result)
         content["ended"][part] = result.ended
-    content |= module.details(card.results[content["part"]])
+    content |= module.details(card.results[content["part"]]) | {"waited_share": card.results[content["part"]].waited_share}
 
 
 def verdict(content: dict[str, Any]) -> list[str]:
@@ -159,10 +160,14 @@ def verdict(content: dict[str, Any]) -> list[str]:
         said.append(f"{100 * figures['false_share']:.0f} % of the {figures['accepted']} loops that it believes are false")
     if figures.get("harm_pct", 0.0) > HARM_PCT:
         said.append(f"makes a survey without a loop worse: {figures['harm_pct']:.0f} % of the error before")
+    if content.get("waited_share", 0.0) > WAITS:
+        said.append(f"waits for {100 * content['waited_share']:.0f} % of its time: it sleeps, or others do its work (files, "
+                    "processes, the network); CPU times do not hold that")
     for one in content.get("breaks", []):
         if one["breaks_at"] is not None:
             said.append(f"half is lost at {one['dial']}={one['breaks_at']:g}")
-    return said
+    return said + [f"beside it, {part} did not come to its end: {why}" for part, why in content.get("ended", {}).items()
+                   if why and part != content["part"]]
 
 
 def without_nan(value: Any) -> Any:

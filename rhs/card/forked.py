@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from rhs.base.processes import die_with_parent, end_unless, kill_group
@@ -22,12 +23,14 @@ OF = multiprocessing.get_context("fork")
 @dataclass
 class ForkResult:
     """items: received, in order. ended: why no more came, empty when the work was done. memory_mb: most memory taken beyond
-    what the process began with. cpu_s: processor time."""
+    what the process began with. cpu_s: processor time. waited_share: of its time, in which it neither computed nor stood in
+    line for a processor: it slept, or waited for files, processes or the network; NaN where the system does not tell."""
 
     items: list[Any] = field(default_factory=list)
     ended: str = ""
     memory_mb: float = float("nan")
     cpu_s: float = float("nan")
+    waited_share: float = float("nan")
 
 
 def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
@@ -50,7 +53,7 @@ def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
                 tell(value)
                 continue
             if what == "end":
-                result.memory_mb, result.cpu_s = value
+                result.memory_mb, result.cpu_s, result.waited_share = value
             else:
                 result.ended = value
             break
@@ -67,7 +70,8 @@ def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
 
 def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:
     die_with_parent()
-    process, before_mb, before_s = os.getpid(), peak_memory_mb(), time.process_time()
+    process, before_mb, before_s, began_s, in_line_s = (os.getpid(), peak_memory_mb(), time.process_time(),
+                                                        time.monotonic(), queued_s())
 
     def send(what: str, value: Any) -> None:
         end_unless(process)
@@ -76,6 +80,16 @@ def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:
     try:
         for item in work():
             send("item", item)
-        send("end", (max(peak_memory_mb() - before_mb, 0.0), time.process_time() - before_s))
+        cpu_s, took_s = time.process_time() - before_s, time.monotonic() - began_s
+        waited_share = 1.0 - (cpu_s + queued_s() - in_line_s) / took_s
+        send("end", (max(peak_memory_mb() - before_mb, 0.0), cpu_s, max(waited_share, 0.0)))
     except BaseException as error:
         send("error", in_words(error)[:300])
+
+
+def queued_s() -> float:
+    """Seconds that this thread has stood in line for a processor; NaN where the system does not tell (proc, schedstat)."""
+    try:
+        return 1e-9 * int(Path("/proc/thread-self/schedstat").read_text("ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return float("nan")

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rhs.card.card import contract
+from rhs.testing.checks import SHOWN
 
 from .card import part_of
 
@@ -31,5 +32,8 @@ def main(words: Sequence[str]) -> int:
         sys.stdout.flush()
 
     failed = sum(not one["holds"] for one in contract(kind, chosen, tell))
+    if failed and (lacking := sorted(set(chosen.needs) - SHOWN)):  # type: ignore[attr-defined]
+        sys.stdout.write(f"the views of these checks hold no {', '.join(lacking)}, which it needs: what fails by that is no "
+                         "fault; try it in a run\n")
     sys.stdout.write(f"{kind}={name}: {f'{failed} checks fail' if failed else 'keeps its contract'}\n")
     return 1 if failed else 0

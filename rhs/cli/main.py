@@ -16,6 +16,8 @@ for _name in THREADS:  # before numpy is imported: sums must not depend on how m
 
 import argparse  # noqa: E402
 import atexit  # noqa: E402
+import errno  # noqa: E402
+import faulthandler  # noqa: E402
 import gc  # noqa: E402
 import io  # noqa: E402
 import signal  # noqa: E402
@@ -74,7 +76,7 @@ def main(words: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        return complain(error, 1, debug)
+        return complain(error, 1, debug, not_written(error) if isinstance(error, OSError) else "")
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -85,6 +87,9 @@ def entry() -> int:
     from rhs.base.processes import adopt_orphans, allow_helpers, kill_strays
 
     gc.set_threshold(COLLECT_AFTER)
+    open_streams()
+    with suppress(RuntimeError, OSError, ValueError):  # there is no stderr
+        faulthandler.enable(all_threads=False)  # a part that crashes the process is told with its file and line
     adopt_orphans()
     allow_helpers()
     try:
@@ -92,8 +97,9 @@ def entry() -> int:
     except KeyboardInterrupt:  # a second one, while the first was answered
         code = 130
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left is to end
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # a part took it away, or closed it
+            stream.flush()
     if not any(word.startswith("live=") for word in sys.argv):  # a viewer stays open
         kill_strays(os.getpid())
     if any(not thread.daemon and thread is not threading.main_thread() for thread in threading.enumerate()):
@@ -101,6 +107,25 @@ def entry() -> int:
     if sys.getprofile() is None and sys.gettrace() is None:
         _leave(code)
     return code
+
+
+def not_written(error: OSError) -> str:
+    """What to do about a disk that is full or cannot be written to; empty for another error."""
+    if error.errno not in (errno.EROFS, errno.ENOSPC, errno.EDQUOT):
+        return ""
+    where = f" {error.filename}" if error.filename else ""
+    return f"cannot write{where}: {error.strerror}; free some space, or go to another folder or name one by output=FOLDER"
+
+
+def open_streams() -> None:
+    """Whoever starts this without stdin, stdout or stderr (`2>&-`, a service) gets none of what is written there, and no
+    file of a run takes their numbers, to which libraries write."""
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass
+    os.close(descriptor)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
 
 
 def _leave(code: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +39,8 @@ def one_run(config: RunConfig, debug: bool) -> int:
     on_compile(partial(_compiling, beside=config.ahead != "off" and processors() > 1))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         before = global_states()
-        row = run_config(config, claim.folder, bar)
+        with redirect_stdout(sys.stdout), redirect_stderr(sys.stderr):  # whatever a part makes of them
+            row = run_config(config, claim.folder, bar)
         drawn = [name for name, state in global_states().items() if state != before[name]]
         claim.publish()
         cause = row.pop("_cause", None)

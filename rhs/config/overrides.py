@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import shlex
 import warnings
 from collections.abc import Callable, Sequence
@@ -106,6 +107,7 @@ def _parse_one(parser: OverridesParser, word: str) -> Override:
         raise ConfigError(f"unknown option {word}; see python -m rhs --help")
     if max(itertools.accumulate((c in "[{(") - (c in "]})") for c in word), default=0) > DEEPEST:
         raise ConfigError(f"cannot read '{word[:40]}...': it is nested more deeply than {DEEPEST} levels")
+    word = _lettered(word)
     try:
         override = parser.parse_override(word)
     except (HydraException, ValueError) as error:
@@ -126,6 +128,14 @@ def _parse_one(parser: OverridesParser, word: str) -> Override:
     if override.package is not None:
         raise ConfigError(f"{word}: groups have fixed places here; write {override.key_or_group}=NAME")
     return override
+
+
+def _lettered(word: str) -> str:
+    """The word with quotes about texts of letters that Hydra's grammar lacks: `output=Läufe 2,b` is `output='Läufe 2',b`."""
+    key, equals, value = word.partition("=")
+    if value.isascii() or re.search(r"""['"\\]""", value):
+        return word
+    return key + equals + re.sub(r"[^,\[\]{}():=]*[^\x00-\x7f][^,\[\]{}():=]*", lambda found: f"'{found[0].strip()}'", value)
 
 
 def _hydra_key(word: str, key: str) -> ConfigError:

@@ -100,6 +100,8 @@ def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
     own = [f"{kind}={name}" for name in _usable(kind) if _fits(kind, name, chosen)]
     others: list[str] = []
     between = KINDS[2 : KINDS.index(kind)] if culprit == "sensor" and kind in KINDS else ()
+    if culprit == "source" and word not in SENSED and kind not in ("sensor", DEGRADE):
+        between = ("sensor",)  # an extra modality may also be a sensor's
     for other in (culprit, *(kind for kind in between if kind in chosen)):
         others += [f"{other}={name}" for name in _usable(other) if name != chosen[other].name
                     and word in registry.load(other, name).provides  # type: ignore[attr-defined]

@@ -19,6 +19,7 @@ from rhs.config.loose import check_not_being_read
 from rhs.config.overrides import GROUPS, Word, parse, plain_words
 from rhs.runfolder.folders import claim_run
 
+from .left_over import left_as_found
 from .observers import bar, unwatched
 from .run import run_config, run_steps
 
@@ -27,7 +28,8 @@ def run_words(words: Sequence[str] | Mapping[str, Any], *, quiet: bool = False) 
     """rhs.run."""
     config = config_of(words)
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
-        row = run_config(config, claim.folder, unwatched if quiet else bar)
+        with left_as_found(config):
+            row = run_config(config, claim.folder, unwatched if quiet else bar)
         cause = row.pop("_cause", None)
         folder = claim.publish()
         if isinstance(cause, KeyboardInterrupt):  # who stops a loop over runs stops the loop

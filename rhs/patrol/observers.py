@@ -17,7 +17,7 @@ import numpy as np
 from rhs.api.files import replacing
 from rhs.api.floorplan import Moving, World, after, truth_grid
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Closure, Step
+from rhs.api.records import Closure, Step, WorldFacts
 from rhs.api.records import Path as Plan
 from rhs.api.task import Parts
 from rhs.base.memory import let_go_of_compiler
@@ -69,12 +69,14 @@ class Beside:
 
 @dataclass
 class RunLog:
-    """Everything of one run that listens to its steps: the table, the recording, the progress bar."""
+    """Everything of one run that listens to its steps: the table, the recording, the progress bar. in_world: the source
+    drives in the world that was typed."""
 
     folder: Path
     table: StepTable
     recorder: Listener
     watch: Watch
+    in_world: bool = True
     counts: dict[str, int] = field(default_factory=dict)
     began_s: float | None = None
     stamp_s: float = 0.0
@@ -105,7 +107,8 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
     write_json(folder / "facts.json", {"name": facts.name, "start": list(facts.start), "places": places,
                                        "bounds_m": list(facts.bounds_m), "robot_radius_m": facts.robot_radius_m,
                                        **({"footprint_m": facts.footprint.corners_m} if facts.footprint else {})})
-    if world is not None:
+    in_world = world is not None and drives_in(world, facts)
+    if world is not None and in_world:
         save_map(folder / "true_map", truth_grid(world))
         if after(world) is not world:
             save_map(folder / "true_map_patrol", truth_grid(after(world)))
@@ -117,7 +120,12 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))
-    return RunLog(folder, StepTable(folder), Audience(listeners), watch)
+    return RunLog(folder, StepTable(folder), Audience(listeners), watch, in_world)
+
+
+def drives_in(world: World, facts: WorldFacts) -> bool:
+    """Whether a simulator drives in the world that was typed: one of somebody else may have its own; its facts tell."""
+    return (world.start, world.places) == (tuple(facts.start), tuple(facts.places))
 
 
 def moving_rows(moving: Moving) -> dict[str, Any]:

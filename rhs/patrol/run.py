@@ -315,8 +315,9 @@ class RunContext:
         parts = self._built[0] if self._built else None
         if parts is None or parts.source is None:
             return columns
+        if not self.config.driving or (self.log is not None and not self.log.in_world):
+            columns["world"] = parts.source.facts.name  # of the recording, or of a simulator with a world of its own
         if not self.config.driving:
-            columns["world"] = parts.source.facts.name  # of the recording
             columns["stamps_repaired"] = parts.source.stamps_repaired
         columns |= {"renderer": parts.source.renderer, "lost": parts.source.lost}
         if parts.source.views_lost:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
+import re
+import shutil
 import signal
+import sysconfig
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,8 +25,9 @@ from rhs.runfolder.row import KILLED, RUNNING, read_row, sound, write_row
 from .job import Job, Limits
 from .leader import READY
 from .turns import Group
-from .worker import COMPILING
+from .worker import COMPILING, JOB_LOG
 
+FULL_MB = 1.0  # a disk with less is full
 GRACE_S = 10.0  # a job told to stop has so long to write down what it has
 LINGER_S = 2.0  # a job that has written its row has so long to end
 
@@ -111,7 +116,7 @@ def row_of(one: Running) -> tuple[str, str]:
         row = {}
     status = str(row.get("status", RUNNING))
     if status in (RUNNING, KILLED):
-        status, reason = one.verdict or _fate(code)
+        status, reason = one.verdict or _fate(code, one.folder)
     elif one.verdict and one.verdict[0] != "interrupted" and status != "ok":
         status, reason = one.verdict
     else:
@@ -123,14 +128,34 @@ def row_of(one: Running) -> tuple[str, str]:
     return status, reason
 
 
-def _fate(code: int | None) -> tuple[str, str]:
+def _fate(code: int | None, folder: Path) -> tuple[str, str]:
     if code is None or code == 255:  # what multiprocessing says when it lost sight of the process
         return "killed", LOST
     if code < 0:
         with contextlib.suppress(ValueError):
-            return "killed", f"the process was killed by {signal.Signals(-code).name}"
+            return "killed", f"the process was killed by {signal.Signals(-code).name}{_crashed_in(folder)}"
         return "killed", f"the process was killed by signal {-code}"
-    return "failed", f"the process ended with exit code {code} before it wrote a row; see job.log"
+    full = free_mb(folder) < FULL_MB
+    return "failed", (f"the process ended with exit code {code} before it wrote a row; see job.log"
+                      + ("; no space is left on the disk: free some, then --resume" if full else ""))
+
+
+def free_mb(folder: Path) -> float:
+    """Of the disk that a folder is on; infinity where nobody tells."""
+    with contextlib.suppress(OSError):
+        return shutil.disk_usage(folder if folder.exists() else folder.parent).free / 1e6
+    return math.inf
+
+
+def _crashed_in(folder: Path) -> str:
+    """` in file:line` of the first frame outside of Python's own library that faulthandler wrote; empty without one."""
+    with contextlib.suppress(OSError):
+        _, crash, frames = (folder / JOB_LOG).read_text("utf-8", "replace").rpartition("Fatal Python error")
+        for file, line in re.findall(r'^  File "(.+)", line (\d+) in', frames if crash else "", re.MULTILINE):
+            path = Path(file)
+            if "site-packages" in path.parts or not path.is_relative_to(sysconfig.get_path("stdlib")):
+                return f" in {path.parent.name}/{path.name}:{line}"
+    return ""
 
 
 def shortfall(row: Mapping[str, object]) -> str:

@@ -121,7 +121,7 @@ def _runs(task: str, words: list[str], recordings: Sequence[Recorded]) -> Iterat
     where: tuple[str, ...] = BUILDINGS if task != "planning" else QUESTIONS
     if "world" in given:
         where = () if "seed" in given else ("seed=0,1,2,3,4",)
-    small = SMALL if task != "planning" and "source.image_width" not in given else ()
+    small = SMALL if task != "planning" and not {"source", "source.image_width"} & given else ()
     typed = parse([f"task={task}", *LIGHT, *small, *words, *where])
     if stray := [key for key in swept_keys(typed) if key not in ("world", "seed")]:
         raise ConfigError(f"sensitivity: {stray[0]} takes one value; only world and seed may take several")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import os
 import shutil
 import signal
@@ -99,6 +100,7 @@ def redirect(path: str, after: str | None = None) -> None:
     sys.stdout.flush()
     for descriptor in (1, 2):
         os.dup2(log, descriptor)
+    faulthandler.enable(2, all_threads=False)  # where a part crashed the process
 
 
 def _die_with_sweep(lifeline: Connection) -> None:

@@ -15,6 +15,7 @@ from rhs.api.contracts import DEGRADE as DEGRADED
 from rhs.api.contracts import SLAM
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.settings import slip
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE
 from rhs.base.errors import words_of
 from rhs.config.documented import field_docs, summary
 from rhs.config.parts import SENSED
@@ -32,6 +33,7 @@ from .sources import SOURCE
 
 Check = Callable[[Any, Path], None]
 WORDS = SENSED | {"walls", "extras"}  # of needs and provides that are no extra modality
+SHOWN = WORDS | {"cloud", RIGHT_IMAGE, RIGHT_CAMERA}  # what the views of these checks hold
 
 
 def check_plugin(kind: str, settings: Any) -> None:

@@ -22,6 +22,8 @@ ADVICE = {
     **dict.fromkeys((".las", ".laz", ".e57", ".xyz", ".pts", ".splat"), POINTS),
     **dict.fromkeys((".dxf", ".dwg", ".svg", ".pdf", ".geojson", ".osm"), f"a drawing: {_PLAN}"),
     **dict.fromkeys((".blend", ".fbx", ".skp", ".usd", ".usdz", ".3ds", ".3mf", ".x3d"), f"a model: {_MESH}"),
+    **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".fcstd", ".rvt", ".usdc"), f"a model: {_MESH}"),
+    **dict.fromkeys((".xml", ".mjcf"), f"a model of MuJoCo? {_MESH}, or its floor plan as a map"),
     ".navmesh": "where agents of Habitat may walk: name the scene's .glb beside it",
     ".house": "what rooms a scene of Matterport has: name its mesh beside it (.ply, .glb, .obj)",
     ".wbt": f"a world of Webots: {_MESH}, or write it as .sdf", ".zip": "an archive: unpack it first",

@@ -47,7 +47,7 @@ class Slipping:
 
 
 def test_a_survey_is_shown_again_with_its_truths_and_then_the_source_goes_on():
-    source = Watched(Slipping())
+    source = Watched(Slipping(), "source")
     shown = []
     while (capture := source.lead()) is not None:
         shown.append((capture.index, planar(source.truth())[0], source.clearance_m()[0]))

@@ -7,8 +7,10 @@ import os
 import time
 
 import numpy as np
+import pytest
 
-from rhs.card.forked import run_forked
+from rhs.card.card import verdict
+from rhs.card.forked import queued_s, run_forked
 
 
 def test_what_was_said_before_the_end_is_heard():
@@ -54,3 +56,26 @@ def test_memory_and_time_are_its_own():
 
     result = run_forked(takes, patience_s=20.0)
     assert 50 < result.memory_mb < 150 and result.cpu_s < 5 and not result.ended
+
+
+@pytest.mark.skipif(np.isnan(queued_s()), reason="the system does not tell who stands in line")
+def test_what_sleeps_is_told_from_what_computes():
+    def sleeps():
+        time.sleep(0.5)
+        yield 1
+
+    def computes():
+        began = time.process_time()
+        while time.process_time() - began < 0.3:
+            pass
+        yield 1
+
+    assert run_forked(sleeps, patience_s=30.0).waited_share > 0.8
+    assert run_forked(computes, patience_s=30.0).waited_share < 0.1
+    said = verdict({"part": "planner=mine", "contract": [], "waited_share": 0.95})
+    assert said[1].startswith("waits for 95 % of its time")
+
+
+def test_one_of_ours_that_did_not_come_to_its_end_beside_a_part_is_named():
+    said = verdict({"part": "planner=mine", "contract": [], "ended": {"planner=mine": "", "planner=astar": "no answer"}})
+    assert said[-1] == "beside it, planner=astar did not come to its end: no answer"

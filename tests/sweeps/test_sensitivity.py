@@ -177,3 +177,9 @@ def test_a_recording_that_is_refused_ends_the_question_before_any_setting_is_tri
     with pytest.raises(ConfigError, match=r"--recording 'PATH source.KEY=VALUE': views: no such file"):
         check_recorded([{"status": "refused", "reason": "views: no such file"}])
     check_recorded([{"status": "ok"}, {"status": "failed"}])
+
+
+def test_a_source_of_somebody_else_is_not_given_settings_of_the_simulator():
+    said = [{word.key for word in words} for given in ([], ["source=mine"])
+            for _, words in sensitivity._runs("survey", ["odometry=wheel", "world=square_small", *given], [])]
+    assert "source.image_width" in said[0] and "source.image_width" not in said[-1]

@@ -15,12 +15,16 @@ import rhs
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.metric import Metric
-from rhs.api.records import Capture, Motion, Tracking, WorldFacts
+from rhs.api.records import Capture, Motion, Scan, Tracking, WorldFacts
 from rhs.api.validate_source import check_clearance, check_facts, check_provides
+from rhs.blame.oracles import Watched
+from rhs.cli import check
 from rhs.config import loose, registry
 from rhs.config.compose import compose_config
 from rhs.config.degraded import Degraded
 from rhs.metrics.evaluate import evaluate
+from rhs.patrol.observers import drives_in
+from rhs.worlds.world import load_world
 
 pytestmark = pytest.mark.usefixtures("afresh")
 LIGHT = ["source=fake", "sensor=fake", "odometry=fake", "recording=off", "pictures=off"]
@@ -230,3 +234,76 @@ def test_the_child_of_a_part_that_forks_writes_nothing_into_the_run(tmp_path):
     assert os.getpid() == process and row["status"] == "ok"
     steps = (tmp_path / "run/steps.csv").read_text().splitlines()
     assert [line.partition(",")[0] for line in steps] == ["index", "0", "1", "2", "3", "4", "5"]
+
+
+class Refilled:
+    """A source of four scans that stand in one and the same array."""
+
+    def __init__(self):
+        self.index, self.ranges, self.pose = 0, np.ones(3), np.eye(4)
+
+    def lead(self):
+        if self.index == 4:
+            return None
+        self.index += 1
+        self.ranges[:] = self.pose[0, 3] = self.index
+        return Capture(self.index, float(self.index), scan=Scan(np.arange(3.0), self.ranges, 10.0))
+
+    def truth(self):
+        return self.pose
+
+    def clearance_m(self):
+        return 1.0, False
+
+
+def test_blame_shows_the_views_of_a_source_that_fills_its_arrays_again_as_they_were():
+    watched = Watched(Refilled(), "source=refilled")
+    shown = [(watched.lead().scan.ranges_m[0], watched.truth()[0, 3]) for _ in range(4)]
+    assert shown == [(1.0, 1.0), (2.0, 2.0), (3.0, 3.0), (4.0, 4.0)]
+
+
+def test_a_simulator_with_a_world_of_its_own_is_not_judged_by_the_one_that_was_typed():
+    world = load_world("square_small")
+    assert drives_in(world, world.facts())
+    assert not drives_in(world, WorldFacts("flat", (1.0, 1.0, 0.0), (("door", 5.0, 3.0),), (0.0, 0.0, 6.0, 4.0), 0.15))
+
+
+@dataclass
+class Semantic:
+    """A sensor with a label for each pixel."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+    provides: ClassVar[frozenset[str]] = frozenset({"image", "labels"})
+
+    def build(self, context):
+        return self
+
+    def sense(self, capture):
+        raise NotImplementedError
+
+
+@dataclass
+class Labelled:
+    """An odometry that looks at the labels."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image", "labels"})
+    provides: ClassVar[frozenset[str]] = frozenset()
+
+    def build(self, context):
+        return self
+
+    def update(self, observation):
+        return Motion(np.eye(4), observation.extras["labels"].mean() * np.eye(6), Tracking.OK)
+
+
+def test_a_sensor_that_has_the_extra_modality_which_a_part_needs_is_offered():
+    rhs.register("sensor", "semantic", Semantic)
+    rhs.register("odometry", "labelled", Labelled)
+    with pytest.raises(ConfigError, match="needs labels, which source=fake does not provide; type .*sensor=semantic"):
+        compose_config([*LIGHT[:2], "odometry=labelled"])
+
+
+def test_a_check_that_has_not_what_a_part_needs_says_so(capsys):
+    rhs.register("odometry", "labelled", Labelled)
+    assert check.main(["odometry=labelled"]) == 1
+    assert "the views of these checks hold no labels, which it needs" in capsys.readouterr().out

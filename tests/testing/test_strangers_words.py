@@ -11,6 +11,7 @@ import pytest
 
 from rhs.api.records import BeliefStatus
 from rhs.base.errors import words_of
+from rhs.config.overrides import parse, plain_words, sweep_words
 from rhs.testing import check_plugin
 
 PLANNER = '''"""Draws from numpy's own generator, and leaves the building."""
@@ -75,3 +76,15 @@ def test_a_run_says_that_a_global_generator_was_used_and_how_a_part_is_asked(tmp
     ours = subprocess.run([sys.executable, "-m", "rhs", *words[2:4], "planner=rrt"], cwd=tmp_path, capture_output=True,
                           text=True, timeout=180, check=False)
     assert ours.returncode == 0 and "generator" not in ours.stderr
+
+
+@pytest.mark.parametrize(("word", "value"), [
+    ("output=Läufe 2", "Läufe 2"), ("world=/a/Straße.yaml", "/a/Straße.yaml"), ("output='Läufe'", "Läufe"),
+    ("mission={x:ü}", {"x": "ü"})])
+def test_letters_that_are_not_english_need_no_quotes(word, value):
+    assert [one.value for one in plain_words(parse([word]))] == [value]
+
+
+def test_each_value_of_a_sweep_may_have_letters_that_are_not_english():
+    found = sweep_words(parse(["world=Häuser/a.yaml,b.yaml"]), most=10)
+    assert [words[0].value for words in found] == ["Häuser/a.yaml", "b.yaml"]

@@ -143,7 +143,7 @@ class CarriedOff:
         if capture is None:
             return None
         truth, before = self._source.truth(), self._last
-        self._last = truth
+        self._last = None if truth is None else np.array(truth)  # a source may move its own pose on
         if truth is not None and before is not None:
             self._way_m += float(np.linalg.norm(truth[:2, 3] - before[:2, 3]))
         elif capture.travel is not None:
