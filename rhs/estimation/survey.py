@@ -201,7 +201,7 @@ def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
 
 def at_eye_level(grid: OccupancyGrid) -> OccupancyGrid:
     """The grid without what is lower than the camera, and what that hides, as a level scan meets it: free there."""
-    low = np.isin(grid.probability, np.float32([FURNITURE, HIDDEN]))
+    low = np.isin(grid.probability, np.array([FURNITURE, HIDDEN], np.float32))
     return replace(grid, probability=np.where(low, np.float32(1.0 - FURNITURE), grid.probability))
 
 
