@@ -54,7 +54,7 @@ class Barred:
         self.path: Path | None = None
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
-        self.looked_again, self.ventured, self.last_reason = False, False, ""
+        self.looked_again, self.ventured, self.leaves_room, self.last_reason = False, False, False, ""
         self.progress, self.aside, self.guard.refused_for_hidden = Progress(), Aside(), 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 
@@ -81,11 +81,12 @@ class Barred:
         if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
-        way, leaves_room = self._way_left(pose)
-        if self.barred and leaves_room and not self.contacts and self.guard.around.monocular and self.guard.forget_seen():
+        way, self.leaves_room = self._way_left(pose)
+        one_eye = self.guard.around.monocular
+        if self.barred and self.leaves_room and not self.contacts and one_eye and self.guard.forget_seen():
             self.barred = 0
             return None  # planned anew by what is known
-        bars = self.watch.cells & ~self._stays if leaves_room else self.watch.cells
+        bars = self.watch.cells & ~self._stays if self.leaves_room else self.watch.cells
         seen = self.grid.centres(np.argwhere(bars if bars.any() else self.watch.cells))
         if self.barred:
             seen = np.concatenate([seen, self._near_things(pose)])
@@ -99,7 +100,7 @@ class Barred:
             command = self._answer(self._told(at, pose, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
-        if len(seen) and (leaves_room or self.guard.moves) and not self.contacts and self.waited < WAIT_VIEWS:
+        if len(seen) and (self.leaves_room or self._may_go) and self.waited < WAIT_VIEWS:
             return self._wait(at, pose, events)
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
@@ -109,9 +110,15 @@ class Barred:
             return turn(-self.pace.turn_step_rad, self.pace)
         if self._ventures(pose, events):
             return None  # there is a path now
+        what = self._what_bars(at) if len(seen) else ""
         touched = f" (touches: {self.contacts})" if self.contacts else ""
-        self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
+        self._leave(f"no path: {self.last_reason}{what}{touched}", pose, events, later=len(seen) > 0)
         return None
+
+    def _what_bars(self, at_m: np.ndarray) -> str:
+        """What stands in the way at (2,), in words: somebody, where there is a way past what was seen to stand for long."""
+        what = "somebody stands" if self.leaves_room and self.trails.known else "something new stands"
+        return f", {what} near ({at_m[0]:.1f}, {at_m[1]:.1f}) m"
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
         """Whether there is a way over ground that nobody has looked at: the guard lets the robot go as far as it sees, and
@@ -132,6 +139,12 @@ class Barred:
         self._drive_on(self.free)
         self.last_reason = reason
         return False
+
+    @property
+    def _may_go(self) -> bool:
+        """Whether what bars the way may go: something was seen to move lately, or somebody walked in this patrol and there
+        is a way past what was seen to stand."""
+        return self.guard.moves or (self.leaves_room and self.trails.known)
 
     @property
     def _blind_m(self) -> float:
@@ -170,7 +183,7 @@ class Barred:
     def _approach(self, way: Path, at_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Where something moves, along the way that is left up to what bars it: seen from near it may leave room, and who
         walks off is followed. None where the robot is there already, or where all stands still."""
-        if not self.guard.moves:
+        if not self._may_go:
             return None
         stop_m = max(self._unseen_m(at_m), WATCH_M) + self.pace.step_m
         stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else np.zeros((0, 2))
@@ -180,13 +193,13 @@ class Barred:
         target_m = in_body(target_on(stretch, pose[:2], self.pace), pose)
         command, why = self.guard.allow(steer(stretch, se2(*pose), self.pace), target_m)
         if command is not None:
-            self.attempts -= not self.guard.moves
+            self.attempts -= not self._may_go
             events.extend([why] if why is not None else [])
         return command
 
     def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
         """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
-        waits = self.guard.moves and not self.contacts and self.waited >= PATIENCE_VIEWS
+        waits = self._may_go and self.waited >= PATIENCE_VIEWS
         goes = (waits or self.aside.goal_m is not None) and self.aside.go(
             pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells), self.trails.points_m)
         self.waited = 0 if goes else self.waited
@@ -195,8 +208,8 @@ class Barred:
     def _may_have_gone(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
         """Whether anything that was seen before may have gone, and is forgotten: where something moves, and else a few times
         a place. Who is seen to come and stands in the way here is waited for first."""
-        comes = self.guard.moves and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
-        if comes or not self.guard.moves and (self.contacts or self.returned >= MOST_RETURNS):
+        comes = self._may_go and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
+        if comes or not self._may_go and self.returned >= MOST_RETURNS:
             return False
         self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s, pose[:2], self._blind_m))
         return gone
@@ -204,7 +217,7 @@ class Barred:
     def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
         """Stand for a view before what is in the way; the plan that failed is tried again."""
         self.waited, self.progress.still = self.waited + 1, 0
-        self.attempts -= self.path is None and not self.guard.moves
+        self.attempts -= self.path is None and not self._may_go
         events.append(event)
         return self._watching(at_m, pose)
 
@@ -270,8 +283,7 @@ class Barred:
     def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
         """Give the place up; later: it is tried again, after the others if any: what is in the way may go. Once, or where
         something moves as often as a place is planned anew."""
-        moves = self.guard.moves and not self.contacts
-        goes_on, often = (True, self.settings.tries) if moves else (self.book.others(pose[:2]) > 0, 1)
+        goes_on, often = (True, self.settings.tries) if self._may_go else (self.book.others(pose[:2]) > 0, 1)
         if later := later and goes_on and self.book.skipped() < often:
             self.book.put_off(pose[:2])
         self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)
