@@ -100,7 +100,7 @@ class Barred:
             command = self._answer(self._told(at, pose, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
-        if len(seen) and (self.leaves_room or self._may_go) and self.waited < WAIT_VIEWS:
+        if len(seen) and (self.leaves_room or self.guard.moves) and self.waited < WAIT_VIEWS:
             return self._wait(at, pose, events)
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
@@ -141,12 +141,6 @@ class Barred:
         return False
 
     @property
-    def _may_go(self) -> bool:
-        """Whether what bars the way may go: something was seen to move lately, or somebody walked in this patrol and there
-        is a way past what was seen to stand."""
-        return self.guard.moves or (self.leaves_room and self.trails.known)
-
-    @property
     def _blind_m(self) -> float:
         """Metres within which the camera looks over the floor."""
         return self.obstacle.blind_m if self.obstacle is not None else 0.0
@@ -183,7 +177,7 @@ class Barred:
     def _approach(self, way: Path, at_m: np.ndarray, pose: np.ndarray, events: list[Event]) -> Twist | None:
         """Where something moves, along the way that is left up to what bars it: seen from near it may leave room, and who
         walks off is followed. None where the robot is there already, or where all stands still."""
-        if not self._may_go:
+        if not self.guard.moves:
             return None
         stop_m = max(self._unseen_m(at_m), WATCH_M) + self.pace.step_m
         stretch = short_of(way.points_m, pose[:2], at_m, stop_m) if way.found else np.zeros((0, 2))
@@ -193,13 +187,13 @@ class Barred:
         target_m = in_body(target_on(stretch, pose[:2], self.pace), pose)
         command, why = self.guard.allow(steer(stretch, se2(*pose), self.pace), target_m)
         if command is not None:
-            self.attempts -= not self._may_go
+            self.attempts -= not self.guard.moves
             events.extend([why] if why is not None else [])
         return command
 
     def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
         """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
-        waits = self._may_go and self.waited >= PATIENCE_VIEWS
+        waits = self.guard.moves and self.waited >= PATIENCE_VIEWS
         goes = (waits or self.aside.goal_m is not None) and self.aside.go(
             pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells), self.trails.points_m)
         self.waited = 0 if goes else self.waited
@@ -208,16 +202,17 @@ class Barred:
     def _may_have_gone(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
         """Whether anything that was seen before may have gone, and is forgotten: where something moves, and else a few times
         a place. Who is seen to come and stands in the way here is waited for first."""
-        comes = self._may_go and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
-        if comes or not self._may_go and self.returned >= MOST_RETURNS:
+        comes = self.guard.moves and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
+        if comes or not self.guard.moves and self.returned >= MOST_RETURNS:
             return False
-        self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s, pose[:2], self._blind_m))
+        gone = self.watch.forget_gone(self.guard.around.now_s, pose[:2], self._blind_m, self.trails.points_m)
+        self.returned += gone
         return gone
 
     def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
         """Stand for a view before what is in the way; the plan that failed is tried again."""
         self.waited, self.progress.still = self.waited + 1, 0
-        self.attempts -= self.path is None and not self._may_go
+        self.attempts -= self.path is None and not self.guard.moves
         events.append(event)
         return self._watching(at_m, pose)
 
@@ -283,7 +278,7 @@ class Barred:
     def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
         """Give the place up; later: it is tried again, after the others if any: what is in the way may go. Once, or where
         something moves as often as a place is planned anew."""
-        goes_on, often = (True, self.settings.tries) if self._may_go else (self.book.others(pose[:2]) > 0, 1)
+        goes_on, often = (True, self.settings.tries) if self.guard.moves else (self.book.others(pose[:2]) > 0, 1)
         if later := later and goes_on and self.book.skipped() < often:
             self.book.put_off(pose[:2])
         self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)

@@ -220,7 +220,7 @@ class Sentinel(Barred):
         return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
-        self.attempts += not self._may_go  # who walks there goes on; views_max ends that
+        self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
         monocular = self.guard.around.monocular  # which may not see again from near what it saw from afar
         near = self._near_things(pose, walls=monocular) if self.barred else NOTHING
