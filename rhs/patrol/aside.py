@@ -40,11 +40,6 @@ class Trails:
         self._cells.update(map(tuple, np.floor(points_m / GRAIN_M).astype(int).tolist()))
 
     @property
-    def known(self) -> bool:
-        """Whether anybody was."""
-        return bool(self._cells)
-
-    @property
     def points_m(self) -> np.ndarray:
         """(K, 2) metres in the map."""
         return (np.array(sorted(self._cells), dtype=float).reshape(-1, 2) + 0.5) * GRAIN_M

@@ -17,9 +17,10 @@ from .changed_map import STAYS_S
 from .control import Pace, Progress, ahead_on_path, first_on_way, short_of, steer, target_on, turn, turns
 from .guard import Guard
 from .mission import Logbook, MissionSettings
+from .neighbours import near_any
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner, with_unseen
-from .surroundings import SURE
+from .surroundings import CAME_NEAR_M, SURE
 
 WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
@@ -54,7 +55,7 @@ class Barred:
         self.path: Path | None = None
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
-        self.looked_again, self.ventured, self.leaves_room, self.last_reason = False, False, False, ""
+        self.looked_again, self.ventured, self.last_reason = False, False, ""
         self.progress, self.aside, self.guard.refused_for_hidden = Progress(), Aside(), 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 
@@ -81,12 +82,11 @@ class Barred:
         if self.barred and self.backed < MOST_BACK and (back := self._back(pose)) is not None:
             self.backed += 1
             return back
-        way, self.leaves_room = self._way_left(pose)
-        one_eye = self.guard.around.monocular
-        if self.barred and self.leaves_room and not self.contacts and one_eye and self.guard.forget_seen():
+        way, leaves_room = self._way_left(pose)
+        if self.barred and leaves_room and not self.contacts and self.guard.around.monocular and self.guard.forget_seen():
             self.barred = 0
             return None  # planned anew by what is known
-        bars = self.watch.cells & ~self._stays if self.leaves_room else self.watch.cells
+        bars = self.watch.cells & ~self._stays if leaves_room else self.watch.cells
         seen = self.grid.centres(np.argwhere(bars if bars.any() else self.watch.cells))
         if self.barred:
             seen = np.concatenate([seen, self._near_things(pose)])
@@ -100,7 +100,7 @@ class Barred:
             command = self._answer(self._told(at, pose, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
-        if len(seen) and (self.leaves_room or self.guard.moves) and self.waited < WAIT_VIEWS:
+        if len(seen) and (leaves_room or self.guard.moves) and self.waited < WAIT_VIEWS:
             return self._wait(at, pose, events)
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
@@ -116,9 +116,9 @@ class Barred:
         return None
 
     def _what_bars(self, at_m: np.ndarray) -> str:
-        """What stands in the way at (2,), in words: somebody, where there is a way past what was seen to stand for long."""
-        what = "somebody stands" if self.leaves_room and self.trails.known else "something new stands"
-        return f", {what} near ({at_m[0]:.1f}, {at_m[1]:.1f}) m"
+        """What stands in the way at (2,), in words: somebody, where somebody was seen to walk in this patrol."""
+        walked = near_any(at_m[None], self.trails.points_m, CAME_NEAR_M).any()
+        return f", {'somebody' if walked else 'something new'} stands near ({at_m[0]:.1f}, {at_m[1]:.1f}) m"
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
         """Whether there is a way over ground that nobody has looked at: the guard lets the robot go as far as it sees, and
