@@ -120,7 +120,7 @@ def test_one_eye_keeps_further_from_what_the_map_does_not_know() -> None:
 
 
 def one_eyed(seen_m: np.ndarray) -> tuple[Sentinel, np.ndarray]:
-    """One eye at (1, 1) of a free corridor, for which something stands at seen_m (K, 2) of its body frame."""
+    """One camera at (1, 1) of a free corridor, for which something stands at seen_m (K, 2) of its body frame."""
     grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
     sentinel = Sentinel(parts(None), grid, (), places=(("a", 4.0, 1.0),), radius_m=0.3, settings=MissionSettings())
     pose, around = np.array([1.0, 1.0, 0.0]), sentinel.guard.around
