@@ -64,6 +64,9 @@ class DirectSettings:
     """and grey levels beside that; more of them explain anything on a plain wall"""
     grey_sigma: float = 1.0
     """least deviation of the brightness of a block, grey levels"""
+    floor_grey_sigma: float = 4.0
+    """the same on a floor, where plain surfaces are all that is left: across an edge between two of them the brightness of a
+    block is no plane"""
     clear_sigmas: float = 1.5
     """brightness that changes by less than so many deviations from block to block is noise and says nothing"""
     inverse_depth_sigma: float = 0.002
@@ -72,6 +75,11 @@ class DirectSettings:
     """share of a block whose depth must be known"""
     rough_per_m: float = 0.003
     """a block whose inverse depths spread by more than this per pixel of its side hangs over an edge, 1/m"""
+    bent_per_m: float = float("inf")
+    """a block about which inverse depths leave a plane by more than this tells of no motion, 1/m: the slope there is that of
+    no surface, and along a plain corridor the corners of its walls would seem to hold the way ..."""
+    floor_bent_per_m: float = 0.01
+    """... on a floor, where wheels know better"""
     least_shared: float = 0.4
     """share of the blocks that both views must see"""
     vague_m: float = 0.03
@@ -92,9 +100,10 @@ class DirectSettings:
     def __post_init__(self) -> None:
         check_ranges("", self, columns=(8, 10_000), levels=(1, 10), iterations=(1, 1000), still=(0.0, 1.0),
                      student_dof=(0.5, 1e6), gain_sigma=(1e-6, 1e3), offset_sigma=(1e-6, 1e6),
-                     correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), clear_sigmas=(0.0, 100.0),
+                     correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), floor_grey_sigma=(1e-3, 255.0),
+                     clear_sigmas=(0.0, 100.0),
                      inverse_depth_sigma=(1e-6, 10.0), least_known=(0.0, 1.0), rough_per_m=(1e-6, 10.0),
-                     least_shared=(0.0, 1.0),
+                     least_shared=(0.0, 1.0), floor_bent_per_m=(1e-6, 1e6),
                      vague_m=(1e-6, 100.0), keep_shared=(0.0, 1.0), keep_sigmas=(1.0, 1e6), probability=(0.5, 1.0 - 1e-12),
                      depth_off_per_m=(1e-6, 10.0),
                      grey_off=(0.0, 255.0), grey_off_share=(0.0, 10.0))

@@ -24,6 +24,8 @@ from rhs.estimation.views.thinning import thinned
 
 FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing of the map: one alone may be a speck
 FURNITURE = 0.95  # chance that a cell with so many is occupied
+HIDDEN = 0.5  # the same of one behind such a thing that no view showed
+HIDES_M = 1.0  # a thing is no deeper than this
 LEAST_PLACES = 20  # views that stay stored whatever they take
 MOST_PLACES = 500  # views stored at most where memory is bounded: closing the loop compares each with each, in 30 MB
 
@@ -174,29 +176,45 @@ def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> Occup
 
 
 def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
-    """The grid with those cells occupied in which the views saw something that the scan passes over. The scan says that its
-    way is free at the camera's height, which is no word against a table."""
-    from rhs.estimation.scans.votes import Votes, low_only  # compiled code
+    """The grid with those cells occupied in which the views saw something that the scan passes over, and those behind it of
+    which none showed the floor unknown (HIDDEN). The scan says that its way is free at the camera's height, which is no word
+    against a table, nor for the ground under its far side."""
+    from rhs.estimation.scans.votes import Votes, behind, low_only  # compiled code
 
     low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
+    shown, hidden = np.zeros(grid.shape, bool), np.zeros(grid.shape, bool)
     for view in views:
-        if view.obstacle is not None:
-            low.look(view.map_from_body, view.obstacle, hits=low_only(view.obstacle, view.scan), within_m=np.inf)
+        if view.obstacle is None:
+            continue
+        hits = low_only(view.obstacle, view.scan)
+        cells = low.look(view.map_from_body, view.obstacle, hits=hits, within_m=np.inf)
+        shown[cells[:, 0], cells[:, 1]] = True
+        points = behind(view.obstacle, hits, HIDES_M, step_m=0.5 * grid.resolution_m)
+        points = points @ view.map_from_body[:2, :2].T + view.map_from_body[:2, 3]
+        rows, columns = grid.cells(points[grid.inside(points)]).T
+        hidden[rows, columns] = True
     probability = grid.probability.copy()
+    probability[hidden & ~shown & grid.free()] = HIDDEN
     probability[low.votes >= FURNITURE_VOTES] = FURNITURE
     return replace(grid, probability=probability)
 
 
 def at_eye_level(grid: OccupancyGrid) -> OccupancyGrid:
-    """The grid without what is lower than the camera, as a level scan meets it: free there."""
-    low = grid.probability == np.float32(FURNITURE)
+    """The grid without what is lower than the camera, and what that hides, as a level scan meets it: free there."""
+    low = np.isin(grid.probability, np.float32([FURNITURE, HIDDEN]))
     return replace(grid, probability=np.where(low, np.float32(1.0 - FURNITURE), grid.probability))
+
+
+def known(grid: OccupancyGrid) -> np.ndarray:
+    """(H, W) bool: cells that some view showed down to the floor, or the scan where nothing low stands before them."""
+    shown: np.ndarray = np.isfinite(grid.probability) & (grid.probability != np.float32(HIDDEN))
+    return shown
 
 
 def known_free(grid: OccupancyGrid, views: Sequence[View], radius_m: float, margin_m: float = 0.0) -> np.ndarray:
     """(H, W) bool: cells the map calls free, those the robot's own body has stood on without touching anything, and
     what nobody saw within margin_m and a cell of its side then: its own way through a hall wider than the camera sees."""
-    free, unseen = grid.free(), np.isnan(grid.probability)
+    free, unseen = grid.free(), ~known(grid)
     beside_m = radius_m + margin_m + (grid.resolution_m if margin_m else 0.0)
     rows, columns = np.indices(grid.shape)
     x = (columns + 0.5) * grid.resolution_m + grid.origin_m[0]

@@ -12,7 +12,7 @@ from rhs.api.records import Scan
 from rhs.api.task import Parts
 from rhs.base.errors import ConfigError
 from rhs.estimation.scans.settings import VoteSettings
-from rhs.estimation.survey import FURNITURE
+from rhs.estimation.survey import FURNITURE, HIDDEN, known
 
 STAYS_S = 10.0  # what was seen to stand for so long belongs to the map; who passes by does not
 BESIDE_CELLS = 2.0  # a cell so near to something that stays is the face of it, drawn a cell too thick
@@ -32,7 +32,8 @@ class ChangedMap:
         self.at_eye, self.below = (Votes(grid.shape, grid.resolution_m, grid.origin_m, settings) for _ in range(2))
         low = grid.probability == np.float32(FURNITURE)
         self.at_eye.votes[grid.occupied() & ~low] = self.below.votes[low] = settings.most
-        self._seen = np.zeros(grid.shape, int)  # views
+        self._hidden = grid.probability == np.float32(HIDDEN)
+        self._seen = np.zeros(grid.shape, int)  # views; of what is hidden those that showed the floor
 
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None, within_m: float) -> None:
         """Count one view of a robot that knows where it is: its scan, and what its whole picture shows besides."""
@@ -40,9 +41,10 @@ class ChangedMap:
 
         if scan is not None:
             cells = self.at_eye.look(map_from_body, scan, hits=np.isfinite(scan.ranges_m), within_m=within_m)
-            self._seen[cells[:, 0], cells[:, 1]] += 1
+            self._seen[cells[:, 0], cells[:, 1]] += ~self._hidden[cells[:, 0], cells[:, 1]]
         if obstacle is not None:
-            self.below.look(map_from_body, obstacle, hits=low_only(obstacle, scan), within_m=within_m)
+            cells = self.below.look(map_from_body, obstacle, hits=low_only(obstacle, scan), within_m=within_m)
+            self._seen[cells[:, 0], cells[:, 1]] += self._hidden[cells[:, 0], cells[:, 1]]
 
     @property
     def votes(self) -> np.ndarray:
@@ -56,7 +58,7 @@ class ChangedMap:
         taken, votes = self.grid.occupied(), self.votes
         gone = taken & (votes <= 0.0)
         gone &= ~inflate(taken & ~gone, BESIDE_CELLS)
-        opened = np.isnan(self.grid.probability) & (votes <= 0.0) & (self._seen >= OPENED_VIEWS)
+        opened = ~known(self.grid) & (votes <= 0.0) & (self._seen >= OPENED_VIEWS)
         come = (stood_s >= STAYS_S) & (votes >= self.at_eye.settings.most) & self.grid.free()
         if not (gone.any() or come.any()):
             return False

@@ -96,6 +96,25 @@ def test_a_table_that_the_scan_passes_over_is_in_the_map_and_what_one_view_only_
     rows, columns = np.nonzero(drawn.occupied())
     assert set(columns) == {25} and 17 <= rows.min() <= rows.max() <= 22
     assert not free.occupied().any(), "nobody changes what it is given"
+    hidden = drawn.probability == np.float32(survey.HIDDEN)
+    rows, columns = np.nonzero(hidden)
+    assert hidden[20, 26:35].all() and columns.max() <= 36, "a metre behind the table nobody saw the floor"
+    assert drawn.free()[20, 38] and drawn.free()[28, 30], "further on, and beside it, the scan is believed"
+    assert survey.at_eye_level(drawn).free()[hidden].all()
+
+
+def test_the_floor_behind_a_table_is_free_once_a_view_has_shown_it():
+    """The table of before, and then a view along its far side, from which all the floor there is in the picture."""
+    bearings = np.linspace(-0.3, 0.3, 61)
+    level = Scan(bearings, np.full(61, 4.0), 8.0)
+    table = Scan(bearings, np.where(np.abs(bearings) < 0.1, 2.03, np.inf), 5.0, (0.0, 0.0), 3.2)
+    along = Scan(bearings, np.full(61, np.inf), 5.0, (0.0, 0.0), 0.5)
+    beside = se2(3.1, 0.2, np.pi / 2)
+    views = [replace(view(k, se2(0.5, 2.0, 0.0)), scan=level, obstacle=table) for k in range(3)]
+    free = OccupancyGrid(np.full((40, 60), 0.05, np.float32), 0.1, (0.0, 0.0))
+    before = furnished(free, views)
+    after = furnished(free, [*views, replace(view(3, beside), scan=level, obstacle=along)])
+    assert not before.free()[20, 30] and after.free()[20, 30]
 
 
 def test_only_so_many_places_are_compared_with_each_other(monkeypatch):

@@ -1,4 +1,4 @@
-"""Places and loops with one camera on its own: key-points lifted on walls that are a little wrong, views without any depth."""
+"""Places and loops with one camera on its own: key-points lifted on walls a little wrong, views without any depth."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from rhs.testing.room import HIGH, LOW
 from rhs_loop_closers.error_distribution_config import ErrorDistribution
 from rhs_loop_closers.pose_graph_config import PoseGraph
 
-WRONG_M = 0.03  # each wall stands so far outside its true place, as an odometry with one camera might have it
+WRONG_M = 0.03  # each wall stands so far outside its true place, as an odometry of one camera might have it
 TRUTH = ring(24)
 
 

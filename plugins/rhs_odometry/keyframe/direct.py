@@ -64,11 +64,24 @@ def levels(picture: np.ndarray, depth: np.ndarray, camera: Camera, s: DirectSett
             points = camera.points(pixels, 1.0 / mean.ravel().astype(float))
         smooth = np.gradient(cv2.blur(mean, (SMOOTH, SMOOTH)))  # unknown where any of its blocks is: there, as it stands
         slopes = [np.where(np.isfinite(even), even, own) for even, own in zip(smooth, np.gradient(mean), strict=True)]
+        if np.isfinite(s.bent_per_m):
+            slopes = [np.where(_bent(mean) > s.bent_per_m, np.nan, slope) for slope in slopes]
         planes = np.stack([np.dstack([a, along, down]) for a, (down, along) in
                            ((grey, np.gradient(grey)), (mean, slopes))]).astype(np.float32)
         contrast, seen = 1.4826 * float(np.median(np.abs(grey - np.median(grey)))), int(np.isfinite(mean).sum())
         out.append(Level(points, grey.ravel().astype(float), planes, scale, contrast, seen))
     return out[::-1]
+
+
+def _bent(rho: np.ndarray) -> np.ndarray:
+    """(H, W) by how much inverse depth (H, W) is no plane within what a slope is smoothed over, 1/m; 0 where unknown, and
+    without end along the rim, of which it is smoothed over one side alone."""
+    reach, out = SMOOTH // 2 + 1, np.zeros(rho.shape, rho.dtype)
+    for middle, value in ((rho, out), (rho.T, out.T)):
+        second = np.abs(middle[2 * reach:] - 2.0 * middle[reach:-reach] + middle[: -2 * reach])
+        np.fmax(value[reach:-reach], second, out=value[reach:-reach])
+        value[:reach] = value[-reach:] = np.inf
+    return out
 
 
 def align(then: list[Level], now: list[Level], camera: Camera, guess: np.ndarray, wide: np.ndarray, s: DirectSettings,

@@ -25,7 +25,7 @@ from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.settings import Effort
 from rhs.estimation.views import features as vision
 
-from ..features.floor import Floor, on_floor
+from ..features.floor import HELD, Floor, on_floor
 from ..features.procrustes import weakness
 from ..fused.fallback import guess_motion
 from .culling import Edge
@@ -61,7 +61,7 @@ class KeyframeOdometry(Odometry):
         self._spread = FIRST  # covariance of the last pose
         self._reported = np.eye(4)  # the last pose as it was reported; the graph may have moved it since
         self._relocation = Relocation(a, camera, self._map)
-        self._direct = Direct(settings, camera, self._map)
+        self._direct = Direct(settings, camera, self._map, on_floor=on_floor)
         self._adrift: Adrift | None = None  # since the camera lost its way, until it is found again in the map
         self._unseen = np.zeros((6, 6))  # by how much less sure than the last key frame the camera is, where no points tell
         self._full, self._fresh = 0, False  # points followed when the last key frame was made; no view came since
@@ -81,8 +81,8 @@ class KeyframeOdometry(Odometry):
         since = self._going_on.since(body_wide) if held else wide
         before, followed = self._tracker.pose, (self._tracker.ids, self._tracker.pixels)
         fit = self._fit(look, guess, body_wide if name == "wheel" else None)
-        if held and self._direct.wanted(fit, len(followed[0])):
-            fit, laid = self._laid(look, fit, guess, (since, wide), followed)
+        if (held or (self._floor is not None and name == "wheel")) and self._direct.wanted(fit, len(followed[0])):
+            fit, laid = self._laid(look, fit, guess, (since, wide) if held else (self._level(wide),), followed)
             if fit is None and laid is not None:
                 return self._felt(look, laid)
         if fit is None:
@@ -158,10 +158,13 @@ class KeyframeOdometry(Odometry):
                 self._tracker.ids, self._tracker.pixels = followed
         return fit if fit.inliers.sum() >= self._settings.min_inliers else None
 
-    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wides: tuple[np.ndarray, np.ndarray],
+    def _laid(self, look: PreparedView, fit: PoseFit | None, guess: np.ndarray, wides: tuple[np.ndarray, ...],
               followed: tuple[np.ndarray, np.ndarray]) -> tuple[PoseFit | None, Laid | None]:
         """What points and all pixels say together, and what the pixels say; without these the fit as it is."""
         laid = self._direct.lay(look, self._tracker, guess if fit is None else inverse(fit.camera_from_map), guess, wides)
+        if laid is not None and self._floor is not None:
+            off = log_se3(inverse(guess) @ laid.map_from_camera)
+            laid = laid if off @ np.linalg.solve(wides[-1], off) < self._disagrees else None
         return (fit if laid is None else self._direct.joined(look, self._tracker, fit, laid, followed)), laid
 
     def _miss_no_noise(self, fit: PoseFit, followed: int) -> None:
@@ -177,7 +180,10 @@ class KeyframeOdometry(Odometry):
         elif weak:
             self._adrift = Adrift(self._map.made, laid.adding, blind=False)
         self._unseen = self._unseen + laid.adding
-        self._begin_again(look, laid.map_from_camera, laid.adding, self._unseen)
+        pose = laid.map_from_camera
+        if self._floor is not None and not self._floor.sways:
+            pose = self._flat(pose, np.linalg.inv(laid.covariance))
+        self._begin_again(look, pose, laid.adding, self._unseen)
         self._going_on.felt()
         self._ahead = np.eye(4)
         if self._unfound():
@@ -347,14 +353,25 @@ class KeyframeOdometry(Odometry):
     def _put_on_floor(self, floor: Floor, before: np.ndarray, fit: PoseFit) -> None:
         """A robot neither climbs nor tilts, unless it sways: take the planar pose nearest to the fitted one."""
         b = self._camera.body_from_camera
-        there, move = adjoint(b), adjoint(inverse(b))
-        information = move.T @ (fit.information + 1e-3 * np.eye(6)) @ move
+        there = adjoint(b)
         spread = there @ (fit.covariance + self._spread) @ there.T
         floor.note(b @ inverse(before) @ self._tracker.pose @ inverse(b), spread)
-        if floor.sways:
-            return
-        flat, _ = on_floor(b @ self._tracker.pose @ inverse(b), information)
-        self._tracker.pose = inverse(b) @ flat @ b
+        if not floor.sways:
+            self._tracker.pose = self._flat(self._tracker.pose, fit.information + 1e-3 * np.eye(6))
+
+    def _flat(self, pose: np.ndarray, information: np.ndarray) -> np.ndarray:
+        """The planar pose of the camera nearest to one (4, 4) with this information (6, 6)."""
+        b = self._camera.body_from_camera
+        flat, _ = on_floor(b @ pose @ inverse(b), adjoint(inverse(b)).T @ information @ adjoint(inverse(b)))
+        out: np.ndarray = inverse(b) @ flat @ b
+        return out
+
+    def _level(self, wide: np.ndarray) -> np.ndarray:
+        """The covariance (6, 6) of a guess of the camera's motion that is kept to the floor, unless it sways."""
+        if self._floor is None or self._floor.sways:
+            return wide
+        move = adjoint(self._camera.body_from_camera)
+        return np.asarray(np.linalg.inv(np.linalg.inv(wide) + move.T @ HELD @ move))
 
     def _in_camera(self, body_motion: np.ndarray) -> np.ndarray:
         b = self._camera.body_from_camera

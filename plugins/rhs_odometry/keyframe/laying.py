@@ -14,7 +14,7 @@ from rhs.api.geometry import Camera, exp_se3, inverse, log_se3, orthonormal
 from rhs.estimation.filters.kalman import gate
 
 from .config import Keyframe
-from .direct import Level, align, levels
+from .direct import Aligned, Level, align, levels
 from .reprojection import PoseFit
 
 if TYPE_CHECKING:
@@ -44,12 +44,15 @@ class Kept:
 
 
 class Direct:
-    """Lays views on a kept one. Only for views that ask for it."""
+    """Lays views on a kept one. Only for views that ask for it. on_floor: wheels tell what the views do not."""
 
-    def __init__(self, settings: Keyframe, camera: Camera, keyframes: KeyframeMap) -> None:
-        self._settings, self._camera, self._map = settings, camera, keyframes
+    def __init__(self, settings: Keyframe, camera: Camera, keyframes: KeyframeMap, *, on_floor: bool) -> None:
+        self._settings, self._camera, self._map, self._on_floor = settings, camera, keyframes, on_floor
         self._advanced = settings.advanced
-        self._gate = gate(6, self._advanced.direct.probability)
+        s = self._direct = self._advanced.direct
+        if on_floor:  # wheels bring it near
+            self._direct = replace(s, levels=1, grey_sigma=s.floor_grey_sigma, bent_per_m=s.floor_bent_per_m)
+        self._gate = gate(6, self._direct.probability)
         self._kept: Kept | None = None
 
     def noise(self, fit: PoseFit, followed: int) -> bool:
@@ -60,41 +63,47 @@ class Direct:
     def wanted(self, fit: PoseFit | None, followed: int) -> bool:
         """Whether all pixels are worth asking, too."""
         few = self._advanced.direct_share * self._settings.points
-        if self._camera.readout_s > 0.0:  # of which all pixels know nothing
+        if self._on_floor or self._camera.readout_s > 0.0:  # of which all pixels know nothing
             few = self._advanced.outvote * self._settings.min_inliers
-        return fit is None or self.noise(fit, followed) or bool(fit.inliers.sum() < few)
+        return fit is None or (not self._on_floor and self.noise(fit, followed)) or bool(fit.inliers.sum() < few)
 
     def lay(self, look: PreparedView, tracker: Tracker, start: np.ndarray, guess: np.ndarray,
-            wides: tuple[np.ndarray, np.ndarray]) -> Laid | None:
+            wides: tuple[np.ndarray, ...]) -> Laid | None:
         """The view on the one kept, or on the tracker's last one, which is then kept. start, guess: of its map_from_camera;
-        wides (6, 6): covariance of the camera's guessed motion, and that of any. None, too, of a picture all of one
+        wides (6, 6): covariance of the camera's guessed motion, and in a hand of any. None, too, of a picture all of one
         brightness: no camera that works shows that, noise being what it is, and who believes its depth?"""
         if np.ptp(look.picture[0]) == 0:
             return None
-        s, camera = self._advanced.direct, self._camera
+        s, camera = self._direct, self._camera
         now = levels(look.picture[0], look.depth, camera, s)
         if self._kept is not None:
             pose = self._map.stand(np.array([self._kept.serial]))[0] @ self._kept.hangs
             found, wide = self._aligned(self._kept.levels, now, inverse(pose) @ np.stack([start, guess]), wides)
-            if found is not None and found.shared > s.keep_shared and (
-                    _size(found.covariance) < min(s.keep_sigmas * self._kept.sigma, s.vague_m)):
-                return Laid(orthonormal(pose @ found.then_from_now), found.covariance, _adding(found.covariance, wide))
+            if found is not None and found.shared > s.keep_shared and not self._vague(found) and (
+                    _size(found.covariance) < s.keep_sigmas * self._kept.sigma):
+                return self._found(pose, found, wide)
         assert tracker.look is not None
         then, pose = levels(tracker.look.picture[0], tracker.look.depth, camera, s), tracker.pose
         found, wide = self._aligned(then, now, inverse(pose) @ np.stack([start, guess]), wides)
-        vague = found is None or _size(found.covariance) > s.vague_m
-        self._kept = None if found is None or vague else Kept(
+        self._kept = None if found is None or self._vague(found) else Kept(
             then, int(self._map.serials[-1]), inverse(self._map.poses[-1]) @ pose, _size(found.covariance))
-        if found is None or vague:
-            return None
-        return Laid(orthonormal(pose @ found.then_from_now), found.covariance, _adding(found.covariance, wide))
+        return None if found is None or self._vague(found) else self._found(pose, found, wide)
 
-    def _aligned(self, then: list[Level], now: list[Level], starts: np.ndarray, wides: tuple[np.ndarray, np.ndarray]):
+    def _vague(self, found: Aligned) -> bool:
+        """Whether noise decides where a view lies, along a lone plain wall: no wheels are there to tell it."""
+        return not self._on_floor and _size(found.covariance) > self._direct.vague_m
+
+    def _found(self, pose: np.ndarray, found: Aligned, wide: np.ndarray) -> Laid:
+        """What a view laid on one at a pose says. Of wheels no error is handed on into the next motion."""
+        adding = found.covariance if self._on_floor else _adding(found.covariance, wide)
+        return Laid(orthonormal(pose @ found.then_from_now), found.covariance, adding)
+
+    def _aligned(self, then: list[Level], now: list[Level], starts: np.ndarray, wides: tuple[np.ndarray, ...]):
         """How `now` lies on `then` from where to start and what is guessed (2, 4, 4), and the covariance that the guess had:
         the second where the views show a jerk that the first one denies."""
         start, guess = starts
         for wide in wides:
-            found = align(then, now, self._camera, guess, wide, self._advanced.direct, start)
+            found = align(then, now, self._camera, guess, wide, self._direct, start)
             if found is None:
                 continue
             off = log_se3(inverse(guess) @ found.then_from_now)
@@ -105,8 +114,10 @@ class Direct:
     def joined(self, look: PreparedView, tracker: Tracker, fit: PoseFit | None, laid: Laid,
                followed: tuple[np.ndarray, np.ndarray]) -> PoseFit | None:
         """What the points and all pixels say together. Where they contradict, many points are right, and a few are looked up
-        anew from where the pixels put the view; None when those do not bear the pixels out. followed: ids (N,) and pixels
-        (N, 2) before the view."""
+        anew from where the pixels put the view; None when those do not bear the pixels out, and on a floor, where wheels and
+        pixels know more than a few points. followed: ids (N,) and pixels (N, 2) before the view."""
+        if self._on_floor:
+            return None
         if fit is not None and fit.inliers.sum() >= self._advanced.outvote * self._settings.min_inliers:
             if self._contradicts(fit, laid):
                 self._kept = None
