@@ -17,9 +17,10 @@ from .changed_map import STAYS_S
 from .control import Pace, Progress, ahead_on_path, first_on_way, short_of, steer, target_on, turn, turns
 from .guard import Guard
 from .mission import Logbook, MissionSettings
+from .neighbours import near_any
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner, with_unseen
-from .surroundings import SURE
+from .surroundings import CAME_NEAR_M, SURE
 
 WAIT_S = 0.5  # one view of waiting
 WAIT_VIEWS = 40  # for what bars every way and may go, as something moves there
@@ -99,7 +100,7 @@ class Barred:
             command = self._answer(self._told(at, pose, no_way=True), pose, events)
             if command is not None or self.book.current is not mission:
                 return command
-        if len(seen) and (leaves_room or self.guard.moves) and not self.contacts and self.waited < WAIT_VIEWS:
+        if len(seen) and (leaves_room or self.guard.moves) and self.waited < WAIT_VIEWS:
             return self._wait(at, pose, events)
         if self.watch.cells.any() and not self.looked_again and self.attempts < self.settings.tries:
             self.looked_again = True
@@ -109,9 +110,15 @@ class Barred:
             return turn(-self.pace.turn_step_rad, self.pace)
         if self._ventures(pose, events):
             return None  # there is a path now
+        what = self._what_bars(at) if len(seen) else ""
         touched = f" (touches: {self.contacts})" if self.contacts else ""
-        self._leave(f"no path: {self.last_reason}{touched}", pose, events, later=len(seen) > 0)
+        self._leave(f"no path: {self.last_reason}{what}{touched}", pose, events, later=len(seen) > 0)
         return None
+
+    def _what_bars(self, at_m: np.ndarray) -> str:
+        """What stands in the way at (2,), in words: somebody, where somebody was seen to walk in this patrol."""
+        walked = near_any(at_m[None], self.trails.points_m, CAME_NEAR_M).any()
+        return f", {'somebody' if walked else 'something new'} stands near ({at_m[0]:.1f}, {at_m[1]:.1f}) m"
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
         """Whether there is a way over ground that nobody has looked at: the guard lets the robot go as far as it sees, and
@@ -186,7 +193,7 @@ class Barred:
 
     def _goes_aside(self, at_m: np.ndarray, pose: np.ndarray) -> bool:
         """Whether the robot makes room for who stands there, who may be waiting for it; elsewhere if no way leads there."""
-        waits = self.guard.moves and not self.contacts and self.waited >= PATIENCE_VIEWS
+        waits = self.guard.moves and self.waited >= PATIENCE_VIEWS
         goes = (waits or self.aside.goal_m is not None) and self.aside.go(
             pose[:2], at_m, self.grid, self.roads.blocked(self.watch.cells), self.trails.points_m)
         self.waited = 0 if goes else self.waited
@@ -196,9 +203,10 @@ class Barred:
         """Whether anything that was seen before may have gone, and is forgotten: where something moves, and else a few times
         a place. Who is seen to come and stands in the way here is waited for first."""
         comes = self.guard.moves and self.waited < WAIT_VIEWS and self.guard.around.came_near(in_body(at_m, pose))
-        if comes or not self.guard.moves and (self.contacts or self.returned >= MOST_RETURNS):
+        if comes or not self.guard.moves and self.returned >= MOST_RETURNS:
             return False
-        self.returned += (gone := self.watch.forget_gone(self.guard.around.now_s, pose[:2], self._blind_m))
+        gone = self.watch.forget_gone(self.guard.around.now_s, pose[:2], self._blind_m, self.trails.points_m)
+        self.returned += gone
         return gone
 
     def _wait(self, at_m: np.ndarray, pose: np.ndarray, events: list[Event], *, event: Event = Event.WAIT) -> Twist:
@@ -270,8 +278,7 @@ class Barred:
     def _leave(self, reason: str, pose: np.ndarray, events: list[Event], *, later: bool = True) -> None:
         """Give the place up; later: it is tried again, after the others if any: what is in the way may go. Once, or where
         something moves as often as a place is planned anew."""
-        moves = self.guard.moves and not self.contacts
-        goes_on, often = (True, self.settings.tries) if moves else (self.book.others(pose[:2]) > 0, 1)
+        goes_on, often = (True, self.settings.tries) if self.guard.moves else (self.book.others(pose[:2]) > 0, 1)
         if later := later and goes_on and self.book.skipped() < often:
             self.book.put_off(pose[:2])
         self._finish(MissionStatus.SKIPPED if later else MissionStatus.GAVE_UP, reason, events)

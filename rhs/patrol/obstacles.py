@@ -11,7 +11,7 @@ from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
 
 from .changed_map import ChangedMap
-from .surroundings import TRAIL_S
+from .surroundings import NOTHING, TRAIL_S
 
 PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
 BESIDE_CELLS = 1.5  # so near to what stays there nothing has gone, cells
@@ -114,18 +114,20 @@ class ObstacleWatch:
         near: np.ndarray = where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
         return near
 
-    def forget_gone(self, now_s: float, at_m: np.ndarray, blind_m: float) -> bool:
+    def forget_gone(self, now_s: float, at_m: np.ndarray, blind_m: float, walked_m: np.ndarray = NOTHING) -> bool:
         """Forget what has been out of sight for longer than it was seen to stand: it may have gone. Whether there was any.
         Not what is low and within blind_m of the robot at (2,): it would not be seen to be still there; but what was seen
-        for less than TRAIL_S, as the trail of a pet is, after TRAIL_KEPT_S.
+        for less than TRAIL_S, as the trail of a pet is, or where somebody was seen to walk (walked_m, (K, 2)), after
+        TRAIL_KEPT_S.
         A box seen twice in a minute is remembered for another, somebody who stood there for two seconds is not. A rule of
         thumb in the place of the persistence filter (Rosen, Mason and Leonard 2016, Towards lifelong feature-based mapping
         in semi-static environments)."""
-        gone = self.cells
+        gone, walked = self.cells, np.zeros(self.grid.shape, bool)
+        walked[tuple(self.grid.cells(walked_m[self.grid.inside(walked_m)]).T)] = True
         for layer, seen_s, since_s in zip((self.at_eye, self.below), self.seen_s, self.since_s, strict=True):
             stays = (layer.votes > 0.0) & (now_s - seen_s <= np.maximum(seen_s - since_s, LEAST_KEPT_S))
             if layer is self.below and blind_m > 0.0:
-                trail = (seen_s - since_s < TRAIL_S) & (now_s - seen_s > TRAIL_KEPT_S)
+                trail = ((seen_s - since_s < TRAIL_S) | walked) & (now_s - seen_s > TRAIL_KEPT_S)
                 stays |= self.near(at_m, blind_m) & (layer.votes > 0.0) & ~trail
             layer.votes[~inflate(stays, BESIDE_CELLS)] = 0.0
         return bool((gone & ~self.cells).any())

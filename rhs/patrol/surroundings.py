@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from rhs.api.geometry import planar, se2
+from rhs.api.grid import inflate
 from rhs.api.records import Motion, Observation, Scan, Tracking, Twist
 from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
@@ -50,7 +51,7 @@ class Surroundings:
         self.seen_s = np.full((cells, cells), -np.inf)
         self.pose, self.now_s = np.eye(4), -np.inf
         self.moved_s = -np.inf  # when something was last seen where nothing had been
-        self.looked_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw a cell
+        self.free_s = [np.full((cells, cells), -np.inf) for _ in range(2)]  # when a layer last saw nothing in a cell
         self.below_s = np.full((cells, cells), -np.inf)  # when the layer below last saw a cell, whatever the motion
         self.floor_s = np.full((cells, cells), -np.inf)  # the same, or when the robot stood there or could not see it better
         self.behind_s = np.full((cells, cells), -np.inf)  # when a view last showed the face of something low before a cell
@@ -77,8 +78,8 @@ class Surroundings:
             self.forget()
         self.scan = observation.scan
         if motion.status is not Tracking.OK:
-            for looked_s in self.looked_s:
-                looked_s[:] = -np.inf
+            for free_s in self.free_s:
+                free_s[:] = -np.inf
         self.pose = self.pose @ se2(*planar(motion.previous_from_body))
         self.now_s = observation.stamp_s
         self._follow()
@@ -88,20 +89,21 @@ class Surroundings:
         self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
         seen = []
         self.at_eye.walks = self.below.walks = np.isfinite(self.came_s)
-        things = (self.at_eye.votes > 0.0) | (self.below.votes > 0.0)
         if scan is not None:
-            seen.append((self.at_eye, self.looked_s[0], self.at_eye.votes.copy(), self.at_eye.look(
+            seen.append((self.at_eye, 0, self.at_eye.votes.copy(), self.at_eye.look(
                 self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M)))
         if obstacle is not None:
             low = low_only(obstacle, scan)
-            seen.append((self.below, self.looked_s[1], self.below.votes.copy(), self.below.look(
+            seen.append((self.below, 1, self.below.votes.copy(), self.below.look(
                 self.pose, obstacle, hits=low, within_m=0.4 * SIDE_M)))
             rows, columns = self._cells_at(behind(obstacle, low, HIDES_M, step_m=CELL_M)).T
             self.behind_s[rows, columns] = self.now_s
-        for layer, looked_s, votes, cells in seen:
-            if motion.status is Tracking.OK:  # else what was seen before may stand elsewhere in this frame
-                self._note_what_came(layer.votes, votes, cells, (looked_s, things))
-            looked_s[cells[:, 0], cells[:, 1]] = self.now_s
+        if motion.status is Tracking.OK:  # else what was seen before may stand elsewhere in this frame
+            for layer, number, votes, cells in seen:
+                self._note_what_came(layer.votes, votes, cells, self.free_s[number])
+        for layer, number, _, cells in seen:
+            nothing = cells[layer.votes[cells[:, 0], cells[:, 1]] <= 0.0]
+            self.free_s[number][nothing[:, 0], nothing[:, 1]] = self.now_s
             self.seen_s[cells[:, 0], cells[:, 1]] = self.now_s
             if layer is self.below:
                 rows, columns = cells.T
@@ -110,11 +112,9 @@ class Surroundings:
                 self.since_s[rows, columns] = np.where(stands, np.minimum(self.since_s[rows, columns], self.now_s), np.inf)
         self._stand()
 
-    def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray,
-                        known: tuple[np.ndarray, np.ndarray]) -> None:
-        """Whether things stand in cells (K, 2) that this layer saw free a moment ago, away from what was always there. now,
-        before: its votes. known: when it last looked at each cell, and where either layer had votes."""
-        looked_s, things = known
+    def _note_what_came(self, now: np.ndarray, before: np.ndarray, cells: np.ndarray, free_s: np.ndarray) -> None:
+        """Whether things stand in cells (K, 2) that this layer saw free a moment ago, away from what was there already. now,
+        before: its votes. free_s (H, W): when it last saw nothing in each cell."""
         rows, columns = cells.T
         new_votes, old_votes = now[rows, columns], before[rows, columns]
         hit = (new_votes > old_votes) | (new_votes >= self.at_eye.settings.most)
@@ -122,12 +122,14 @@ class Surroundings:
         self.came_s[rows[again], columns[again]] = self.now_s
         nothing = (self.at_eye.votes[rows, columns] <= 0.0) & (self.below.votes[rows, columns] <= 0.0)
         self.came_s[rows[nothing], columns[nothing]] = np.inf
-        fresh = hit & ~things[rows, columns] & (looked_s[rows, columns] > self.now_s - CAME_SEEN_S)
-        new = cells[fresh]
+        lately_s = self.now_s - CAME_SEEN_S
+        new = cells[hit & (free_s[rows, columns] > lately_s)]
         new = new[np.hypot(*self._middles(new).T) < CAME_WITHIN_M]
         if len(new) < CAME_CELLS:
             return
-        things = things & ~np.isfinite(self.came_s)
+        layers = zip((self.at_eye, self.below), self.free_s, strict=True)
+        stood = [(layer.votes > 0.0) & (nothing_s <= lately_s) for layer, nothing_s in layers]
+        things = (stood[0] | stood[1]) & ~np.isfinite(self.came_s)
         reach = round(CAME_APART_M / CELL_M)
         counted = np.zeros((things.shape[0] + 1, things.shape[1] + 1), int)
         counted[1:, 1:] = things.cumsum(axis=0).cumsum(axis=1)
@@ -137,17 +139,15 @@ class Surroundings:
         if len(came) >= CAME_CELLS:
             self.moved_s = self.now_s
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
+            near = inflate(self.came_s == self.now_s, HIDES_M / CELL_M)
+            self.seen_s[near] = self.floor_s[near] = -np.inf  # the rest of who came stands on ground that was seen before
 
     def came_near(self, point_m: np.ndarray) -> bool:
         """Whether something that was seen to come, not long out of sight, stands near the point (2,) of the body frame."""
-        return bool((np.hypot(*(self._came(self.fade_s) - point_m).T) < CAME_NEAR_M).any())
+        return bool((np.hypot(*(self.came_now(self.fade_s) - point_m).T) < CAME_NEAR_M).any())
 
-    def came_now(self) -> np.ndarray:
-        """(K, 2) where this view shows something that was seen to come, in the body frame."""
-        return self._came(0.0)
-
-    def _came(self, within_s: float) -> np.ndarray:
-        """(K, 2) where something that was seen to come was seen that lately, in the body frame."""
+    def came_now(self, within_s: float = 0.0) -> np.ndarray:
+        """(K, 2) where something that was seen to come is seen in this view, or was that lately, in the body frame."""
         return self._middles(np.argwhere(np.isfinite(self.came_s) & (self.came_s >= self.now_s - within_s)))
 
     def _middles(self, cells: np.ndarray) -> np.ndarray:
@@ -165,8 +165,8 @@ class Surroundings:
             layer.votes[:] = 0.0
         self.seen_s[:] = self.below_s[:] = self.floor_s[:] = self.behind_s[:] = -np.inf
         self.came_s[:] = self.since_s[:] = np.inf
-        for looked_s in self.looked_s:
-            looked_s[:] = -np.inf
+        for free_s in self.free_s:
+            free_s[:] = -np.inf
 
     def forget_near(self, points_m: np.ndarray, within_m: float) -> bool:
         """Forget what stands near the points (K, 2) of the body frame. Whether anything did."""
@@ -206,7 +206,7 @@ class Surroundings:
         if np.abs(off).max() < KEPT_M:
             return
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, self.behind_s, *self.looked_s)]
+        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, self.behind_s, *self.free_s)]
         ages = [(array, np.inf) for array in (self.came_s, self.since_s)]
         for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), *ages, *times):
             kept = np.full_like(array, empty)

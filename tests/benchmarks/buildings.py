@@ -5,8 +5,10 @@
 
 A sweep of `world=random:FAMILY` over seeds, each its own building; further words are those of a run. Killed, it goes on
 where it stopped when the same command is given again. `reachable`: places that a disc of the robot's radius and 5 cm gets
-to from the end of the survey with the obstacles in place, on the true plan. `clean`: every one of them visited, nothing
-touched. The mean of wrong_sure (belief_wrong_sure_share) is over runs, collisions are summed; `no row`: failed or killed.
+to from the end of the survey with the obstacles in place, on the true plan. `barred`: those of them to which nobody could
+have got for people, had he known where they would walk (walkers.py). `named`: of the places that nobody could get to, for
+things or people, those given up in such words. `clean`: every reachable one visited, nothing touched. The mean of wrong_sure
+(belief_wrong_sure_share) is over runs, collisions are summed; `no row`: failed or killed.
 Writes buildings.csv beside the runs. Seeds below 10000 are for building and tuning, those from 10000 on for judging only.
 """
 
@@ -16,13 +18,15 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from shared import write
+from walkers import got_to
 
-from rhs.api.floorplan import after
+from rhs.api.floorplan import World, after
 from rhs.base.provenance import commit
 from rhs.runfolder.row import read_row
 from rhs.worlds.random.names import FAMILIES, building_of
@@ -67,6 +71,7 @@ def rows(folder: Path) -> list[dict[str, Any]]:
         known = [np.nan if row.get(name) is None else float(row[name]) for name in FIGURES]
         visited, touched, sure, success, ate, wall = known
         out.append({
+            **not_got_to(world, path.parent, can),
             "family": str(row["world"]).removeprefix("random:").partition("/")[0],
             "building": building_of(str(row["world"]), row["seed"]), "status": row["status"],
             "places": len(world.places), "reachable": len(can), "visited": visited, "collisions": touched,
@@ -77,20 +82,35 @@ def rows(folder: Path) -> list[dict[str, Any]]:
     return out
 
 
+def not_got_to(world: World, folder: Path, can: Collection[str]) -> dict[str, int]:
+    """Places that nobody could have got to, for people and in all, and how many of these were given up in such words."""
+    missions = json.loads((folder / "missions.json").read_text()) if (folder / "missions.json").exists() else []
+    missed = {one["place"]: one["reason"] for one in missions if one["status"] == "gave_up"}
+    barred = set(missed) & set(can)
+    barred -= got_to(world, folder) if barred else set()
+    shut = set(missed) - set(can)
+    rightly = [place for place in barred | shut if missed[place].startswith("no path")
+               and ("somebody" in missed[place]) == (place in barred)]
+    return {"barred": len(barred), "closed": len(barred | shut), "named": len(rightly)}
+
+
 def table(found: list[dict[str, Any]]) -> list[str]:
     """Lines by family and of all."""
-    lines = [f"{'family':<22}{'runs':>5}{'no row':>7}{'visited':>9}{'reachable':>10}{'collisions':>11}{'in runs':>8}"
-             f"{'wrong_sure':>11}{'success':>8}{'clean':>7}"]
+    lines = [f"{'family':<22}{'runs':>5}{'no row':>7}{'visited':>9}{'reachable':>10}{'barred':>7}{'named':>7}"
+             f"{'collisions':>11}{'in runs':>8}{'wrong_sure':>11}{'success':>8}{'clean':>7}"]
     families = sorted({row["family"] for row in found})
     for family in [*families, "all"]:
         some = [row for row in found if family in (row["family"], "all")]
         done = [row for row in some if row["status"] == "ok"]
-        total = {key: np.nansum([row[key] for row in done]) for key in ("visited", "reachable", "collisions")}
+        summed = "visited", "reachable", "barred", "named", "closed", "collisions"
+        total = {key: np.nansum([row[key] for row in done]) for key in summed}
         mean = {key: np.mean([row[key] for row in done if np.isfinite(row[key])]) if done else np.nan
                 for key in ("wrong_sure", "success", "clean")}
         touched = sum(row["collisions"] > 0 for row in done)
+        named = f"{total['named']:.0f}/{total['closed']:.0f}"
         lines.append(f"{family:<22}{len(some):>5}{len(some) - len(done):>7}{total['visited']:>9.0f}"
-                     f"{total['reachable']:>10.0f}{total['collisions']:>11.0f}{touched:>8}{mean['wrong_sure']:>11.4f}{mean['success']:>8.2f}"
+                     f"{total['reachable']:>10.0f}{total['barred']:>7.0f}{named:>7}"
+                     f"{total['collisions']:>11.0f}{touched:>8}{mean['wrong_sure']:>11.4f}{mean['success']:>8.2f}"
                      f"{mean['clean']:>7.2f}")
     causes = {row["building"]: row["cause"] for row in found if row["cause"]}
     return [*lines, *(f"  {building}: {json.dumps(cause)[1:-1][:150]}" for building, cause in causes.items())]

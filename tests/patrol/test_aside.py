@@ -137,6 +137,29 @@ def test_who_came_close_beside_the_robot_is_not_forgotten_for_being_out_of_sight
     assert (watched.around.free_way_m(Twist(-0.5, 0.0, 0.5), 0.05, 1.5) < 1.0) == known
 
 
+def test_who_walks_off_by_a_step_a_view_from_where_he_stood_is_seen_to_move():
+    """0.4 m wide, 2 m ahead for fifteen seconds, then 10 cm to the left in each view: never far from where he was. A thing
+    that goes on standing there is not seen to move, though its edges are seen to by 3 cm."""
+    for step_m, moves in ((0.1, True), (0.0, False)):
+        watched = guard()
+        for index in range(1, 50):
+            left_m = step_m * max(index - 30, 0) + (0.03 if index % 2 else 0.0)
+            there = np.abs(2.0 * np.tan(BEARINGS) - left_m) < 0.2
+            ranges = np.where(there & (np.abs(BEARINGS) < 1.0), 2.0 / np.cos(BEARINGS), WALL_M)
+            watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, ranges, 6.0)), STILL)
+        assert watched.moves == moves
+
+
+def test_ground_round_who_came_has_not_been_seen_since():
+    """Somebody comes up 1.5 m ahead onto ground that was seen empty: what lies behind him has to be seen anew."""
+    watched = guard()
+    for index in range(1, 6):
+        ranges = np.where((np.abs(BEARINGS) < 0.2) & (index > 3), 1.5, WALL_M)
+        watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, ranges, 6.0)), STILL)
+        behind = watched.around.still_unseen(np.array([[1.75, 0.0]]), 0.0)
+        assert (len(behind) > 0) == (index > 3)
+
+
 def test_where_somebody_moves_a_low_thing_out_of_sight_is_kept_if_the_map_knows_it_and_a_trail_is_not():
     """Something low was seen 0.6 m ahead, where the camera then looks over it; the map has a wall there, or 0.3 m beside."""
     for wall_m, known in ((0.6, True), (0.9, False)):

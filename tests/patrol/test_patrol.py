@@ -76,7 +76,7 @@ def test_wheels_that_turn_without_moving_the_robot_end_the_mission():
     world = Flatland(ring(), (1.0, 1.0, 0.0), (("a", 4.0, 1.0),), slip=0.0)
     sentinel, out = patrol(world)
     assert sentinel.book.missions[-1].status == "gave_up"
-    assert sentinel.book.missions[-1].reason == "no path: disconnected (touches: 1)"
+    assert sentinel.book.missions[-1].reason == "no path: disconnected, something new stands near (1.4, 1.0) m (touches: 1)"
     assert len(out) <= 2 * MissionSettings().stuck_steps
 
 

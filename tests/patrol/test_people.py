@@ -62,20 +62,23 @@ def test_where_others_come_and_go_nothing_has_stood_all_the_time():
 
 
 def test_a_trail_near_the_robot_is_forgotten_and_a_low_thing_that_stood_is_not():
-    """Nearer than the camera sees the floor nobody would see it go: seen for one second, or for three, then not again."""
+    """Nearer than the camera sees the floor nobody would see it go: seen for one second, or for three, then not again; where
+    somebody was seen to walk it may be a pet that waited."""
     grid = Flatland(ring(), (1.0, 1.0, 0.0), ()).grid()
 
-    def left(views, now_s):
+    def left(views, now_s, walked=False):
         watch = ObstacleWatch(grid, grid.free(), tolerance_m=0.3)
         for at_s in 0.5 * np.arange(views):
             watch.look(HERE, NOBODY, Scan(BEARINGS, PERSON.ranges_m, 6.0), now_s=at_s)
         low = np.array([2.55, 1.05])
         assert watch.cells.any() and watch.low(low)
-        watch.forget_gone(now_s, np.array([1.0, 1.0]), 3.0)
+        trail_m = grid.centres(np.argwhere(watch.cells)) if walked else np.zeros((0, 2))
+        watch.forget_gone(now_s, np.array([1.0, 1.0]), 3.0, trail_m)
         return bool(watch.cells.any())
 
     assert left(3, 10.0) and not left(3, 20.0)
     assert left(7, 20.0) and left(7, 60.0)
+    assert left(7, 10.0, walked=True) and not left(7, 20.0, walked=True)
 
 
 def test_what_is_as_high_as_the_camera_is_not_low():
