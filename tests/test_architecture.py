@@ -47,7 +47,6 @@ SHALLOW = {
     "metrics.recording": "a provider of columns, found by its entry point",
     "reports.blame_picture": "a picture of its own; the report is full",
     "reports.frames": "the truth laid into the belief's frame: geometry, not a report",
-    "patrol.neighbours": "which points have others near by: geometry; what is seen round the robot is full",
     "reports.thresholds": "reads a table and fits; its importer only prints",
     "reports.world_pictures": "draws; its importer only prints",
     "sweeps.held_out": "promises, apart from the suites they are made for",

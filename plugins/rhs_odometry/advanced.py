@@ -75,9 +75,10 @@ class DirectSettings:
     """share of a block whose depth must be known"""
     rough_per_m: float = 0.003
     """a block whose inverse depths spread by more than this per pixel of its side hangs over an edge, 1/m"""
-    bent_per_m: float = float("inf")
+    bent_per_m: float = 0.0
     """a block about which inverse depths leave a plane by more than this tells of no motion, 1/m: the slope there is that of
-    no surface, and along a plain corridor the corners of its walls would seem to hold the way ..."""
+    no surface, and along a plain corridor the corners of its walls would seem to hold the way; 0: all
+    blocks count ..."""
     floor_bent_per_m: float = 0.01
     """... on a floor, where wheels know better"""
     least_shared: float = 0.4
@@ -103,7 +104,7 @@ class DirectSettings:
                      correlated=(1.0, 1e6), grey_sigma=(1e-3, 255.0), floor_grey_sigma=(1e-3, 255.0),
                      clear_sigmas=(0.0, 100.0),
                      inverse_depth_sigma=(1e-6, 10.0), least_known=(0.0, 1.0), rough_per_m=(1e-6, 10.0),
-                     least_shared=(0.0, 1.0), floor_bent_per_m=(1e-6, 1e6),
+                     least_shared=(0.0, 1.0), bent_per_m=(0.0, 1e6), floor_bent_per_m=(0.0, 1e6),
                      vague_m=(1e-6, 100.0), keep_shared=(0.0, 1.0), keep_sigmas=(1.0, 1e6), probability=(0.5, 1.0 - 1e-12),
                      depth_off_per_m=(1e-6, 10.0),
                      grey_off=(0.0, 255.0), grey_off_share=(0.0, 10.0))

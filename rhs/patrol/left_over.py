@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import pickle
 import sys
 import warnings
 from collections.abc import Iterator
@@ -44,7 +43,7 @@ def left_as_found(config: RunConfig) -> Iterator[None]:
 
 
 def shared_state(homes: set[str]) -> dict[str, bytes]:
-    """What stands in classes of these packages, and at the top of their modules, by its name; not what cannot be pickled. Of
+    """What stands in classes of these packages, and at the top of their modules, by its name. Of
     `__main__`, where people keep all else, only the classes."""
     out: dict[str, bytes] = {}
     for name, module in list(sys.modules.items()):
@@ -59,10 +58,8 @@ def shared_state(homes: set[str]) -> dict[str, bytes]:
 
 def _content(value: Any) -> bytes:
     """A plain value in bytes; empty for what is none."""
-    if not isinstance(value, bool | int | float | str | list | dict | set | bytearray | np.ndarray):
-        return b""
-    if isinstance(value, np.ndarray) and value.nbytes > LARGEST:
-        return b""
+    if isinstance(value, np.ndarray):
+        return value.tobytes() if value.nbytes <= LARGEST else b""
     with contextlib.suppress(Exception):
-        return pickle.dumps(value)
+        return repr(value).encode() if isinstance(value, bool | int | float | str | list | dict | set | bytearray) else b""
     return b""

@@ -64,7 +64,7 @@ def levels(picture: np.ndarray, depth: np.ndarray, camera: Camera, s: DirectSett
             points = camera.points(pixels, 1.0 / mean.ravel().astype(float))
         smooth = np.gradient(cv2.blur(mean, (SMOOTH, SMOOTH)))  # unknown where any of its blocks is: there, as it stands
         slopes = [np.where(np.isfinite(even), even, own) for even, own in zip(smooth, np.gradient(mean), strict=True)]
-        if np.isfinite(s.bent_per_m):
+        if s.bent_per_m:
             slopes = [np.where(_bent(mean) > s.bent_per_m, np.nan, slope) for slope in slopes]
         planes = np.stack([np.dstack([a, along, down]) for a, (down, along) in
                            ((grey, np.gradient(grey)), (mean, slopes))]).astype(np.float32)
