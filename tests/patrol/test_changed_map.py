@@ -13,7 +13,7 @@ from rhs.api.geometry import se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
 from rhs.estimation.scans.settings import VoteSettings
-from rhs.estimation.survey import FURNITURE
+from rhs.estimation.survey import FURNITURE, HIDDEN
 from rhs.patrol.changed_map import STAYS_S, ChangedMap, check_updates
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
@@ -72,6 +72,22 @@ def test_a_low_thing_goes_only_where_the_floor_under_it_is_seen():
     for _ in range(10):
         changed.look(HERE, wall_behind(grid), wall_behind(grid, blind_m=1.0), 6.0)
     assert changed.update(NOTHING_CAME) and not changed.grid.occupied()[SCREEN].any()
+
+
+def test_what_a_low_thing_hid_is_free_again_where_the_floor_was_seen():
+    """A box has gone, and with it what its face hid: free where views showed the floor, not where they looked over it."""
+    shade = (SCREEN[0], slice(33, 38))
+    grid = room(FURNITURE)
+    grid.probability[shade] = HIDDEN
+    all_seen = wall_behind(grid, blind_m=1.0)
+    short = replace(all_seen, ranges_m=np.minimum(all_seen.ranges_m, 2.25))  # the shade is 2.3 to 2.8 m away
+    for seen, free in ((all_seen, True), (short, False)):
+        changed = ChangedMap(grid, VoteSettings())
+        for _ in range(10):
+            changed.look(HERE, all_seen, seen, 6.0)
+        changed.below.votes[SCREEN] = 0.0
+        assert changed.update(NOTHING_CAME)
+        assert changed.grid.free()[shade].all() == free
 
 
 def test_what_stands_for_ten_seconds_is_taken_in_and_who_passes_is_not():
