@@ -1,6 +1,8 @@
 """`python -m rhs new`: what it makes runs and keeps its contract."""
 
+import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +12,7 @@ from rhs.config import registry
 
 CHECKED = [kind for kind in PROTOCOLS if kind != "engine"]  # by rhs.testing; the others are run
 SMALL = "world=square_small"
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(autouse=True)
@@ -52,6 +55,24 @@ def test_what_is_typed_next_is_printed_for_every_kind(tmp_path, capsys):
         assert main(["new", kind, f"a_{kind}", str(tmp_path / kind)]) == 0
         told = capsys.readouterr().out
         assert "try it:" in told and "keep it:" in told and ("check it:" in told) == (kind in CHECKED)
+
+
+def test_the_guide_of_a_planner_of_ones_own_goes_as_it_says(tmp_path, capsys):
+    """Eight neighbours cut corners, which `check` says in the words of plugins/README.md; its second line mends it."""
+    guide = (ROOT / "plugins" / "README.md").read_text("utf-8").partition("## A planner of your own")[2]
+    lines = re.findall(r"^```python\n(.*?\n)```", guide, re.M | re.S)
+    assert len(lines) == 2
+    main(["new", "planner", "my_planner", str(tmp_path / "package")])
+    file = tmp_path / "package" / "my_planner" / "__init__.py"
+    for line, status in zip(lines, (1, 0), strict=True):
+        text, beginning = file.read_text("utf-8"), " ".join(line.split()[:2])
+        old = [given for given in text.splitlines(keepends=True) if given.strip().startswith(beginning)]
+        file.write_text(text.replace(old[-1], line), "utf-8")
+        registry._by_hand.clear()
+        capsys.readouterr()
+        assert main(["check", "--plugin", str(file), "planner=my_planner"]) == status
+        said = capsys.readouterr().out
+        assert all(row.split(" s  ")[1] in guide for row in said.splitlines() if "FAILS" in row and "as before" not in row)
 
 
 def test_its_planner_finds_a_way_and_its_own_test_passes(tmp_path, monkeypatch, capsys):

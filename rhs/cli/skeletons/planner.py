@@ -39,13 +39,13 @@ class Part:
     def plan(self, problem: PlanningProblem) -> Path:
         """Cell by cell from the start, to the four neighbours, until the goal is reached."""
         origin, side = np.array(problem.origin_m), problem.resolution_m
-        first, last = (tuple(np.floor((point - origin) / side).astype(int)[::-1])
-                       for point in (problem.start_m, problem.goal_m))
-        for cell, blocked in ((first, PlanReason.START_BLOCKED), (last, PlanReason.GOAL_BLOCKED)):
-            if not all(0 <= n < most for n, most in zip(cell, problem.blocked.shape, strict=True)):
+        ends = np.floor((np.array([problem.start_m, problem.goal_m]) - origin) / side)[:, ::-1]  # row, column
+        for cell, blocked in zip(ends, (PlanReason.START_BLOCKED, PlanReason.GOAL_BLOCKED), strict=True):
+            if not ((cell >= 0) & (cell < problem.blocked.shape)).all():  # of NaN neither is true
                 return Path(PlanReason.OUTSIDE, np.empty((0, 2)))
-            if problem.blocked[cell]:
+            if problem.blocked[tuple(cell.astype(int))]:
                 return Path(blocked, np.empty((0, 2)))
+        first, last = (tuple(cell) for cell in ends.astype(int).tolist())
         before, reason = self._search(problem.blocked, first, last)
         if reason is not PlanReason.OK:
             return Path(reason, np.empty((0, 2)))
