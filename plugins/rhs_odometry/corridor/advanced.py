@@ -58,6 +58,31 @@ class WallRules:
 
 
 @dataclass(frozen=True)
+class FloorRules:
+    """Telling the floor from what lies a little above it (floor_level.py); shares of the camera's height. Chosen on 18 drawn
+    buildings (numbers 850 to 852)."""
+
+    above_share: float = 0.15
+    """what passes for floor is spread evenly up to this: skirting boards, plinths"""
+    shares: tuple[float, ...] = (0.2, 0.35, 0.5, 0.65, 0.8)
+    """parts of the points that may be floor: the likeliest is taken"""
+    kept: int = 40
+    """points of the last views that are looked at together"""
+    least: int = 3
+    """fewer say nothing: none is put on the floor"""
+    known_share: float = 0.2
+    """points tell of the level when their own distance is known to this share of it (1 sigma)"""
+    apart_share: float = 0.4
+    """and when they are no further off the floor than this"""
+    stray: float = 0.05
+    """density of points that are neither"""
+
+    def __post_init__(self) -> None:
+        check_ranges("", self, above_share=(0.01, 1.0), kept=(3, 10_000), least=(1, 10_000), known_share=(0.01, 1.0),
+                     apart_share=(0.01, 10.0), stray=(1e-6, 100.0))
+
+
+@dataclass(frozen=True)
 class MotionRules:
     """How wrong the expected motion may be at least, and when a camera without wheels goes on after a turn on the spot."""
 

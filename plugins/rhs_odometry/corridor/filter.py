@@ -16,8 +16,9 @@ from rhs.api.geometry import Camera
 from rhs.estimation.filters.kalman import correct_information
 
 from ..tracks.track_frames import TrackFrame
-from .advanced import CorridorAdvanced
+from .advanced import CorridorAdvanced, FloorRules
 from .fit import TrackFit, WindowCameras, cameras_of, fit_free, fit_on_planes
+from .floor_level import FloorLevel
 from .motion import ConstantVelocity, GivenMotion, SpinWatch
 from .state import SPEED, TURN, WIDTH, CorridorState, Plane
 from .update import free_rows, plane_rows
@@ -46,6 +47,8 @@ class FilterSettings:
     """the thresholds"""
     walls: bool = True
     """walls are looked for and hold the heading; without them no view tells it (see CorridorState.carried)"""
+    floor: FloorRules = field(default_factory=FloorRules)
+    """without walls: which points are the floor's"""
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class CorridorFilter:
         self._spin = SpinWatch(camera, settings.advanced.motion)
         self._start_speed = float(state.base[SPEED]), float(np.sqrt(state.covariance[SPEED, SPEED]))
         self._finder = WallFinder(settings.advanced.walls, camera.height_m)
+        self._floor = FloorLevel(settings.floor)
         self._view, self._stamp_s, self._scaled = -1, 0.0, False
 
     def step(self, frame: TrackFrame) -> None:
@@ -120,13 +124,16 @@ class CorridorFilter:
         shift = np.zeros(len(prior))
         for again in reversed(range(self._settings.linearisations)):
             cameras = cameras_of(self.state.clones, self._camera.body_from_camera)
-            fit = fit_free(cameras, rays, seen, self._sigma)
+            looked, fit = self.state, fit_free(cameras, rays, seen, self._sigma)
             found = attach(self.state, fit, self._advanced.walls)
+            if not self._settings.walls:
+                found = found.only(self._floor.lies_on(self.state, fit))
             information, vector, used, points = self._rows(cameras, rays, seen, (fit, found, shift))
             change = correct_information(prior, information, vector)
             shift, self.state = change.delta, copy(before)
             self.state.add(shift, prior if again else change.covariance)
         if not self._settings.walls:
+            self._floor.remember(looked, fit)
             self.state.covariance = self.state.carried(shift)
         hit = np.where(used == 1, found.wall, -1)
         self.state.planes = record_hits(self.state.planes, hit, points, fit.anchor, self._view)

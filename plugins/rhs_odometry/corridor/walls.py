@@ -23,6 +23,11 @@ class Attachment:
     strong: np.ndarray
     stray: np.ndarray
 
+    def only(self, some: np.ndarray) -> Attachment:
+        """The same for `some` (T,) bool of the tracks; the others lie on no wall."""
+        wall = np.where(some, self.wall, -1)
+        return Attachment(wall, self.strong, self.strong & (wall < 0))
+
 
 def attach(state: CorridorState, fit: TrackFit, rules: WallRules) -> Attachment:
     """Wall of every track: best agreement for tracks with depth, nearest hit for tracks with some, none otherwise."""

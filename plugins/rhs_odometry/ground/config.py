@@ -8,6 +8,7 @@ from typing import ClassVar
 from rhs.api.contracts import Context, Odometry
 from rhs.api.errors import check_choice, check_ranges
 
+from ..corridor.advanced import FloorRules
 from ..tracks.settings import KltSettings
 
 
@@ -117,6 +118,7 @@ class GroundMsckfAdvanced:
     """nor a turn, radians (1 sigma)"""
     follow: KltSettings = field(default_factory=KltSettings)
     stixels: StixelSettings = field(default_factory=StixelSettings)
+    floor: FloorRules = field(default_factory=FloorRules)
 
     def __post_init__(self) -> None:
         check_ranges("", self, few_tracks=(0, 10_000), few_measured=(0, 10_000), measured_views=(1, 1000),

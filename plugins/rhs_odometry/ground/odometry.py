@@ -51,7 +51,8 @@ def ground_filter(settings: GroundMsckf, camera: Camera, start: np.ndarray) -> C
     motion = GivenMotion(MotionNoise(settings.forward_noise, settings.turn_noise, NO_WALLS.motion),
                          wheels=settings.motion == "wheel")
     passes = 2 if settings.wobble_sigma_deg > NO_WALLS.sways_deg else 1
-    core = FilterSettings(settings.window, settings.pixel_sigma_px, tilt, 1.0, passes, False, NO_WALLS, walls=False)
+    core = FilterSettings(settings.window, settings.pixel_sigma_px, tilt, 1.0, passes, False, NO_WALLS, walls=False,
+                          floor=settings.advanced.floor)
     return CorridorFilter(camera, state, motion, core)
 
 
