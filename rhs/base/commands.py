@@ -32,8 +32,8 @@ def answered(work: Callable[[], int]) -> int:
         return work()
     except RhsError as error:
         return complain(str(error), error.exit_code)
-    except KeyboardInterrupt:
-        return complain("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as error:
+        return complain("interrupted", getattr(error, "exit_code", INTERRUPTED))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

@@ -6,6 +6,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from rhs.base.provenance import peak_memory_mb
 from rhs.testing.checks import in_words
 
 OF = multiprocessing.get_context("fork")
+QUEUED_LEAST_S = 0.05  # less is everybody's
 
 
 @dataclass
@@ -35,16 +37,24 @@ class ForkResult:
 
 def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
                tell: Callable[[Any], None] = lambda item: None) -> ForkResult:
-    """Run `work()` in a forked process, ended when an item takes longer than patience_s. tell: called with each item."""
+    """Run `work()` in a forked process, ended when an item takes longer than patience_s, beyond what it stood in line for a
+    processor. tell: called with each item."""
+    with tempfile.TemporaryDirectory(prefix="rhs-", ignore_cleanup_errors=True) as scratch:
+        return _run_forked(work, patience_s, tell, scratch)
+
+
+def _run_forked(work: Callable[[], Iterator[Any]], patience_s: float, tell: Callable[[Any], None],
+                scratch: str) -> ForkResult:
+    """The same. scratch: where it makes its temporary files, which are nobody's when it is killed."""
     result, (ours, theirs) = ForkResult(), OF.Pipe(duplex=False)
-    process = OF.Process(target=_say, args=(work, theirs), daemon=False)  # it may fork
+    process = OF.Process(target=_say, args=(work, theirs, scratch), daemon=False)  # it may fork
     sys.stdout.flush()
     sys.stderr.flush()
     process.start()
     theirs.close()
     try:
         while True:
-            if not ours.poll(patience_s):
+            if not _answers(ours, process.pid, patience_s):
                 result.ended = f"no answer for {patience_s:g} s"
                 break
             what, value = ours.recv()
@@ -68,8 +78,20 @@ def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
     return result
 
 
-def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:
+def _answers(pipe: Connection, pid: int | None, patience_s: float) -> bool:
+    """Whether it says something in time; of a busy machine, which keeps it waiting for a processor, it is given more."""
+    begin, left_s = queued_s(pid), patience_s
+    while not pipe.poll(left_s):
+        waited_s = queued_s(pid) - begin
+        if not waited_s > QUEUED_LEAST_S:  # or it is not known
+            return False
+        begin, left_s = begin + waited_s, waited_s
+    return True
+
+
+def _say(work: Callable[[], Iterator[Any]], pipe: Connection, scratch: str) -> None:
     die_with_parent()
+    tempfile.tempdir = scratch
     process, before_mb, before_s, began_s, in_line_s = (os.getpid(), peak_memory_mb(), time.process_time(),
                                                         time.monotonic(), queued_s())
 
@@ -87,9 +109,10 @@ def _say(work: Callable[[], Iterator[Any]], pipe: Connection) -> None:
         send("error", in_words(error)[:300])
 
 
-def queued_s() -> float:
-    """Seconds that this thread has stood in line for a processor; NaN where the system does not tell (proc, schedstat)."""
+def queued_s(pid: int | None = None) -> float:
+    """Seconds that this thread, or the main thread of that process, has stood in line for a processor; NaN where the system
+    does not tell (proc, schedstat)."""
     try:
-        return 1e-9 * int(Path("/proc/thread-self/schedstat").read_text("ascii").split()[1])
+        return 1e-9 * int(Path(f"/proc/{pid or 'thread-self'}/schedstat").read_text("ascii").split()[1])
     except (OSError, ValueError, IndexError):
         return float("nan")

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rhs.base.commands import Arguments
@@ -68,6 +71,16 @@ def check(chosen: argparse.Namespace, options: Mapping[str, Option]) -> None:
         if isinstance(number, Number):
             check_range("", f"--{name.replace('_', '-')}", getattr(chosen, name), low=number.low, high=number.high,
                         unit=number.unit)
+
+
+@contextmanager
+def going_on(folder: Path) -> Iterator[None]:
+    """Who interrupts a command hears where it is, and how it goes on there."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stdout.write(f"files: {folder}; the same command with output={folder} goes on\n")
+        raise
 
 
 def limits(chosen: argparse.Namespace) -> Limits:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from rhs.base.errors import ConfigError
 
-from .arguments import JOBS, TIMEOUT, Number, limits, parse
+from .arguments import JOBS, TIMEOUT, Number, going_on, limits, parse
 
 if TYPE_CHECKING:
     from rhs.sweeps.atlas import Atlas
@@ -41,7 +41,7 @@ def main(words: Sequence[str]) -> int:
     file = Path(chosen.words[0])
     atlas = read_atlas(file, chosen.runs)
     within = limits(chosen)
-    with claim_sweep(chosen.output or str(HOME / f"atlas_{file.stem}")) as claim:
+    with claim_sweep(chosen.output or str(HOME / f"atlas_{file.stem}")) as claim, going_on(claim.folder):
         _searched(atlas, claim.folder, within)
         sys.stdout.write(f"files: {claim.folder}\n")
     return 0

@@ -7,8 +7,9 @@
         --timeout S     a run that takes longer has failed (3600)
 
 Levels are chosen where the next outcome tells most (Kontsevich and Tyler 1999); every run has a seed of its own, the same
-for all combinations. Where success fades slowly along the dial 40 runs are too few; how many it takes is said. Files in the
-folder: the runs, break.json, break.png. Exit code 0, or 2 refused.
+for all combinations. Where success fades slowly along the dial 40 runs are too few; how many it takes is said. Killed, the
+same command goes on in the folder that output=FOLDER names. Files in the folder: the runs, break.json,
+break.png. Exit code 0, or 2 refused.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .arguments import JOBS, TIMEOUT, Number, limits, parse
+from .arguments import JOBS, TIMEOUT, Number, going_on, limits, parse
 
 
 def main(words: Sequence[str]) -> int:
@@ -31,7 +32,7 @@ def main(words: Sequence[str]) -> int:
     chosen = parse("break", __doc__, words, runs=Number(40, low=4, high=10_000), jobs=JOBS, timeout=TIMEOUT)
     plan = break_point.plan(chosen.typed)
     within = limits(chosen)
-    with claim_sweep(plan.output) as claim:
+    with claim_sweep(plan.output) as claim, going_on(claim.folder):
         accounts = _searched(plan, claim.folder, within, chosen.runs)
         _publish(accounts, plan.dial, claim.folder)
         width = max(len(account["combination"]) for account in accounts)

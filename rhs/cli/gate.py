@@ -6,7 +6,7 @@
         --margin 0.02     a loss of this share of it is still no worse; worse is one that is sure and seems larger
         --pairs 20        at most so many pairs; it stops as soon as it is sure
         --jobs N          processes at a time (one per core)
-        output=FOLDER     where the new runs go (a new folder under results/sweeps)
+        output=FOLDER     where the new runs go (a new folder under results/sweeps); killed, the same goes on there
 
 Old and new run have the same world, seed and settings but for the change. Old runs that broke off (a part raised, time ran
 out) count as such, as new ones do. Exit codes: 0 better or no worse, 1 worse,
@@ -24,9 +24,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rhs.api.settings import nearest
-from rhs.base.errors import ConfigError, RhsError
+from rhs.base.errors import ConfigError
 
-from .arguments import JOBS, Number, limits, parse
+from .arguments import JOBS, Number, going_on, limits, parse
+from .say import of_drawn
 
 if TYPE_CHECKING:
     from rhs.reports.gate import Verdict
@@ -54,12 +55,12 @@ def main(words: Sequence[str]) -> int:
     column = columns().get(measure)
     more_is_better = column is not None and column.more_is_better
     within = limits(chosen)
-    with claim_sweep(chosen.output) as claim:
-        found, broken = _compared(pairs, claim.folder, within, measure, chosen.margin, more_is_better)
+    with claim_sweep(chosen.output) as claim, going_on(claim.folder):
+        found, notes = _compared(pairs, claim.folder, within, measure, chosen.margin, more_is_better)
         content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
         (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         told = f"{measure} (more is better)" if more_is_better else measure
-        why = [f"new runs: {broken}"] if broken else []
+        why = [f"new runs: {said}" for said in notes]
         sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *why, f"files: {claim.folder}", ""]))
     return found.exit_code
 
@@ -102,26 +103,19 @@ def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
 
 
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
-              margin: float, more_is_better: bool = False) -> tuple[Verdict, str]:
-    """Run new jobs until a look settles it, or there are no more; and which of them broke off."""
+              margin: float, more_is_better: bool = False) -> tuple[Verdict, list[str]]:
+    """Run new jobs until a look settles it, or there are no more; and what is to be said of them."""
     from tqdm import tqdm
 
     from rhs.reports.gate import error_parts, judge, looks
-    from rhs.runfolder.row import read_row
-    from rhs.sweeps.jobs import run_jobs
-    from rhs.sweeps.kept import broken_off
+    from rhs.sweeps.kept import broken_off, kept_rows
 
     planned, done = looks(len(pairs)), 0
     new: list[Row] = []
     with tqdm(total=len(pairs), unit="pair", disable=None) as shown:
         for until, level in zip(planned, error_parts(planned), strict=True):
-            jobs = [job for _, job in pairs[done:until]]
-            run_jobs(jobs, folder, limits, tell=lambda job, status: shown.update() and None)
-            for job in jobs:
-                try:
-                    new.append(read_row(folder / job.name / "row.json"))
-                except RhsError:
-                    new.append({})
+            new += kept_rows([job for _, job in pairs[done:until]], folder, limits,
+                             tell=lambda job, status: shown.update() and None)
             done = until
             old = [row for row, _ in pairs[:done]]
             ranks = [(rank(a), rank(b)) for a, b in zip(old, new, strict=True)]
@@ -130,7 +124,7 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
                           more_is_better=more_is_better)
             if found.word != "needs more runs":
                 break
-    return found, broken_off(new)
+    return found, [*filter(None, [broken_off(new)]), *of_drawn([row.get("global_random") for row in new])]
 
 
 def rank(row: Row) -> int:

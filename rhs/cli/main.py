@@ -86,6 +86,8 @@ def entry() -> int:
     """The console script `rhs`. What a part started ends with it: processes, and threads that would be waited for."""
     from rhs.base.processes import adopt_orphans, allow_helpers, kill_strays
 
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # while this was loaded
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.set_threshold(COLLECT_AFTER)
     open_streams()
     with suppress(RuntimeError, OSError, ValueError):  # there is no stderr
@@ -121,7 +123,7 @@ def open_streams() -> None:
     """Whoever starts this without stdin, stdout or stderr (`2>&-`, a service) gets none of what is written there, and no
     file of a run takes their numbers, to which libraries write."""
     while (descriptor := os.open(os.devnull, os.O_RDWR)) < 3:
-        pass
+        os.set_inheritable(descriptor, True)  # what is started has them too
     os.close(descriptor)
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:

@@ -8,7 +8,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rhs.base.commands import LONGEST, plain, shortened
+from rhs.base.commands import INTERRUPTED, LONGEST, plain, shortened
 from rhs.base.errors import RhsError
 
 from . import first_run
@@ -22,11 +22,12 @@ COMPILES = "compiling inner loops, once for this installation: 10 to 60 s"
 class Terminated(KeyboardInterrupt):
     """SIGTERM arrived: like Ctrl-C, with another exit code."""
 
+    exit_code = 143
+
 
 def one_run(config: RunConfig, debug: bool) -> int:
     """Run it under a progress bar, say what came of it; the exit code."""
     from rhs.api.jit import on_compile
-    from rhs.base.global_generators import global_states
     from rhs.base.system import processors
     from rhs.metrics.evaluate import folder_fault
     from rhs.metrics.truth_clock import clock_fault
@@ -38,17 +39,14 @@ def one_run(config: RunConfig, debug: bool) -> int:
 
     on_compile(partial(_compiling, beside=config.ahead != "off" and processors() > 1))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
-        before = global_states()
         with redirect_stdout(sys.stdout), redirect_stderr(sys.stderr):  # whatever a part makes of them
             row = run_config(config, claim.folder, bar)
-        drawn = [name for name, state in global_states().items() if state != before[name]]
         claim.publish()
         cause = row.pop("_cause", None)
         print(f"{say.of_run(row, claim.folder)}\n\nfiles: {claim.folder}")
     status = row.get("status")
-    if drawn and row.get("plugins"):
-        print(f"rhs: {' and '.join(drawn)}'s global generator was used: the same seed may not give this row again; a part "
-              "draws from context.rng", file=sys.stderr)
+    if drawn := row.get("global_random"):
+        print(f"rhs: {drawn}'s global generator was used: {say.DRAWN}", file=sys.stderr)
     for fault in (clock_fault(row), folder_fault(claim.folder) if status == "ok" else ""):
         if fault:
             print(f"rhs: {fault}", file=sys.stderr)
@@ -65,7 +63,8 @@ def one_run(config: RunConfig, debug: bool) -> int:
     if status == "ok":
         return 0
     code = 1 if cause is None or status != "interrupted" else signal_code(cause)
-    return complain(cause, code, debug, f"{status}: {row.get('reason', '')}")
+    reason = str(row.get("reason", ""))
+    return complain(cause, code, debug, reason if reason.startswith(str(status)) else f"{status}: {reason}")
 
 
 def _check_hint(row: dict[str, Any]) -> str:
@@ -82,7 +81,7 @@ def _compiling(beside: bool) -> None:
 
 def signal_code(error: BaseException) -> int:
     """Exit code of a run that was interrupted: by SIGTERM or by Ctrl-C."""
-    return 143 if isinstance(error, Terminated) else 130
+    return int(getattr(error, "exit_code", INTERRUPTED))
 
 
 def complain(error: BaseException | None, code: int, debug: bool, text: str = "") -> int:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 SHOWN = (
     "status", "reason", "success", "failure", "cause", "world", "sensor", "odometry", "loop_closer", "mapper", "planner",
-    "localiser", "seed", "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m",
+    "localiser", "presets", "seed", "places_visited", "places_total", "missions", "replans", "collisions", "clearance_min_m",
     "survey_collisions", "explored_share", "explore_way_m", "explore_stop", "path_length_m", "path_optimal_m", "distance_m",
     "matched_share", "ate_rmse_m", "truth_offset_s", "ate_at_offset_m", "end_error_before_closing_m", "end_error_m",
     "tracked_share", "gated_share", "map_agreement", "map_inconsistency", "way_sigma_m", "relations_trans_m",
@@ -20,6 +21,7 @@ SHOWN = (
     "plan_again_ms", "homotopy", "wall_ms", "real_time_factor", "peak_memory_mb",
 )
 LAST = 3  # what it cost
+DRAWN = "the same seed may not give this row again; a part draws from context.rng"
 USUAL = {"matched_share": 1.0, "gated_share": 0.0, "truth_offset_s": 0.0}  # not worth a line
 
 
@@ -52,13 +54,20 @@ def of_sweep(folder: Path) -> str:
     unreadable: list[str] = []
     table = rows([folder], unreadable=unreadable)
     write_text(folder / "table.csv", to_csv(table))
-    left_out = [*thresholds(table), *(f"not counted: {message}" for message in unreadable)]
+    left_out = [*thresholds(table), *of_drawn(list(table.get("global_random", ()))), *(f"not counted: {message}" for message in unreadable)]
     if not len(table):
         return "\n".join(left_out)
     if not len(planning_rows(table)):
         return "\n".join([as_text(summarise(table)), *left_out])
     publish(table, folder)
     return "\n".join([as_text(planning_table(table)), *left_out])
+
+
+def of_drawn(drawn: Sequence[object]) -> list[str]:
+    """A line where parts drew from generators that everything in a process shares. drawn: global_random of each row."""
+    names = [name for name in drawn if isinstance(name, str) and name]
+    return [f"{len(names)} of {len(drawn)} runs used the global generator of {' or '.join(sorted(set(names)))}: {DRAWN}"
+            ] if names else []
 
 
 def of_blame(row: dict[str, Any]) -> str:

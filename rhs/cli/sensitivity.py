@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from rhs.base.commands import aligned
 
-from .arguments import JOBS, TIMEOUT, limits, parse
+from .arguments import JOBS, TIMEOUT, going_on, limits, parse
 
 if TYPE_CHECKING:
     from rhs.sweeps.sensitivity import Effect, Question
@@ -49,7 +49,8 @@ def main(words: Sequence[str]) -> int:
     recordings = [*map(recording, chosen.recording), *(frozen(Path(chosen.data), chosen.words) if chosen.data else ())]
     asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recordings=recordings)
     within = limits(chosen)
-    with claim_sweep(chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as claim:
+    folder = chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")
+    with claim_sweep(folder) as claim, going_on(claim.folder):
         if asked.recorded:
             check_recorded(kept_rows(asked.recorded, claim.folder, within, tell=lambda job, status: None, keep="none"))
         with running(len(asked.jobs)) as tell:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rhs.base.errors import ConfigError
 
+from .arguments import going_on
 from .arguments import limits as limits_of
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     data = _data(suite, chosen, combinations)
     jobs = {name: _jobs(typed, suite, data) for name, typed in combinations.items()}
     combinations = {name: typed for name, typed in combinations.items() if jobs[name]}
-    with claim_sweep(folder) as claim:
+    with claim_sweep(folder) as claim, going_on(claim.folder):
         limits = limits_of(chosen)
         rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
         for name, record in made.items():

@@ -70,10 +70,11 @@ class Core:
 
 @dataclass
 class RunConfig(Core):
-    """Everything one run depends on."""
+    """Everything one run depends on, and the names by which it was asked for."""
 
     task: Chosen = field(default_factory=lambda: Chosen("", None))
     parts: dict[str, Chosen] = field(default_factory=dict)
+    presets: str = ""  # `kind=word` of the parts that were named by a word of conf/ which is not the plugin's
 
     def __getattr__(self, kind: str) -> Chosen:
         """The plugin taken for a kind of part: `config.planner.settings`."""
@@ -129,6 +130,8 @@ class Composer:
             _check_names(values, tree.choices)
             _check_replaced(values, [word.key for word in options])
             config = from_plain(values)
+            config.presets = " ".join(f"{kind}={choice}" for kind, choice in tree.choices.items()
+                                      if kind in KINDS and kind in config.parts and choice != config.parts[kind].name)
             _check_of_use(config, words)
             return config
         except ConfigError as error:
@@ -293,5 +296,6 @@ def identity(config: RunConfig) -> dict[str, Any]:
     """The columns of a row that say which run it is; parts that drive are not asked of a recording, nor named."""
     idle = OF_A_DRIVE if "source" in config.parts and "planner" in config.parts and not config.driving else ()
     names = {kind: chosen.name for kind, chosen in config.parts.items() if kind not in idle}
-    return {"task": config.task.name, "world": config.world, **names, "seed": config.seed,
+    presets = {"presets": config.presets} if config.presets else {}
+    return {"task": config.task.name, "world": config.world, **names, **presets, "seed": config.seed,
             "config_hash": config_hash(config), "plugins": " ".join(registry.sources(config.task.name, names))}

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.base.global_generators import global_states
+from rhs.base.global_generators import drawn_since, global_states
 from rhs.config.compose import RunConfig
 
 LARGEST = 10_000_000  # bytes of an array that is looked at
@@ -34,8 +34,7 @@ def left_as_found(config: RunConfig) -> Iterator[None]:
         with contextlib.suppress(OSError):
             os.chdir(here)
     changed = [name for name, content in shared_state(homes).items() if before.get(name, content) != content]
-    drawn = [name for name, state in global_states().items() if state != states[name]] if homes else []
-    changed += [f"{name}'s global generator" for name in drawn]
+    changed += [f"{name}'s global generator" for name in (drawn_since(states) if homes else ())]
     if changed:
         warnings.warn(f"this run changed {', '.join(changed[:4])}: the next one in this process begins with that, and may "
                       "give another row; a part keeps in itself (self) what it learns, and draws from context.rng",

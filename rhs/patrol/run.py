@@ -17,6 +17,7 @@ from rhs.api.records import Step
 from rhs.api.spare import grant
 from rhs.api.task import Parts, StepJob
 from rhs.base.errors import ConfigError, ContractError
+from rhs.base.global_generators import drawn_since, global_states
 from rhs.base.memory import hand_back, keep_freed_memory, let_go_of_compiler
 from rhs.base.processes import end_unless
 from rhs.base.provenance import commit, peak_memory_mb, versions
@@ -49,7 +50,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
     exception that caused it is chained to the returned row under the key `_cause` and not written. shared: the survey
     that this run begins with, led already.
     """
-    steps = run_steps(config, folder, watch, shared=shared)
+    steps = run_steps(config, folder, watch, shared=shared, alone=True)
     while True:
         try:
             next(steps)
@@ -59,14 +60,16 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
 
 
 def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
-              shared: SharedSurvey | None = None) -> Generator[Step, None, dict[str, Any]]:
-    """The same, one step at a time where the task has steps; the row is the generator's value."""
+              shared: SharedSurvey | None = None, alone: bool = False) -> Generator[Step, None, dict[str, Any]]:
+    """The same, one step at a time where the task has steps; the row is the generator's value. alone: nobody else computes
+    between the steps."""
     keep_freed_memory()
     check_live(config.live)
     run, process = RunContext(config, folder, watch, shared), os.getpid()
     row: dict[str, Any] = identity(config)
     begin_row(folder, row)
     row |= {"commit": commit(), "versions": versions()}
+    run.looks_for_draws = alone and bool(row["plugins"])
     columns: Mapping[str, Any] = {}
     cause: BaseException | None = None
     with exit_noticed(lambda reason: run_ended(run, row, reason)):
@@ -174,6 +177,8 @@ class RunContext:
         self._eyes: list[Eyes | Ahead] = []
         self._parts: dict[str, object] = {}  # kind -> part, as built last
         self._began_s = time.perf_counter() - (0.0 if shared is None else shared.took_s)
+        self.looks_for_draws = False
+        self._generators = global_states()
 
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
         """Build the task's job and run it; the columns that the task knows."""
@@ -306,10 +311,16 @@ class RunContext:
         if self.log is not None:
             hand_back()
 
+    def drawn(self) -> set[str]:
+        """Whose global generators were used since this run began, in the survey that it shares too."""
+        return {*drawn_since(self._generators), *(() if self.shared is None else self.shared.drawn)}
+
     def columns(self) -> dict[str, Any]:
         """What the run itself knows: what it cost, and what its parts say of themselves."""
         wall_s = time.perf_counter() - self._began_s
         columns: dict[str, Any] = {"wall_ms": 1e3 * wall_s, "peak_memory_mb": peak_memory_mb()}
+        if self.looks_for_draws and (drawn := self.drawn()):
+            columns["global_random"] = " and ".join(sorted(drawn))
         if self.log is not None:
             columns |= {"views": sum(self.log.counts.values()), "real_time_factor": self.log.robot_s / wall_s}
         parts = self._built[0] if self._built else None

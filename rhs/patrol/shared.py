@@ -49,7 +49,7 @@ def survey_key(config: RunConfig) -> str | None:
 @dataclass(frozen=True)
 class SharedSurvey:
     """parts: of the survey, as they were built. odometry: behind its gate. steps: without images, as a light recording
-    wants them; none where nothing is recorded. took_s: of the wall's clock."""
+    wants them; none where nothing is recorded. took_s: of the wall's clock. drawn: whose global generators it used."""
 
     parts: Parts
     odometry: Odometry
@@ -57,6 +57,7 @@ class SharedSurvey:
     log: RunLog
     steps: tuple[Step, ...]
     took_s: float
+    drawn: frozenset[str] = frozenset()
 
     def hand_over(self, log: RunLog) -> Surveyed:
         """Leave in the files of a run what leading this survey would have left there."""
@@ -93,7 +94,8 @@ def lead_shared(config: RunConfig, folder: Path) -> SharedSurvey:
         if config.recording != "off":
             steps.append(replace(step, observation=replace(step.observation, image=None, depth=None, extras={})))
     _check_forkable(before, folder)
-    return SharedSurvey(built, job.parts.odometry, survey, log, tuple(steps), time.perf_counter() - began_s)
+    return SharedSurvey(built, job.parts.odometry, survey, log, tuple(steps), time.perf_counter() - began_s,
+                        frozenset(context.drawn()))
 
 
 def _held() -> tuple[int, set[str]]:

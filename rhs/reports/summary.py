@@ -60,7 +60,8 @@ def _swept(table: pandas.DataFrame) -> list[str]:
     (two parts may have a setting of one name, with other defaults). Problems of a MovingAI file go by bucket."""
     parts = [name for name in CHOICES if name in table.columns and table[name].nunique(dropna=False) > 1]
     same_parts = table.groupby(parts, dropna=False) if parts else table.groupby(np.zeros(len(table)))
-    settings = [name for name in table.columns if is_setting(name) and (same_parts[name].nunique(dropna=False) > 1).any()]
+    settings = [name for name in table.columns if (is_setting(name) or name == "presets") and
+                (same_parts[name].nunique(dropna=False) > 1).any()]
     if "planning.scenario" in settings and "bucket" in table.columns:
         settings[settings.index("planning.scenario")] = "bucket"
     return parts + settings

@@ -232,8 +232,16 @@ def _claim_new(parent: Path, name: str) -> Claim:
     raise ConfigError(f"{parent} already holds a thousand folders named {name}; type output=FOLDER")
 
 
+def shown(path: str) -> str:
+    """A path as text that can be printed and written, with ? for what this locale cannot read."""
+    return path.encode("utf-8", "replace").decode("utf-8")
+
+
 def _make(folder: Path) -> list[Path]:
     """The folder and its parents made; those that did not exist before, deepest first."""
+    if shown(str(folder)) != str(folder):
+        raise ConfigError(f"{shown(str(folder))}: this locale cannot read the folder's name; set PYTHONUTF8=1, or take "
+                          "another by output=FOLDER")
     try:
         made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)

@@ -31,7 +31,7 @@ LAST = 1_000_000  # after every column that somebody described
 LARGEST_BYTES = 4 << 20
 LARGEST_WHOLE = 2**63 - 1
 NOT_REPEATABLE = ("real_time_factor", "peak_memory_mb", "folder", "run", "date", "commit", "version", "versions",
-                  "platform", "python", "host", "pid", "started", "picture_failures")
+                  "platform", "python", "host", "pid", "started", "picture_failures", "presets")
 
 
 def machine_dependent(column: str) -> bool:

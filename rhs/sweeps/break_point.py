@@ -19,8 +19,8 @@ from rhs.config.compose import Composer, RunConfig, to_plain
 from rhs.config.overrides import Word, parse, sweep_words, swept_keys
 from rhs.metrics.threshold import LEVELS, Dial, Posterior, Threshold, dial_between, in_words
 
-from .jobs import Job, Limits, asked_for, run_jobs
-from .kept import MISSING, any_row
+from .jobs import Job, Limits
+from .kept import MISSING, kept_rows
 from .sweep import job_of
 
 MOST_COMBINATIONS = 200
@@ -118,10 +118,9 @@ def run_plan(found: Plan, folder: Path, limits: Limits, *, runs: int, tell: Call
     for first in range(0, runs, at_once):
         count = min(at_once, runs - first)
         batch = [(search, value, job) for search in found.searches for value, job in _jobs(found, search, first, count)]
-        jobs = [job for _, _, job in batch]
-        run_jobs(jobs, folder, limits, tell=tell, preload=asked_for(jobs))
-        for search, value, job in batch:
-            learn(search, found.dial.level(value), any_row(folder / job.name), str(folder / job.name))
+        rows = kept_rows([job for _, _, job in batch], folder, limits, tell=tell)
+        for (search, value, job), row in zip(batch, rows, strict=True):
+            learn(search, found.dial.level(value), row, str(folder / job.name))
     return [account(search, found.dial) for search in found.searches]
 
 

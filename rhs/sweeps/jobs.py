@@ -14,10 +14,12 @@ import contextlib
 import multiprocessing
 import os
 import shutil
+import signal
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 from types import ModuleType
@@ -262,8 +264,11 @@ def _left_by_key(sweep: Path) -> dict[str, list[Path]]:
 @contextlib.contextmanager
 def _as_on_the_command_line() -> Iterator[None]:
     """For the start of a process: one thread each, whoever sweeps (sums must not depend on it), and our path for modules.
-    multiprocessing would run the file of the main module again in each process: what a job needs of it, it is sent."""
+    multiprocessing would run the file of the main module again in each process: what a job needs of it, it is sent.
+    Ctrl-C waits, and is none of the server's while that loads (`server.py`)."""
     main, environment = sys.modules["__main__"], dict(os.environ)
+    resource_tracker.ensure_running()  # which would take the block away again
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ |= dict.fromkeys(THREADS, "1") | {SWEEP_PATH: os.pathsep.join(sys.path)}
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -274,3 +279,4 @@ def _as_on_the_command_line() -> Iterator[None]:
             os.environ.pop(name)
             if name in environment:
                 os.environ[name] = environment[name]
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 
@@ -22,3 +23,5 @@ for _kind in PLUGIN_KINDS:  # strangers' plugins are listed, and imported in the
         _origins = registry.origins(_kind, _name)
         if _kind == "metric" and len(_origins) == 1 and _origins[0].distribution.startswith("rhs "):
             registry.load(_kind, _name)
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that sweeps answers it; it was blocked until here
+signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

@@ -123,7 +123,8 @@ def job_of(config: RunConfig, combination: Sequence[Word], swept: Sequence[str])
     pictures = "off" if config.pictures == "auto" else config.pictures
     ahead = "off" if config.ahead == "auto" else config.ahead
     config = replace(config, output="", overwrite=False, recording=recording, pictures=pictures, live="", ahead=ahead)
-    told = ",".join(word.text for word in combination if word.key in swept)
+    last = {word.key: word.text for word in combination if word.key in swept}  # of one typed twice, that which counts
+    told = ",".join(last.values())
     readable = re.sub(r"[^A-Za-z0-9._=,+-]", "-", told).strip(".-")[:60]
     name = f"{readable}_{config_hash(config)}" if readable else config_hash(config)
     varied = {word.key: _cell(word.value) for word in combination if word.key in swept and not word.is_group

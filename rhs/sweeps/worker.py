@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,7 +69,8 @@ def _run(task: Task, folder: Path, shared: SharedSurvey | None) -> BaseException
         take_over(task.plugins)
         from rhs.patrol.run import run_config
 
-        cause: BaseException | None = run_config(from_plain(task.values), folder, shared=shared).pop("_cause", None)
+        config = replace(from_plain(task.values), presets=task.identity.get("presets", ""))
+        cause: BaseException | None = run_config(config, folder, shared=shared).pop("_cause", None)
         return cause
     except KeyboardInterrupt:
         raise

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rhs.cli.arguments import going_on
 from rhs.cli.gate import _compared, _pairs, in_words, measured, rank
 from rhs.cli.main import main
 from rhs.reports.gate import judge
@@ -51,17 +52,28 @@ def test_what_cannot_be_gated_is_one_line(baseline, words, says, capsys):
     ("ok", 0.0, 0, "better: ate_rmse_m -90 %"), ("ok", 1.0, 0, "better: ate_rmse_m -90 %")])
 def test_a_run_that_broke_off_is_no_better_for_the_short_way_it_went(tmp_path, monkeypatch, status, success, code, says):
     """Of old runs that did not achieve their mission either, so that no success is lost."""
-    def run(jobs, folder, limits, tell):
-        for job in jobs:
-            row = {"status": status, "reason": "of mine", "success": success, "ate_rmse_m": 0.1}
-            (folder / job.name).mkdir()
-            write_row(folder / job.name, row)
-
-    monkeypatch.setattr("rhs.sweeps.jobs.run_jobs", run)
+    row = {"status": status, "reason": "of mine", "success": success, "ate_rmse_m": 0.1}
+    monkeypatch.setattr("rhs.sweeps.kept.kept_rows", lambda jobs, folder, limits, tell: [row] * len(jobs))
     pairs = [({"status": "ok", "success": 0.0, "ate_rmse_m": 1.0}, SimpleNamespace(name=f"job{k}")) for k in range(9)]
     found, broken = _compared(pairs, tmp_path, None, "ate_rmse_m", 0.02)
     assert found.exit_code == code and in_words(found, "ate_rmse_m", 0.02).startswith(says)
-    assert broken == ("9 of 9 broke off, most by: of mine" if status == "failed" else "")
+    assert broken == (["9 of 9 broke off, most by: of mine"] if status == "failed" else [])
+
+
+def test_a_gate_that_was_stopped_goes_on_in_its_folder(baseline, tmp_path, capsys):
+    words = ["gate", str(baseline), "planner=theta_star", f"output={tmp_path / 'new'}"]
+    code, told = main(words), capsys.readouterr().out
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "new").glob("*/row.json")}
+    first = min(kept)
+    shutil.rmtree(first.parent)
+    assert main(words) == code and capsys.readouterr().out == told
+    assert [path for path, when in kept.items() if path.stat().st_mtime_ns != when] == [first]
+
+
+def test_who_stops_a_command_hears_where_it_goes_on(tmp_path, capsys):
+    with pytest.raises(KeyboardInterrupt), going_on(tmp_path):
+        raise KeyboardInterrupt
+    assert capsys.readouterr().out == f"files: {tmp_path}; the same command with output={tmp_path} goes on\n"
 
 
 def test_what_broke_off_before_counts_as_what_breaks_off_now(baseline, tmp_path):
