@@ -54,7 +54,8 @@ def of_sweep(folder: Path) -> str:
     unreadable: list[str] = []
     table = rows([folder], unreadable=unreadable)
     write_text(folder / "table.csv", to_csv(table))
-    left_out = [*thresholds(table), *of_drawn(list(table.get("global_random", ()))), *(f"not counted: {message}" for message in unreadable)]
+    left_out = [*thresholds(table), *of_drawn(list(table.get("global_random", ()))),
+                *(f"not counted: {message}" for message in unreadable)]
     if not len(table):
         return "\n".join(left_out)
     if not len(planning_rows(table)):

@@ -16,6 +16,7 @@ import os
 import shutil
 import signal
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -39,6 +40,7 @@ from .worker import COMPILING, JOB_LOG, Task, work
 
 __all__ = ["PRELOAD", "Job", "Limits", "Outcome", "asked_for", "processors", "run_jobs"]
 
+_STARTING = threading.Lock()  # sweeps in threads share the environment
 NOT_SHARED = "not_shared.log"  # in the sweep's folder: surveys that each job had to lead itself, and why
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
 PRELOAD = ["rhs.patrol.run", "rhs.patrol.job", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
@@ -153,7 +155,7 @@ class _Pool:
 
     def _process(self, target: Callable[..., None], *arguments: object) -> multiprocessing.process.BaseProcess:
         process = self.context.Process(target=target, args=arguments, daemon=False)
-        with _as_on_the_command_line():
+        with _STARTING, _as_on_the_command_line():
             process.start()
         return process
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import tempfile
 import time
 
 import numpy as np
@@ -79,3 +80,26 @@ def test_what_sleeps_is_told_from_what_computes():
 def test_one_of_ours_that_did_not_come_to_its_end_beside_a_part_is_named():
     said = verdict({"part": "planner=mine", "contract": [], "ended": {"planner=mine": "", "planner=astar": "no answer"}})
     assert said[-1] == "beside it, planner=astar did not come to its end: no answer"
+
+
+def test_a_part_that_stands_in_line_for_a_processor_is_waited_for(monkeypatch):
+    """Of a machine so busy that it stood in line for two seconds of the first tenth."""
+    waited = iter([5.0, 7.0, 7.0, 7.0])
+    monkeypatch.setattr("rhs.card.forked.queued_s", lambda pid=None: next(waited) if pid else 0.0)
+
+    def slow():
+        time.sleep(0.4)
+        yield "answer"
+
+    assert run_forked(slow, patience_s=0.1).items == ["answer"]
+
+
+def test_what_is_killed_leaves_no_temporary_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def hangs():
+        tempfile.mkdtemp()
+        yield len(list(tmp_path.rglob("*")))
+        time.sleep(60)
+
+    assert run_forked(hangs, patience_s=0.3).items == [2] and list(tmp_path.iterdir()) == []

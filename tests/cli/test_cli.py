@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 from installing import CHOICE, FAKES, environment, installed, interruptible
 
+from rhs.base.commands import answered
 from rhs.cli.main import main, warning_in_words
+from rhs.cli.one_run import Terminated
 from rhs.cli.say import of_run
 from rhs.config.compose import compose_config, config_hash, from_plain, read_values
 from rhs.runfolder.row import canonical_hash, read_row
@@ -253,3 +255,22 @@ def test_what_was_to_be_done_at_the_end_is_done_and_all_that_was_written_is_ther
     ended = subprocess.run([sys.executable, "-c", code, str(tmp_path / "open.txt")], capture_output=True, text=True)
     assert ended.returncode == 0 and ended.stdout.splitlines()[1:] == ["done"]
     assert (tmp_path / "open.txt").read_text() == "a"
+
+
+def test_ctrl_c_while_the_program_is_loaded_ends_it_without_a_traceback():
+    code = "import signal, sys, rhs.__main__; sys.exit(signal.getsignal(signal.SIGINT) is not signal.SIG_DFL)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_a_command_that_is_ended_by_sigterm_says_so_by_its_exit_code(capsys):
+    def ended():
+        raise Terminated
+
+    assert answered(ended) == 143 and capsys.readouterr().err == "interrupted\n"
+
+
+def test_who_is_started_without_streams_hands_on_some():
+    """Processes of a sweep have no files in their places."""
+    code = ("import os; [os.close(k) for k in range(3)]; from rhs.cli.main import open_streams; open_streams(); "
+            "os._exit(not all(map(os.get_inheritable, range(3))))")
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

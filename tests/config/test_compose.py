@@ -23,6 +23,7 @@ from rhs.config.compose import (
     to_plain,
 )
 from rhs.config.overrides import parse, plain_words
+from rhs.runfolder.row import machine_dependent
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -298,3 +299,12 @@ def test_values_put_in_by_hand_are_those_that_omegaconf_would_put_in(words):
     assert quick.plain is not None
     whole.__dict__["plain"] = None
     assert hydra_glue.with_values(quick, values) == hydra_glue.with_values(whole, values)
+
+
+def test_a_second_name_of_a_part_is_told_beside_it_and_changes_no_hash():
+    typed = identity(compose_config(["loop_closer=monocular"]))
+    spelled = identity(compose_config(["loop_closer=pose_graph", "loop_closer.scan_every_m=0",
+                                       "loop_closer.advanced.depth_share=0.06",
+                                       "loop_closer.advanced.odometry_probability=0.99"]))
+    assert typed.pop("presets") == "loop_closer=monocular" and typed == spelled and typed["loop_closer"] == "pose_graph"
+    assert machine_dependent("presets")  # as it was typed: the same run by other words is equal

@@ -107,3 +107,8 @@ def test_what_a_row_cannot_hold_is_named_and_the_rest_kept(tmp_path):
     read = read_row(tmp_path / "row.json")
     assert read["good"] == 1.5 and "list" not in read and "huge" not in read
     assert "list: RhsError" in str(read["row_failures"]) and "(5000 characters)" in str(read["long"])
+
+
+def test_a_folder_whose_name_this_locale_cannot_read_is_refused():
+    with pytest.raises(ConfigError, match=r"/\?\?_runs: this locale cannot read the folder's name; set PYTHONUTF8=1"):
+        claim_run("\udcc3\udcb6_runs", seed=0)

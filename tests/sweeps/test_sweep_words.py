@@ -1,12 +1,18 @@
 """Sweeps by pattern and by experiment: which jobs the words give."""
 
+import os
+import signal
+import threading
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.config import registry
 from rhs.sweeps import sweep
+from rhs.sweeps.jobs import Limits, _Pool
 
 
 def planners(words, conf: tuple[Path, ...] = ()) -> list[str]:
@@ -51,3 +57,29 @@ def test_a_word_of_an_earlier_version_is_taken_with_a_warning():
     with pytest.warns(FutureWarning, match="loop_closer=one_eye is now loop_closer=monocular"):
         jobs = sweep.plan(["sensor=mono", "loop_closer=one_eye", "seed=0,1"]).jobs
     assert jobs[0].config.loop_closer.settings.advanced.depth_share > 0.0
+
+
+def test_a_job_is_named_by_the_last_of_words_typed_twice():
+    found = sweep.plan(["task=planning", "world=map1", "planner=prm", "planner=astar,prm", "seed=1"])
+    assert [job.name.rpartition("_")[0] for job in found.first] == ["planner=astar", "planner=prm"]
+
+
+def test_ctrl_c_waits_while_a_process_starts_and_threads_start_theirs_in_turn(tmp_path):
+    """The process that loads what all jobs need would tell of it by a traceback; the environment is one for all threads."""
+    masks, before = [], dict(os.environ)
+
+    class Slow:
+        def start(self):
+            masks.append(signal.pthread_sigmask(signal.SIG_BLOCK, []))
+            time.sleep(0.05)
+
+    def begin():
+        pool = _Pool(iter([]), tmp_path, Limits(), lambda job, status: None)
+        pool.context = SimpleNamespace(Process=lambda **_: Slow())
+        pool._process(print)
+
+    threads = [threading.Thread(target=begin) for _ in range(3)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert len(masks) == 3 and all(signal.SIGINT in mask for mask in masks) and dict(os.environ) == before
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])

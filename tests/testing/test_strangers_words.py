@@ -11,7 +11,12 @@ import pytest
 
 from rhs.api.records import BeliefStatus
 from rhs.base.errors import words_of
+from rhs.cli.say import of_drawn
+from rhs.config import registry
+from rhs.config.compose import compose_config
+from rhs.config.loose import load_files
 from rhs.config.overrides import parse, plain_words, sweep_words
+from rhs.patrol.run import run_config, run_steps
 from rhs.testing import check_plugin
 
 PLANNER = '''"""Draws from numpy's own generator, and leaves the building."""
@@ -88,3 +93,22 @@ def test_letters_that_are_not_english_need_no_quotes(word, value):
 def test_each_value_of_a_sweep_may_have_letters_that_are_not_english():
     found = sweep_words(parse(["world=Häuser/a.yaml,b.yaml"]), most=10)
     assert [words[0].value for words in found] == ["Häuser/a.yaml", "b.yaml"]
+
+
+def test_the_row_of_a_run_says_so_too_and_a_sweep_in_how_many(tmp_path):
+    """Rows travel from the processes of a sweep; rhs.steps, whose caller may draw, says nothing."""
+    (tmp_path / "mine.py").write_text(PLANNER, encoding="utf-8")
+    load_files([tmp_path / "mine.py"], ["planner=careless"])
+    try:
+        config = compose_config(["task=planning", "world=square_small", "planner=careless"])
+        assert run_config(config, tmp_path)["global_random"] == "numpy"
+        (tmp_path / "other").mkdir()
+        steps = run_steps(config, tmp_path / "other")
+        with pytest.raises(StopIteration) as end:
+            next(steps)
+        assert "global_random" not in end.value.value
+    finally:
+        registry._by_hand.clear()
+        registry.forget()
+    assert of_drawn(["numpy", None, "numpy and Python"])[0].startswith("2 of 3 runs used the global generator of numpy or ")
+    assert of_drawn([None, float("nan")]) == []

@@ -16,7 +16,7 @@ from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Tracking
 
 @dataclass
 class Skeleton:
-    """The wheels are believed, and the ends of the beams are drawn: right where `sensor.noise=false`, and no map elsewhere."""
+    """The wheels are believed, and the ends of the beams are drawn: a map where `sensor.noise=false`."""
 
     share: float = 0.05
     """standard deviation of a step, as a share of it"""
