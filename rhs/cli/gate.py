@@ -24,10 +24,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rhs.api.settings import nearest
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, RhsError
 
 from .arguments import JOBS, Number, going_on, limits, parse
 from .say import of_drawn
+from .verify import made_otherwise
 
 if TYPE_CHECKING:
     from rhs.reports.gate import Verdict
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 OLD = ("ok", "failed", "timeout", "killed")  # how a run of the baseline may have ended: not by somebody's hand
 MEASURES = {"planning": "plan_length_m"}  # of the others: ate_rmse_m
+QUESTION = ("task", "world", "seed", "start", "goal")  # what old and new run have in common
 Row = Mapping[str, object]
 
 
@@ -60,8 +62,7 @@ def main(words: Sequence[str]) -> int:
         content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
         (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         told = f"{measure} (more is better)" if more_is_better else measure
-        why = [f"new runs: {said}" for said in notes]
-        sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *why, f"files: {claim.folder}", ""]))
+        sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *notes, f"files: {claim.folder}", ""]))
     return found.exit_code
 
 
@@ -73,7 +74,13 @@ def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Jo
     from rhs.sweeps.runs import rows_of, values_of
     from rhs.sweeps.sweep import job_of
 
-    old = [(row, where) for where, row in rows_of([folder]).items() if row.get("status") in OLD and
+    if asked := [word for word in change if word.partition("=")[0] in QUESTION]:
+        raise ConfigError(f"gate: {asked[0]} is another question, not a change of how it is answered; gate a folder of that")
+    try:
+        rows = rows_of([folder])
+    except RhsError as error:  # 1 would be told as worse
+        raise ConfigError(str(error)) from error
+    old = [(row, where) for where, row in rows.items() if row.get("status") in OLD and
            (row["status"] == "ok" or not where.exists() or (where / "config.yaml").is_file())]
     old.sort(key=lambda one: (str(one[0].get("seed")).zfill(12), str(one[1])))
     if len(old) < 4:
@@ -124,7 +131,10 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
                           more_is_better=more_is_better)
             if found.word != "needs more runs":
                 break
-    return found, [*filter(None, [broken_off(new)]), *of_drawn([row.get("global_random") for row in new])]
+    made = made_otherwise(str(old[0].get("versions") or ""), str(new[0].get("versions") or ""))
+    notes = [("new runs: ", broken_off(new)), ("old runs: ", made),
+             *(("new runs: ", line) for line in of_drawn([row.get("global_random") for row in new]))]
+    return found, [f"{whose}{said}" for whose, said in notes if said]
 
 
 def rank(row: Row) -> int:

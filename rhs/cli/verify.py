@@ -160,14 +160,14 @@ def _compare(before: Mapping[str, Mapping[str, object]], now: Mapping[str, Mappi
         worst = max([worst, *(one.share for one in found)])
         sys.stdout.write(f"{name}: {kind}, {columns - len(found)} of {columns} columns equal\n")
         sys.stdout.writelines(f"  {line}\n" for line in _lines(found))
-        if found and (others := _made_otherwise(str(row.get("versions") or ""), str(now[name].get("versions") or ""))):
+        if found and (others := made_otherwise(str(row.get("versions") or ""), str(now[name].get("versions") or ""))):
             sys.stdout.write(f"  {others}\n")
     summary = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     sys.stdout.write(f"{len(before)} runs: {summary}\n")
     return 3 if worst > tolerance else 0
 
 
-def _made_otherwise(before: str, now: str) -> str:
+def made_otherwise(before: str, now: str) -> str:
     """Which versions (`name=version ...`) differ; empty where none does or those of before are not known."""
     was, is_ = before.split(), now.split()
     gone, here = ([one for one in these if one not in those] for these, those in ((was, is_), (is_, was)))

@@ -40,7 +40,7 @@ def test_a_shorter_planner_is_better_and_a_longer_one_worse(baseline, tmp_path, 
     (["FOLDER", "planner=rrt_connect"], "changes nothing"), (["FOLDER", "planner=no_such"], "no such planner"),
     (["FOLDER", "planner=prm", "--pairs", "1"], "--pairs"),
     (["FOLDER", "planner=prm", "--measure", "plan_lenght_m"], "no run of .* has such a figure; did you mean plan_length_m"),
-    (["FOLDER", "planner=prm", "seed=3"], "makes one run of two, seed=0_.* give a folder with one of them")])
+    (["FOLDER", "planner=prm", "seed=3"], "seed=3 is another question"), (["FOLDER", "world=map2"], "is another question")])
 def test_what_cannot_be_gated_is_one_line(baseline, words, says, capsys):
     assert main(["gate", *(word.replace("FOLDER", str(baseline)) for word in words)]) == 2
     told = capsys.readouterr().err
@@ -57,7 +57,7 @@ def test_a_run_that_broke_off_is_no_better_for_the_short_way_it_went(tmp_path, m
     pairs = [({"status": "ok", "success": 0.0, "ate_rmse_m": 1.0}, SimpleNamespace(name=f"job{k}")) for k in range(9)]
     found, broken = _compared(pairs, tmp_path, None, "ate_rmse_m", 0.02)
     assert found.exit_code == code and in_words(found, "ate_rmse_m", 0.02).startswith(says)
-    assert broken == (["9 of 9 broke off, most by: of mine"] if status == "failed" else [])
+    assert broken == (["new runs: 9 of 9 broke off, most by: of mine"] if status == "failed" else [])
 
 
 def test_a_gate_that_was_stopped_goes_on_in_its_folder(baseline, tmp_path, capsys):
@@ -68,6 +68,17 @@ def test_a_gate_that_was_stopped_goes_on_in_its_folder(baseline, tmp_path, capsy
     shutil.rmtree(first.parent)
     assert main(words) == code and capsys.readouterr().out == told
     assert [path for path, when in kept.items() if path.stat().st_mtime_ns != when] == [first]
+
+
+def test_two_old_runs_that_become_one_and_a_row_that_cannot_be_read_are_refused(baseline, tmp_path, capsys):
+    """Exit code 1 would say that the change is worse."""
+    folder = tmp_path / "old"
+    shutil.copytree(baseline, folder)
+    assert main(["-m", "task=planning", "world=map1", "planner=rrt", "seed=0,1", f"output={folder / 'more'}"]) == 0
+    assert main(["gate", str(folder), "planner=prm"]) == 2
+    assert re.search("makes one run of two, seed=0_.* give a folder with one of them", capsys.readouterr().err)
+    next(folder.glob("*/row.json")).write_text("{")
+    assert main(["gate", str(folder), "planner=prm"]) == 2 and "cannot be read as a row" in capsys.readouterr().err
 
 
 def test_who_stops_a_command_hears_where_it_goes_on(tmp_path, capsys):
