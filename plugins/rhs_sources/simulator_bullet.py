@@ -5,13 +5,21 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+
+_ONE = threading.RLock()  # the streams are one for all threads: two that took them away would give back the void
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
     """PyBullet and Mesa write banners past Python to both standard streams; a table on stdout must stay clean."""
+    with _ONE:
+        yield from _quiet()
+
+
+def _quiet() -> Iterator[None]:
     sys.stdout.flush()
     sys.stderr.flush()
     kept = os.dup(1), os.dup(2)

@@ -7,6 +7,7 @@ rhs.reports.intervals.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -72,6 +73,9 @@ def _group_row(part: pandas.DataFrame, wanted: Sequence[str], cluster: str) -> d
     row: dict[str, object] = {"runs": len(part), "independent": part["independent_"].nunique(),
                               "failed": int((part["success"] == 0.0).sum()),
                               "complete": share_text(part["success"].to_numpy(float), samples)}
+    if "blame_link" in part.columns:  # of task=blame: which links were named, and in how many runs
+        named = Counter(str(link) for link in part["blame_link"].dropna() if link)
+        row["blame_link"] = ", ".join(f"{link} {count}" for link, count in named.most_common())
     for name in wanted:
         values = numbers(part, name)
         row[name] = median_text(values) if name.endswith("_ms") and name != "par2_ms" else mean_text(values, samples)

@@ -1,8 +1,11 @@
 """The simulator: what it shows, how its robot moves, what it runs into."""
 
 import csv
+import os
 import subprocess
 import sys
+import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +17,7 @@ from rhs.api.floorplan import Box, Changes, Light, Surface
 from rhs.api.geometry import inverse, planar, se2, transform
 from rhs.api.records import Twist
 from rhs.worlds.world import load_world
+from rhs_sources.simulator_bullet import quiet
 from rhs_sources.simulator_config import Simulator
 
 WORLD = load_world("square_small")
@@ -344,3 +348,17 @@ def test_a_camera_that_looks_down_sees_the_floor_from_nearer_by_and_is_refused_w
         source.close()
     with pytest.raises(ConfigError, match="leaves the horizon out of the picture"):
         build(tmp_path, world, camera_pitch_deg=30.0)
+
+
+def test_threads_that_silence_a_library_at_once_give_the_streams_back():
+    """Of two runs in threads the second kept the first one's silence for the real streams, and nothing more was heard."""
+    def silence(first_s, then_s):
+        time.sleep(first_s)
+        with quiet():
+            time.sleep(then_s)
+
+    before = [os.fstat(stream).st_ino for stream in (1, 2)]
+    threads = [threading.Thread(target=silence, args=times) for times in ((0.0, 0.1), (0.05, 0.2))]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert [os.fstat(stream).st_ino for stream in (1, 2)] == before

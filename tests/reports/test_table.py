@@ -197,3 +197,15 @@ def test_whatever_was_chosen_by_name_has_a_line_of_its_own(tmp_path):
                 run(folder, f"{name}_{seed}", seed=seed, **({} if name is None else {kind: name}))
         view = summarise(rows([folder]))
         assert list(view["runs"]) == [2, 2] and view[kind].nunique(dropna=False) == 2
+
+
+def test_a_sweep_of_blame_says_which_links_were_named_and_how_often(tmp_path):
+    """And parts of one plugin under two names are two lines."""
+    links, words = ("odometry", "odometry", "localise", ""), ("loop_closer=monocular", "loop_closer=monocular")
+    for seed, link in enumerate(links):
+        presets = {"presets": words[seed]} if seed < 2 else {}
+        run(tmp_path, str(seed), seed=seed, blame_link=link, task="blame", loop_closer="pose_graph", **presets)
+    assert list(summarise(rows([tmp_path]), group=["planner"])["blame_link"]) == ["odometry 2, localise 1"]
+    view = summarise(rows([tmp_path]))
+    assert sorted(view["presets"].fillna("")) == ["", "loop_closer=monocular"]
+    assert sorted(view["blame_link"]) == ["localise 1", "odometry 2"]
