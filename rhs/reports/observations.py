@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rhs.base.commands import shortened
 from rhs.base.errors import ConfigError
 from rhs.metrics.success import success_of
 from rhs.runfolder.row import CHOICES, machine_dependent
@@ -191,12 +192,13 @@ def clusters(table: pandas.DataFrame, by: str = "") -> np.ndarray:
 
 
 def failures_told(table: pandas.DataFrame) -> str:
-    """`3 of 6 failed: budget_spent 2, 1 of 4 places 1`."""
+    """`3 of 6 failed: 2 x budget_spent, 1 x 1 of 4 places`."""
     from collections import Counter
 
     asked, failed = int(np.isfinite(succeeded(table)).sum()), int((succeeded(table) == 0.0).sum())
     if not failed:
         return f"0 of {asked} failed" if asked else f"{len(table)} runs, none of them asked for anything that can fail"
-    counts = sorted(Counter(word[:70] for word in reasons(table) if word).items(), key=lambda item: (-item[1], item[0]))
-    listed = ", ".join(f"{word} {count}" for word, count in counts[:5])
+    told = (shortened(word, 100) for word in reasons(table) if word)
+    counts = sorted(Counter(told).items(), key=lambda item: (-item[1], item[0]))
+    listed = ", ".join(f"{count} x {word}" for word, count in counts[:5])
     return f"{failed} of {asked} failed: {listed}" + (f", and {len(counts) - 5} other reasons" if len(counts) > 5 else "")

@@ -84,13 +84,13 @@ def test_the_column_success_is_believed_and_missing_ones_are_computed():
     found = table({"success": 0.0, "failure": "wall hit", "places_total": 1, "places_visited": 1},
                   {"places_total": 4, "places_visited": 1, "seed": 1})
     assert succeeded(found).tolist() == [0.0, 0.0] and reasons(found) == ["wall hit", "1 of 4 places"]
-    assert failures_told(found) == "2 of 2 failed: 1 of 4 places 1, wall hit 1"
+    assert failures_told(found) == "2 of 2 failed: 1 x 1 of 4 places, 1 x wall hit"
 
 
 def test_failures_are_counted_by_their_reasons():
     found = table(*(plan(seed, plan_success=0, plan_reason="budget_spent") for seed in range(2)), plan(2, plan_valid=0.0),
                   plan(3), {"status": "ok", "task": "places", "seed": 9})
-    assert failures_told(found) == "3 of 4 failed: budget_spent 2, invalid path 1"
+    assert failures_told(found) == "3 of 4 failed: 2 x budget_spent, 1 x invalid path"
 
 
 def test_worlds_then_problems_then_runs_are_what_is_sampled():
