@@ -122,8 +122,9 @@ def _draw_first(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray, missions:
     index = [int(step["index"]) for step in patrol]
     if complaints and complaints[0][0] in index:
         view, words = complaints[0]
-        at = way_m[index.index(view)]
-        axes.plot(*at, "o", markersize=15, markerfacecolor="none", markeredgecolor="#c1121f", markeredgewidth=1.8, zorder=8,
+        ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": "#c1121f", "markeredgewidth": 1.8, "zorder": 8}
+        axes.plot(*way_m[index.index(view)], "o", markersize=15, **ring)
+        axes.plot([], [], "o", markersize=8, **ring,  # in the legend, where lines are close to each other
                   label=f"trouble began, view {view}: {words.split(' (')[0]}"[:60])
 
 
