@@ -38,6 +38,7 @@ from .unread import BESIDE, of_file
 log = logging.getLogger("rhs.replay")
 NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic")  # in names of folders
 LENSED = re.compile(r"(?<!un)distorted")
+PACKED = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".lz4", ".7z", ".rar")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
 
 
@@ -240,7 +241,10 @@ def _found(path: Path) -> str:
     if path.is_file():
         if path.name == "metadata.yaml":
             return f"found a file of a bag; type source.path={path.parent}"
-        packed = path.name.lower().endswith((".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".7z"))
+        if path.suffix.lower() in (".zst", ".zstd"):
+            of_bag = (path.parent / "metadata.yaml").is_file()
+            return f"found a packed file; type {f'source.path={path.parent}' if of_bag else f'zstd -d {path.name}'}"
+        packed = path.name.lower().endswith(PACKED)
         return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
     if (path / "image_2").is_dir() or (path / "image_0").is_dir():
         return "found a KITTI sequence without its calib.txt"
