@@ -13,8 +13,8 @@ from ..unread import of_topics
 from .depth import SAID_REGISTERED
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-KINDS = {"color": ("Image", "CompressedImage"), "depth": ("Image", "CompressedImage", "PointCloud2"), "info": ("CameraInfo",),
-         "scan": ("LaserScan", "MultiEchoLaserScan"), "wheel": ("Odometry",)}  # what a topic that is typed must hold
+KINDS = {"color": ("Image", "CompressedImage"), "depth": ("Image", "CompressedImage", "PointCloud2"),
+         "info": ("CameraInfo",), "scan": ("LaserScan", "MultiEchoLaserScan"), "wheel": ("Odometry",)}  # of typed topics
 METRIC, PICTURES = ("16UC1", "32FC1"), ("rgb8", "bgr8", "8UC3", "rgba8", "bgra8")  # encodings of depth; of its pictures
 NOTHING: Mapping[str, str] = {}
 NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
@@ -116,8 +116,8 @@ def _unfit(name: str, wanted: str, found: dict[str, str]) -> str:
 
 
 def _best(name: str, fitting: list[str], where: str, beside: str) -> str:
-    """The only fitting topic; of several one registered to colour, of the same camera as a topic beside it, or the raw one of
-    a raw-compressed pair."""
+    """The only fitting topic; of several one registered to colour, of the same camera as the topic `beside`, or the raw one
+    of a raw-compressed pair."""
     if name == "depth":
         fitting = [t for t in fitting if any(word in t for word in SAID_REGISTERED)] or fitting
     fitting = _beside(beside, fitting) if beside else fitting
