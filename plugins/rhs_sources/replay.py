@@ -259,8 +259,8 @@ def _found(path: Path) -> str:
         return (f"found {video.name} beside depth; in that folder type: mkdir rgb; ffmpeg -i {video.name} -vsync 0 "
                 "-start_number 0 rgb/%06d.png")
     inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
-             and not NO_VIEWS.search(p.name.lower())]
+             and not NO_VIEWS.search(str(p.relative_to(path)).lower())]
     if inner:
-        best = min(inner, key=lambda p: LENSED.search(str(p.relative_to(path))) is not None)
+        best = min(inner, key=lambda p: (LENSED.search(str(p.relative_to(path))) is not None, is_clouds(p)))
         return f"found no recording but one in it; type source.path={best}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"
