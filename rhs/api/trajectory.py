@@ -97,7 +97,8 @@ def seconds_in(stamp: float) -> float:
 def in_tum_order(text: str) -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
     (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, commented or not), or EuRoC's, which begins
-    with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2 topic echo --csv`, without one; line by line. Another text as it is."""
+    with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2 topic echo --csv`, without one; line by line.
+    Another text as it is."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)

@@ -152,7 +152,8 @@ def settled(world: World, building: Building, file: Section) -> World:
             grid, start = keep_near_walls(grid, start, need_m, given=not given.isdisjoint(("start", "route_m")))
         tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name)
     except ConfigError as error:
-        raise ConfigError(f"{world.path}: {error}; {TRY}" if isinstance(places, int) else f"{world.path}: {error}") from error
+        what = f"; {TRY}" if isinstance(places, int) else ""
+        raise ConfigError(f"{world.path}: {error}{what}") from error
     if length_m(tour.route_m) < LEAST_ROUTE_M:
         x, y = tour.start[:2]
         raise ConfigError(f"{world.path}: a robot of radius {world.robot_radius_m:g} m has nowhere to go from ({x:.2f}, "

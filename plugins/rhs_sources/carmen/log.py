@@ -75,12 +75,13 @@ def open_carmen(path: Path, settings) -> Recording:
         with opened(path) as file:
             head = file.read(LOOKED_AT)
         kinds = {line.split()[0].decode("ascii", "replace") for line in head.splitlines() if line.split()}
-        hint = "; this is a log of Player: play it into a CARMEN log or a ROS bag" if b"Player" in head[:HEAD_BYTES] else ""
+        hint = "; a log of Player: play it into a CARMEN log or a ROS bag" if b"Player" in head[:HEAD_BYTES] else ""
         hint = f"; {GRAPH}" if any(kind.startswith(("VERTEX", "EDGE")) for kind in kinds) else hint
         if other := next((kind for kind in sorted(kinds) if OTHER_LASER.fullmatch(kind)), ""):
-            hint = f"; of another laser alone: sed s/^{other}/{other[:-1]}1/ {path.name} > one.log"
-        raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; found {', '.join(sorted(kinds)[:6])}; expected "
-                          f"a CARMEN log with laser scans{hint}")
+            hint = f"; of another laser alone: write {other[:-1]}1 for it (sed s/^{other}/{other[:-1]}1/)"
+        found = ", ".join(sorted(kinds)[:6])
+        raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; found {found}; expected a CARMEN log with "
+                          f"laser scans{hint}")
     stamps, repaired = in_file_order(own, settings.max_jump_s)
     kept = range(len(own))[settings.start :: settings.stride][: settings.count or None]
     if not kept:
