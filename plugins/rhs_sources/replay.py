@@ -30,6 +30,7 @@ from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
 from .folders.tartan import is_tartan, open_tartan
 from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
+from .folders.vkitti import is_vkitti, open_vkitti
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
@@ -187,13 +188,13 @@ def _likely(path: Path) -> list[Path]:
 
 
 # Which formats have a use for a setting: what was typed for another is refused, not ignored.
-_FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video")
+_FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video")
 USED_BY = {
     "scan_mount": ("bag", "carmen", "clouds"), "camera_mount": (*_FOLDERS, "bag"), "body_frame": ("bag",),
-    "rate_hz": ("kitti", "kitti_raw", "tartan", "seven_scenes", "frames", "video", "clouds"),
+    "rate_hz": ("kitti", "kitti_raw", "tartan", "vkitti", "seven_scenes", "frames", "video", "clouds"),
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
-    "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video", "clouds",
-                                            "carmen"),
+    "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
+                                            "clouds", "carmen"),
     "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",),
 }
 
@@ -227,6 +228,7 @@ FORMATS = {
     "kitti": (is_kitti, open_kitti),
     "kitti_raw": (is_kitti_raw, open_kitti_raw),
     "tartan": (is_tartan, open_tartan),
+    "vkitti": (is_vkitti, open_vkitti),
     "euroc": (is_euroc, open_euroc),
     "run": (is_run, open_run),
     "carmen": (is_carmen, open_carmen),
