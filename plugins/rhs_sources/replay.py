@@ -30,6 +30,7 @@ from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
 from .folders.tartan import is_tartan, open_tartan
 from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
+from .folders.vkitti import is_vkitti, open_vkitti
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
@@ -38,6 +39,7 @@ from .unread import BESIDE, of_file
 log = logging.getLogger("rhs.replay")
 NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic")  # in names of folders
 LENSED = re.compile(r"(?<!un)distorted")
+PACKED = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".lz4", ".7z", ".rar")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
 
 
@@ -186,13 +188,13 @@ def _likely(path: Path) -> list[Path]:
 
 
 # Which formats have a use for a setting: what was typed for another is refused, not ignored.
-_FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video")
+_FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video")
 USED_BY = {
     "scan_mount": ("bag", "carmen", "clouds"), "camera_mount": (*_FOLDERS, "bag"), "body_frame": ("bag",),
-    "rate_hz": ("kitti", "kitti_raw", "tartan", "seven_scenes", "frames", "video", "clouds"),
+    "rate_hz": ("kitti", "kitti_raw", "tartan", "vkitti", "seven_scenes", "frames", "video", "clouds"),
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
-    "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "euroc", "frames", "video", "clouds",
-                                            "carmen"),
+    "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
+                                            "clouds", "carmen"),
     "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",),
 }
 
@@ -226,6 +228,7 @@ FORMATS = {
     "kitti": (is_kitti, open_kitti),
     "kitti_raw": (is_kitti_raw, open_kitti_raw),
     "tartan": (is_tartan, open_tartan),
+    "vkitti": (is_vkitti, open_vkitti),
     "euroc": (is_euroc, open_euroc),
     "run": (is_run, open_run),
     "carmen": (is_carmen, open_carmen),
@@ -240,7 +243,10 @@ def _found(path: Path) -> str:
     if path.is_file():
         if path.name == "metadata.yaml":
             return f"found a file of a bag; type source.path={path.parent}"
-        packed = path.name.lower().endswith((".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".7z"))
+        if path.suffix.lower() in (".zst", ".zstd"):
+            of_bag = (path.parent / "metadata.yaml").is_file()
+            return f"found a packed file; type {f'source.path={path.parent}' if of_bag else f'zstd -d {path.name}'}"
+        packed = path.name.lower().endswith(PACKED)
         return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
     if (path / "image_2").is_dir() or (path / "image_0").is_dir():
         return "found a KITTI sequence without its calib.txt"
@@ -255,8 +261,8 @@ def _found(path: Path) -> str:
         return (f"found {video.name} beside depth; in that folder type: mkdir rgb; ffmpeg -i {video.name} -vsync 0 "
                 "-start_number 0 rgb/%06d.png")
     inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
-             and not NO_VIEWS.search(p.name.lower())]
+             and not NO_VIEWS.search(str(p.relative_to(path)).lower())]
     if inner:
-        best = min(inner, key=lambda p: LENSED.search(str(p.relative_to(path))) is not None)
+        best = min(inner, key=lambda p: (LENSED.search(str(p.relative_to(path))) is not None, is_clouds(p)))
         return f"found no recording but one in it; type source.path={best}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

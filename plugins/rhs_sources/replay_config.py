@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from rhs.api.contracts import Source, SourceContext
 from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
 
-FORMATS = ("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "euroc", "run", "bag", "carmen", "video",
+FORMATS = ("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "run", "bag", "carmen", "video",
            "frames", "clouds")
 
 
@@ -31,8 +31,8 @@ class Replay:
     [fx,fy,cx,cy,x_m,y_m,z_m] with where it sits in the axes of the colour camera (right, down, ahead). Empty: depth is
     registered, but for camera=seven_scenes, or what a bag says. Of bags and folders of the forms tum and seven_scenes."""
     format: str = "auto"
-    """How to read the path: auto, tum, seven_scenes, kitti, kitti_raw, tartan, euroc, run (run.mcap), bag, carmen,
-    video, frames (numbered images) or clouds; auto looks at the files."""
+    """How to read the path: auto, tum, seven_scenes, kitti, kitti_raw, tartan, vkitti, euroc, run (run.mcap), bag,
+    carmen, video, frames (numbered images) or clouds; auto looks at the files."""
     depth_scale: float = 0.0
     """Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
     max_depth_m: float = 20.0

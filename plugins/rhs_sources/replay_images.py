@@ -17,6 +17,7 @@ from rhs.api.pictures import MOST_PIXELS, check_size, head_of
 
 NEAR_M, FAR_M = 0.3, 8.0  # nearer than Kinects see, and further than most rooms are long
 SEEN_M = (0.05, 100.0)  # typical depths that cameras see
+MOSAIC = 1.05  # from 1.1 on mosaics of photographs, up to 0.95 these as grey images with noise (20 grey levels) on them
 LOOKED_AT = 12  # images of depth whose scale nobody typed
 
 
@@ -39,6 +40,24 @@ def read_color(path: Path) -> np.ndarray:
         raise _unreadable(path, "a colour image")
     keep_png(image, data)
     return image
+
+
+def has_mosaic(image: np.ndarray) -> bool:
+    """Whether a grey image (H, W, 3) was kept as it lay behind a Bayer filter: a pixel differs more from its neighbours,
+    which are of other colours, than from the next but one, which is of its own. Of other images it is half as much."""
+    plane = image[:, :, 0].astype(np.float32)
+    if (image != image[:, :, :1]).any() or min(plane.shape) < 3:
+        return False
+    near, next_but_one = ([float(np.abs(p[step:] - p[:-step]).mean()) for p in (plane, plane.T)] for step in (1, 2))
+    return min(near) > MOSAIC * max(next_but_one)
+
+
+def without_mosaic(image: np.ndarray) -> np.ndarray:
+    """The grey image of a mosaic, whichever pixels have which colour: 1 2 1 across and down weighs red, green and blue by 1,
+    2 and 1 about every pixel."""
+    import cv2
+
+    return np.asarray(cv2.GaussianBlur(image, (3, 3), 0), np.uint8)
 
 
 def read_depth(path: Path, *, scale: float, max_depth_m: float, typed: bool = False, packed: bool = False) -> np.ndarray:

@@ -1,7 +1,8 @@
 """Depth as the colour camera sees it, of recordings whose depth image was taken by a camera of its own and left so.
 
-Every depth pixel is carried into the colour camera and falls on one of its pixels; where several do, the nearest surface is
-seen, and the readings on it are averaged (the nearest reading alone would lie before the surface by its noise). Read as if
+Every depth pixel is carried into the colour camera and falls on those of its pixels that it covers, one at least; where
+several do, the nearest surface is seen, and the readings on it are averaged (the nearest reading alone would lie before the
+surface by its noise). Read as if
 colour and depth were one camera, an image pair of 7-Scenes is a tenth too narrow in colour: motion across the view comes out
 too short by up to that share, and key-points get depths from up to 30 pixels away.
 """
@@ -17,6 +18,7 @@ from rhs.api.errors import ConfigError, check_range
 from rhs.api.geometry import Camera, se3
 from rhs.api.jit import compiled
 
+MOST_BESIDE = 8.0  # pixels to each side that one of depth covers: of cameras 17 times as fine, or nearer than they see
 SAME_SURFACE = 0.02  # readings within this share of the nearest one on a pixel are of one surface
 
 
@@ -39,7 +41,8 @@ class DepthCamera:
         slopes = _slopes(depth.shape, (self.fx, self.fy, self.cx, self.cy), self.distortion)
         theirs = np.array([color.fx, color.fy, color.cx, color.cy, color.skew])
         lens = np.array((*color.distortion, *[0.0] * 8)[:8])
-        _carry(depth, slopes, self.color_from_depth, (theirs, lens), (nearest, total, count))
+        covers = np.array([color.fx / self.fx, color.fy / self.fy])
+        _carry(depth, slopes, self.color_from_depth, (theirs, lens, covers), (nearest, total, count))
         with np.errstate(invalid="ignore"):
             return np.where(count > 0, total / count, np.nan).astype(np.float32)
 
@@ -75,8 +78,9 @@ def typed_depth_camera(values) -> DepthCamera | None:
 
 @compiled
 def _carry(depth, slopes, pose, seen_by, out):
-    """Fill nearest, total and count (H, W) of the depths that fall on each pixel of the colour camera."""
-    theirs, lens = seen_by
+    """Fill nearest, total and count (H, W) of the depths that fall on each pixel of the colour camera. seen_by: its numbers,
+    its lens, and how many of its pixels (across, down) one of depth covers at the same distance."""
+    theirs, lens, covers = seen_by
     nearest, total, count = out
     for averaging in range(2):
         for v in range(depth.shape[0]):
@@ -91,14 +95,22 @@ def _carry(depth, slopes, pose, seen_by, out):
                 column, row = _bent((pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / far,
                                     (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / far, lens)
                 column, row = theirs[0] * column + theirs[4] * row + theirs[2], theirs[1] * row + theirs[3]
-                i, j = int(np.floor(row + 0.5)), int(np.floor(column + 0.5))
-                if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
-                    continue
-                if averaging == 0:
-                    nearest[i, j] = min(nearest[i, j], far)
-                elif far <= nearest[i, j] * (1.0 + SAME_SURFACE):
-                    total[i, j] += far
-                    count[i, j] += 1.0
+                left, right = _covered(column, covers[0] * z / far, nearest.shape[1])
+                top, bottom = _covered(row, covers[1] * z / far, nearest.shape[0])
+                for i in range(top, bottom):
+                    for j in range(left, right):
+                        if averaging == 0:
+                            nearest[i, j] = min(nearest[i, j], far)
+                        elif far <= nearest[i, j] * (1.0 + SAME_SURFACE):
+                            total[i, j] += far
+                            count[i, j] += 1.0
+
+
+@compiled
+def _covered(at, wide, size):
+    """The first of the pixels, at least one, that `wide` pixels about a place cover, and the one behind the last."""
+    beside = min(max(0.5 * (wide - 1.0), 0.0), MOST_BESIDE)
+    return max(int(np.floor(at + 0.5 - beside)), 0), min(int(np.floor(at + 0.5 + beside)) + 1, size)
 
 
 @compiled

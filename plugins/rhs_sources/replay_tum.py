@@ -1,4 +1,4 @@
-"""TUM RGB-D folders: rgb.txt and depth.txt (or associations.txt), images, groundtruth.txt.
+"""TUM RGB-D folders: rgb.txt and depth.txt (or associations.txt, or rgb.txt alone: one camera), images, groundtruth.txt.
 
 Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012. Depth 5000 = 1 m, 0 = unknown. OpenLORIS
 calls its lists color.txt and aligned_depth.txt, and its 1000 is 1 m.
@@ -49,7 +49,13 @@ class Recording:
 
 
 def is_tum(path: Path) -> bool:
-    return any((path / name).is_file() for name in ("associations.txt", *COLORS, *DEPTHS))
+    return any((path / name).is_file() for name in (*COLORS, *DEPTHS)) or _associated(path) is not None
+
+
+def _associated(path: Path) -> Path | None:
+    """The only list of pairs: associations.txt, or what else people call it (associated.txt of ETH3D, assoc.txt)."""
+    found = list(path.glob("*assoc*.txt"))
+    return found[0] if len(found) == 1 else next((file for file in found if file.name == "associations.txt"), None)
 
 
 def open_tum(path: Path, settings) -> Recording:
@@ -70,7 +76,7 @@ def open_tum(path: Path, settings) -> Recording:
                       depth_camera=typed_depth_camera(settings.depth_camera))
 
 
-def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path]], file: Path | None) -> None:
+def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path | None]], file: Path | None) -> None:
     """Says so where no view lies within the time of the true poses: another clock, or another recording's."""
     first, last = pairs[0][0], pairs[-1][0]
     if len(truth.stamps_s) and (truth.stamps_s[0] > last or truth.stamps_s[-1] < first):
@@ -80,13 +86,14 @@ def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path]], file: Path |
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,
                depth_camera: DepthCamera | None = None, timed: bool = True) -> Recording:
-    """A Recording of (stamp, colour path, depth path) triples; the first pair is read at once, to refuse early.
+    """A Recording of (stamp, colour path, depth path or None) triples; the first pair is read at once, to refuse early.
 
     Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
     it saw them; None: they are registered to colour."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     first = _read(pairs[0], scale, settings)
-    checked = _check_scale(pairs[0][2], scale, settings)
+    deep = pairs[0][2] is not None
+    checked = not deep or _check_scale(pairs[0][2], scale, settings)
     size = (first[0].shape[1], first[0].shape[0])
     recorded = intrinsics_beside(folder, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
@@ -94,16 +101,16 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
 
-    if not settings.depth_scale:
+    if deep and not settings.depth_scale:
         hint_scale([depth for *_, depth in wanted], scale=scale, where=folder.name)
     lost: list[str] = []
-    listed = [(stamp, str(color), str(depth)) for stamp, color, depth in wanted]  # paths take 2 kB a view
+    listed = [(stamp, str(color), str(depth or "")) for stamp, color, depth in wanted]  # paths take 2 kB a view
 
     def views():
         index = 0
         sound = checked
         for stamp, *files in listed:
-            pair = stamp, *(Path(file) for file in files)
+            pair = stamp, *(Path(file) if file else None for file in files)
             try:
                 color, depth = _read(pair, scale, settings)
                 sound = sound or _check_scale(pair[2], scale, settings)
@@ -111,14 +118,15 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
                 rejected[UNREADABLE] += 1
                 lost[:] = [f"{rejected[UNREADABLE]} of {len(listed)} views cannot be read, the last: {error}"]
                 continue
-            if depth_camera is not None:
+            if depth_camera is not None and depth is not None:
                 depth = depth_camera.registered(depth, camera)
             capture = Capture(index, pair[0], image=color, depth=depth, sensed=True)
             pose = truth.at(pair[0]) if truth is not None else None
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
             index += 1
 
-    return Recording(camera, views(), len(listed), rejected, lost=lost, timed=timed)
+    return Recording(camera, views(), len(listed), rejected, lost=lost, timed=timed,
+                     provides=frozenset({"image", "gray", "depth"} if deep else {"image", "gray"}))
 
 
 def _check_scale(path: Path, scale: float, settings) -> bool:
@@ -128,26 +136,35 @@ def _check_scale(path: Path, scale: float, settings) -> bool:
     return check_depth(depth, scale=scale, where=path.name)
 
 
-def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray]:
+def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray | None]:
     color = read_color(pair[1])
+    if pair[2] is None:
+        return color, None
     depth = read_depth(pair[2], scale=scale, max_depth_m=settings.max_depth_m, typed=bool(settings.depth_scale))
     check_pair(color, depth, pair[1].name)
     return color, depth
 
 
-def _pairs(path: Path, settings) -> tuple[list[tuple[float, Path, Path]], Counter]:
-    """(colour stamp, colour file, depth file) in order of time; lists of each win over associations.txt."""
+def _pairs(path: Path, settings) -> tuple[list[tuple[float, Path, Path | None]], Counter]:
+    """(colour stamp, colour file, depth file) in order of time; lists of each win over associations.txt. No depth file where
+    there is no list of them, or none is asked for."""
     color, depth = (next((name for name in names if (path / name).is_file()), None) for names in (COLORS, DEPTHS))
-    if color is not None:
-        if depth is None:
-            raise ConfigError(f"{path}: {color} is there but depth.txt is not; replay needs both")
+    associated = _associated(path)
+    if color is not None and (settings.depth_topic == "none" or depth is None and associated is None):
+        if settings.depth_topic != "none" and (path / "depth").is_dir():
+            raise ConfigError(f"{path}: {color} is there but depth.txt is not; type source.depth_topic=none to go without")
+        if settings.depth_camera:
+            raise ConfigError(f"source.depth_camera: {path} holds no list of depth images; leave it out")
+        stamps, files, lost = _list(path / color, settings)
+        return [(float(stamp), file, None) for stamp, file in zip(stamps, files, strict=True)], +lost
+    if color is not None and depth is not None:
         (color_s, colors, lost_a), (depth_s, depths, lost_b) = (_list(path / name, settings) for name in (color, depth))
         pairs = associate(color_s, depth_s, settings.max_difference_s)
         lost = lost_a + lost_b + Counter(unpaired=len(color_s) - len(pairs))
         return [(float(color_s[i]), colors[i], depths[j]) for i, j in pairs], +lost
-    if not (path / "associations.txt").is_file():
+    if associated is None:
         raise ConfigError(f"{path}: depth.txt is there but rgb.txt is not; replay needs both, or associations.txt")
-    return _associations(path / "associations.txt", settings)
+    return _associations(associated, settings)
 
 
 def _list(path: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
@@ -173,7 +190,7 @@ def _truth_file(path: Path, settings) -> Path | None:
     return found[0] if len(found) == 1 else None
 
 
-def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path]], Counter]:
+def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path | None]], Counter]:
     """Lines of stamp, colour, stamp, depth; where the first name says depth and the other does not (ICL-NUIM), the
     other way round."""
     entries = []

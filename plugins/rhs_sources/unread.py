@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+GRAPH = "a graph of poses (g2o, TORO), which holds no scans: give the log that it was made of"
 _IMAGES = "a folder with rgb/000001.png and depth/000001.png"
 FILES = {
     ".sens": "a recording of ScanNet: unpack it by ScanNet's SensReader (reader.py with all four --export_*), then "
@@ -18,6 +19,7 @@ FILES = {
     ".active": "a bag that was not closed: rosbag reindex {file}, then name it .bag",
     ".lcm": "a log of LCM: convert it to a ROS bag, or its scans to a CARMEN log",
     ".rel": "relations, to judge a way by: source.relations={file} beside the source.path=LOG of their log",
+    **dict.fromkeys((".g2o", ".graph", ".toro"), GRAPH),
     ".gfs": "GMapping's own log: give the CARMEN log that it was made of",
     ".csv": "a table: of scans write a CARMEN log, a line each: FLASER N ranges x y yaw x y yaw stamp host stamp",
     ".las": "a cloud of a map or a scan: write .pcd or .ply, one file a scan (CloudCompare -O {file} -C_EXPORT_FMT PLY "

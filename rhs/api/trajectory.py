@@ -20,10 +20,11 @@ from .files import replacing
 from .geometry import align, inverse, se3
 
 _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
-_NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality")
+_NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|(roll|pitch|yaw)(_deg)?$")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
 _EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
 _NCLT_ROW = re.compile(r"\d{16}(,\s*[^,\s]+){6}$")  # microseconds, x y z, roll pitch heading
+_ECHO_ROW = re.compile(r"\d{1,10},\d{1,9},[a-zA-Z_/][^,]*,([a-zA-Z_/][^,]*,)?[-\d]")  # ros2 topic echo --csv: s, ns, frames
 _DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
 ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")
@@ -96,7 +97,8 @@ def seconds_in(stamp: float) -> float:
 def in_tum_order(text: str) -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
     (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, commented or not), or EuRoC's, which begins
-    with whole nanoseconds and a comma, or NCLT's, with angles, without one; line by line. Another text as it is."""
+    with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2 topic echo --csv`, without one; line by line.
+    Another text as it is."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
@@ -107,6 +109,9 @@ def in_tum_order(text: str) -> str:
             if _NCLT_ROW.match(words):
                 return "\n".join(map(_of_angles, lines))
             plain = _EUROC if _EUROC_ROW.match(words) else _TUM if ";" in words else []
+            if echoed := _ECHO_ROW.match(words):
+                begin = 4 if echoed[1] else 3
+                plain = [0, *range(begin, begin + 7), 1]
             return "\n".join(_ordered(row, plain, nano=False) for row in lines) if plain else text
     return text
 

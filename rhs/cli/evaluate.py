@@ -19,7 +19,7 @@ from pathlib import Path
 
 from rhs.api.trajectory import ALIGNMENTS
 from rhs.base.commands import Arguments, answered, check_regular, complain
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, RecordingError
 from rhs.metrics.evaluate import evaluate_folder, evaluate_pair, evaluate_relations, pair_fault
 from rhs.metrics.success import HALF
 from rhs.metrics.survey import TOLERANCE_S
@@ -47,7 +47,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--alignment", default="se3", help=f"{', '.join(ALIGNMENTS)} (default se3)")
     parser.add_argument("--relations", type=Path, help="stamp1 stamp2 x y z roll pitch yaw of pairs of scans, on each line")
     parser.add_argument("--tolerance", type=float, default=TOLERANCE_S, help="between stamps, seconds (default 0.02)")
-    return answered(lambda: _print(parser.parse_args(arguments)))
+    return answered(lambda: _refusing(parser.parse_args(arguments)))
+
+
+def _refusing(chosen: argparse.Namespace) -> int:
+    """As `_print`; a file that cannot be read is refused, as anywhere before something runs."""
+    try:
+        return _print(chosen)
+    except RecordingError as error:
+        raise ConfigError(str(error)) from error
 
 
 def _print(chosen: argparse.Namespace) -> int:

@@ -119,4 +119,4 @@ def _axes(both: Pairing, steps: np.ndarray, rotation: np.ndarray) -> str:
     if without > HALF * told:
         return ""
     return (f"the poses of the two are of axes turned by {angle:.0f} degrees to each other (a camera's beside a robot's?): "
-            "rpe_* are mostly that; the ATE is of positions and stands")
+            "rpe_* and end_error_* are mostly that; the ATE is of positions and stands")

@@ -42,8 +42,8 @@ def read_relations(path: Path) -> Relations:
     check_regular(path)
     rows = []
     try:
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-            words = line.split("#", 1)[0].split()
+        for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
+            words = line.split("#", 1)[0].replace(",", " ").split()
             if words:
                 rows.append(finite_numbers(words, f"{path}:{number}", 8, "stamp1 stamp2 x y z roll pitch yaw"))
     except (OSError, UnicodeDecodeError) as error:

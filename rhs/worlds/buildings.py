@@ -33,6 +33,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".webp", ".tif", ".tiff", "
 FOREIGN = (*PICTURES, *MESHES, *SCENES)
 MOST_PIECES = 20_000  # of wall: each is a face to draw and a body to touch
 RADIUS_M = 0.2  # of the robot where nobody says: a household robot's, such as TurtleBot 3's 0.11 to 0.22 or a Roomba's 0.17
+TRY = "try negate: 1 for a dark floor, another resolution or unit, fewer specks, or source.robot_radius_m="
 WRITING = 5  # so many small marks in a drawn plan are likely to be a word
 APART_M = 0.5  # places that are proposed
 LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
@@ -151,12 +152,12 @@ def settled(world: World, building: Building, file: Section) -> World:
             grid, start = keep_near_walls(grid, start, need_m, given=not given.isdisjoint(("start", "route_m")))
         tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name)
     except ConfigError as error:
-        raise ConfigError(f"{world.path}: {error}") from error
+        what = f"; {TRY}" if isinstance(places, int) else ""
+        raise ConfigError(f"{world.path}: {error}{what}") from error
     if length_m(tour.route_m) < LEAST_ROUTE_M:
         x, y = tour.start[:2]
         raise ConfigError(f"{world.path}: a robot of radius {world.robot_radius_m:g} m has nowhere to go from ({x:.2f}, "
-                          f"{y:.2f}); try negate: 1 for a dark floor, another resolution, fewer specks, or "
-                          "source.robot_radius_m=")
+                          f"{y:.2f}); {TRY}")
     if left:
         log.warning("%s: the route leaves out %d room%s of %.0f m2 in all, with no door of %.2f m to it; a smaller robot: "
                     "source.robot_radius_m=", world.name, len(left), "s" if len(left) > 1 else "", sum(left),

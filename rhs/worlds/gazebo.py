@@ -17,6 +17,8 @@ import numpy as np
 from rhs.api.floorplan import Person
 from rhs.base.errors import ConfigError
 
+from .sdf_poses import name_of
+
 DRIVES = re.compile(r"(diff|differential|tricycle|omni)_?drive|planar_?move|mecanum|skid_?steer|ackermann|turtlebot")
 SAME_M, CLOSED_M = 1e-3, 0.1  # two waypoints at one spot; a path whose ends are so near is closed
 SLOWEST_MPS, FASTEST_MPS = 0.05, 3.0
@@ -31,7 +33,7 @@ def as_saved(world: Element) -> None:
         return
     saved = {model.get("name", ""): model for model in state.findall("model")}
     for model in world:
-        name = model.get("name") or (model.findtext("name") or "").strip()
+        name = name_of(model)
         at = saved[name].find("pose") if model.tag in ("model", "include") and name in saved else None
         if at is None:
             continue

@@ -26,6 +26,8 @@ def keep_near_walls(grid: OccupancyGrid, start: tuple[float, ...], need_m: float
 
     clearance_m = clearance_of(grid)
     ways, _ = label(clearance_m >= need_m, structure=np.ones((3, 3)))
+    if not ways.any():  # whoever proposes a tour says so
+        return grid, start
     within = ways == ways[_nearest(grid, ways > 0, start)]
     far = within & (clearance_m > FAR_M)
     if not far.any():

@@ -28,6 +28,7 @@ ADVICE = {
     ".house": "what rooms a scene of Matterport has: name its mesh beside it (.ply, .glb, .obj)",
     ".wbt": f"a world of Webots: {_MESH}, or write it as .sdf", ".zip": "an archive: unpack it first",
     ".json": f"a plan in numbers: draw it, {_PLAN}", ".ttt": f"a scene of CoppeliaSim: {_MESH}",
+    ".mtl": "colours of a mesh: name its .obj", ".proto": f"a part of Webots: {_MESH}",
     ".inc": "a part of a Stage world: name the picture in it (bitmap) as a plan",
 }
 ADVICE[".ot"], ADVICE[".usda"] = ADVICE[".bt"], ADVICE[".usd"]
@@ -38,7 +39,8 @@ _HEAD_BYTES = 100_000
 
 def advice_for(path: Path) -> str:
     """What makes a building that is read of such a file; empty of an ending that nobody knows."""
-    said = ADVICE.get(path.suffix.lower(), "")
+    habitat = path.name.endswith((".scene_instance.json", ".scene_dataset_config.json", ".stage_config.json"))
+    said = "a scene of Habitat: name its stage's mesh, world=NAME.glb" if habitat else ADVICE.get(path.suffix.lower(), "")
     return said.format(file=path.name)
 
 

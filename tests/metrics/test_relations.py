@@ -54,3 +54,12 @@ def test_relations_of_another_recording_are_said_to_be_none_of_this_one(tmp_path
 def test_a_line_that_is_no_relation_is_refused_with_its_place(tmp_path):
     with pytest.raises(RecordingError, match=r"walk\.relations:1: found '1 2 three'"):
         read_relations(written(tmp_path, "1 2 three\n"))
+
+
+def test_windows_line_ends_a_mark_before_the_text_and_commas_are_no_fault(tmp_path, capsys):
+    plain = read_relations(written(tmp_path))
+    (tmp_path / "walk.relations").write_bytes(b"\xef\xbb\xbf" + FILE.replace(" ", ", ").replace("\n", "\r\n").encode())
+    assert np.array_equal(read_relations(tmp_path / "walk.relations").first_from_second, plain.first_from_second)
+    write_tum(tmp_path / "est.tum", WAY)
+    assert main([str(tmp_path / "est.tum"), "--relations", str(written(tmp_path, "1 2 three\n"))]) == 2
+    assert "walk.relations:1: found '1 2 three'" in capsys.readouterr().err

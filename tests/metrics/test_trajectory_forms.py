@@ -185,3 +185,17 @@ def test_poses_that_are_read_another_way_than_they_were_meant_are_said(tmp_path)
     unlike = Trajectory(way.stamps_s, way.poses[::-1])
     (tmp_path / "unlike.tum").write_text(tum(unlike))  # of another way nothing is said
     assert pair_fault(tmp_path / "unlike.tum", tmp_path / "truth.tum") == ""
+
+
+@pytest.mark.parametrize("text", [
+    "__time,/odom/header/stamp,/odom/pose/pose/position/x,/odom/pose/pose/position/y,/odom/pose/pose/position/z,"
+    "/odom/pose/pose/orientation/x,/odom/pose/pose/orientation/y,/odom/pose/pose/orientation/z,"
+    "/odom/pose/pose/orientation/w,/odom/pose/pose/orientation/yaw\n1700000000.25,0,1,2,3,0,0,0.6,0.8,73.7\n",
+    "1700000000,250000000,odom,base_link,1,2,3,0,0,0.6,0.8,0.1,0.1\n",
+    "1700000000,250000000,map,1,2,3,0,0,0.6,0.8\n",
+])
+def test_poses_as_plotjuggler_and_ros2_topic_echo_export_them(tmp_path, text):
+    (tmp_path / "poses.csv").write_text(text)
+    way = read_trajectory(tmp_path / "poses.csv")
+    assert way.stamps_s.tolist() == [1700000000.25] and way.positions_m.tolist() == [[1.0, 2.0, 3.0]]
+    assert way.poses[0, :2, 0] == pytest.approx([0.28, 0.96])

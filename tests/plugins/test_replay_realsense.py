@@ -43,8 +43,8 @@ def test_a_camera_that_is_typed_stands_in_for_a_lens_that_is_not_read(tmp_path):
     with BagFile(tmp_path, "ros2_mcap") as made:
         for k in range(3):
             made.image("/camera/image_raw", 1e9 + k, picture(k), "rgb8")
-        made.camera_info("/camera/camera_info", 1e9, (0.1, 0.01, 0.0, 0.0), "equidistant", replace(CAMERA, fx=60.0))
-    assert "distortion equidistant" in refused(made.path, depth_topic="none")
+        made.camera_info("/camera/camera_info", 1e9, (0.1, 0.01, 0.0, 0.0), "double_sphere", replace(CAMERA, fx=60.0))
+    assert "distortion double_sphere" in refused(made.path, depth_topic="none")
     source, seen = views(made.path, depth_topic="none", camera=[50.0, 50.0, 31.5, 23.5])
     assert len(seen) == 3 and source.camera.fx == 50.0
 

@@ -31,6 +31,15 @@ def test_registered_depth_is_what_the_colour_camera_would_measure():
     assert np.isfinite(inner).mean() > 0.99  # and no holes
 
 
+def test_depth_of_fewer_pixels_than_colour_leaves_no_holes():
+    """Depth of 80 by 60 pixels beside colour of 160 by 120 that sees a little less: each pixel covers two by two."""
+    textures = paintings()
+    depth = observe(Camera(80, 60, 60.0, 60.0, 39.5, 29.5), STANDS, textures).depth
+    carried = DepthCamera(60.0, 60.0, 39.5, 29.5, np.eye(4)).registered(depth, COLOR)
+    share = carried[8:-8, 8:-8] / observe(COLOR, STANDS, textures).depth[8:-8, 8:-8] - 1.0
+    assert np.isfinite(share).all() and np.abs(share).max() < 0.05 and abs(share.mean()) < 2e-3
+
+
 def test_of_two_surfaces_on_one_pixel_the_nearer_is_seen():
     """Two depth pixels side by side, 1 m and 3 m, fall on one pixel of a colour camera that is half as sharp."""
     depth = np.full((2, 4), np.nan, np.float32)

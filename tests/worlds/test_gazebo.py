@@ -30,6 +30,14 @@ def saved(tmp_path, inside, state=""):
     return path
 
 
+def test_the_state_counts_for_an_include_that_has_the_name_of_its_model(tmp_path):
+    (tmp_path / "models/chest").mkdir(parents=True)
+    (tmp_path / "models/chest/model.sdf").write_text(f"<sdf version='1.6'>{model('chest', (0.5, 0.4, 0.8), '0 0')}</sdf>")
+    state = "<state world_name='d'><model name='chest'><pose>2 1 0 0 0 0</pose><scale>2 1 1</scale></model></state>"
+    world = load_world(saved(tmp_path, "<include><uri>model://chest</uri><pose>-2 -1 0 0 0 0</pose></include>", state))
+    assert distance_m(world, np.array([1.2, 1.0]))[0] == pytest.approx(0.3)  # a metre long, its middle at x = 2
+
+
 def test_models_stand_and_are_as_large_as_the_state_says(tmp_path):
     state = ("<state world_name='default'><model name='chest'><pose>2 1 0 0 0 1.5707963267948966</pose><scale>2 1 1</scale>"
              "<link name='l'><pose>2 1 0 0 0 1.57</pose></link></model></state>")

@@ -105,6 +105,14 @@ def test_a_robot_with_nowhere_to_go_is_refused(tmp_path):
         load_world(plan(tmp_path, image[20:-20, 22:-22], "occupied_thresh: 0.65\n"))
 
 
+def test_a_map_whose_walls_are_its_floor_says_which_key_helps(tmp_path):
+    """A chest of half a metre that is free, in a room that is not: a robot has room to stand in it, and none to turn."""
+    image = 255 - drawn()
+    image[40:50, 40:50] = 255
+    with pytest.raises(ConfigError, match=r"fits nowhere .*; try negate: 1 for a dark floor"):
+        load_world(plan(tmp_path, image))
+
+
 def test_it_does_not_start_in_the_roomiest_corner_that_it_cannot_leave(tmp_path):
     image = drawn((*WALLS, (5, 1, 5.1, 1.7), (0, 1.5, 5, 1.6)))  # 5 x 2.4 m behind a door of 0.3 m, and 3 x 4 m
     image[40:44, 60:64] = image[52:56, 90:94] = 0
@@ -280,6 +288,7 @@ def test_a_gltf_whose_points_are_packed_says_what_to_do(tmp_path, kind, change, 
 
 @pytest.mark.parametrize(("name", "text", "said"), [
     ("a.las", "x", "make a mesh of it"), ("a.navmesh", "x", "name the scene's .glb"), ("a.json", "{}", "draw it"),
+    ("a.scene_instance.json", "{}", "a scene of Habitat: name its stage's mesh"), ("a.mtl", "x", "name its .obj"),
     ("a.building.yaml", "name: o\nlevels: {}\n", "building_map_generator gazebo"), ("a.zip", "x", "unpack it first"),
     ("a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
      "0 0 0\n", "make faces of them"),

@@ -55,6 +55,7 @@ def opened(path: Path):
         cut = next(iter(path.glob("*.mcap")), None) if path.is_dir() else file if file.suffix == ".mcap" else None
         hint = f"; if it was cut: python -m rhs convert {cut} whole.mcap" if cut else ""
         hint = f"; if it was cut: rosbag reindex {file.name}" if file.suffix == ".bag" else hint
+        hint = f"; put them back, or type: ros2 bag reindex {path}" if "files are missing" in short else hint
         raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
     _check_parts(reader, files)
     return reader

@@ -15,6 +15,8 @@ from rhs.api.geometry import Camera, rotation_of_quaternion, se3, transform
 from rhs.api.pictures import HEAD_BYTES, MOST_PIXELS, check_size
 from rhs.api.records import Scan
 
+from ..lens_models import MODELS as LENS_MODELS
+from ..lens_models import with_lens
 from ..replay_images import UnreadableImage, metres
 from ..replay_stamps import TIME_FIELDS
 from ..unread import VIDEO
@@ -164,9 +166,15 @@ def camera_of(message, *, rectified: bool = False) -> Camera | None:
     p = np.asarray(message.P if hasattr(message, "P") else message.p, float).reshape(3, 4)
     if rectified and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
         return Camera(message.width, message.height, p[0, 0], p[1, 1], p[0, 2], p[1, 2], p[0, 1])
+    if message.distortion_model in LENS_MODELS and d:
+        try:
+            return with_lens(Camera(message.width, message.height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]),
+                             message.distortion_model, d)
+        except ValueError as error:
+            raise ConfigError(f"camera info has {error}") from None
     if message.distortion_model not in ("plumb_bob", "rational_polynomial", "") and any(d):
-        raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob; undistort the images "
-                          "(image_proc) and use their topic")
+        raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob or equidistant; "
+                          "undistort the images (image_proc) and use their topic")
     if any(d[8:]):
         raise ConfigError(f"camera info has {len(d)} distortion numbers, the ninth or later not zero; expected at most "
                           "k1, k2, p1, p2, k3, k4, k5, k6")

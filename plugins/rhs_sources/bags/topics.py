@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from os.path import commonprefix
 
 from rhs.api.errors import ConfigError
+from rhs.api.settings import nearest
 
 from ..unread import of_topics
 from .depth import SAID_REGISTERED
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+KINDS = {"color": ("Image", "CompressedImage"), "depth": ("Image", "CompressedImage", "PointCloud2"),
+         "info": ("CameraInfo",), "scan": ("LaserScan", "MultiEchoLaserScan"), "wheel": ("Odometry",)}  # of typed topics
 METRIC, PICTURES = ("16UC1", "32FC1"), ("rgb8", "bgr8", "8UC3", "rgba8", "bgra8")  # encodings of depth; of its pictures
 NOTHING: Mapping[str, str] = {}
 NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
@@ -59,13 +62,13 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     deep = [t for t in images if "depth" in t.lower() or encodings.get(t) in METRIC]
     plain = [t for t in images if t not in deep and "/ir" not in t.lower() and "infra" not in t.lower()]
 
-    def pick(name: str, fitting: list[str]) -> str:
+    def pick(name: str, fitting: list[str], beside: str = "") -> str:
         wanted = getattr(settings, f"{name}_topic")
         if wanted == "none":
             return ""
-        if wanted and wanted not in found:
-            raise ConfigError(f"{where}: no topic {wanted}; found {_listed(found)}")
-        return wanted or _best(name, fitting, where)
+        if wanted and found.get(wanted, "").rsplit("/", 1)[-1] not in KINDS[name]:
+            raise ConfigError(f"{where}: {_unfit(name, wanted, found)}")
+        return wanted or _best(name, fitting, where, beside)
 
     def of(*kinds: str) -> list[str]:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
@@ -73,8 +76,8 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": ("PointCloud2",)}.get(settings.views, ())
     if of(*alone):
         plain, deep = [], []
-    color, depth = pick("color", plain), pick("depth", deep)
-    scan = pick("scan", of("LaserScan", "MultiEchoLaserScan"))
+    color = pick("color", plain)
+    depth, scan = pick("depth", deep, color), pick("scan", of(*KINDS["scan"]))
     scan = "" if settings.views == "clouds" and of(*alone) else scan
     clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
@@ -90,26 +93,35 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     if color and not depth and not cloud and settings.depth_topic != "none":
         raise ConfigError(f"{where}: no depth topic; type source.depth_topic=NAME (or none); found {_listed(found)}")
     infos = of("CameraInfo")
-    info = pick("info", _beside(color, infos)) if color else ""
+    info = pick("info", infos, color) if color else ""
     deep = _beside(depth, infos) if depth else []
     return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
 
 
-def _beside(topic: str, infos: list[str]) -> list[str]:
-    """Of the topics of CameraInfo those whose names have the most folders in common with a topic's."""
-    def shared(info: str) -> int:
-        return len(commonprefix([topic.split("/"), info.split("/")]))
+def _beside(topic: str, others: list[str]) -> list[str]:
+    """Of other topics (of CameraInfo, of depth) those whose names have the most folders in common with a topic's."""
+    def shared(other: str) -> int:
+        return len(commonprefix([topic.split("/"), other.split("/")]))
 
-    most = max(map(shared, infos), default=0)
-    return [info for info in infos if shared(info) == most]
+    most = max(map(shared, others), default=0)
+    return [other for other in others if shared(other) == most]
 
 
-def _best(name: str, fitting: list[str], where: str) -> str:
-    """The only fitting topic; of several the one registered to colour, or the raw one of a raw-compressed pair."""
-    if len(fitting) > 1:
-        better = [t for t in fitting if any(word in t for word in SAID_REGISTERED)] if name == "depth" else []
-        raw = [t for t in (better or fitting) if not t.endswith(("/compressed", "/compressedDepth"))]
-        fitting = raw or better or fitting
+def _unfit(name: str, wanted: str, found: dict[str, str]) -> str:
+    """What is wrong with the topic that was typed, and which there are."""
+    fitting = [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in KINDS[name]]
+    held = f"{wanted} holds {found[wanted].rsplit('/', 1)[-1]}" if wanted in found else f"no topic {wanted}"
+    return (f"{held}{nearest(wanted, fitting)}; found {', '.join(sorted(fitting)) or _listed(found)}; expected "
+            f"source.{name}_topic=NAME of {' or '.join(KINDS[name])}")
+
+
+def _best(name: str, fitting: list[str], where: str, beside: str) -> str:
+    """The only fitting topic; of several one registered to colour, of the same camera as the topic `beside`, or the raw one
+    of a raw-compressed pair."""
+    if name == "depth":
+        fitting = [t for t in fitting if any(word in t for word in SAID_REGISTERED)] or fitting
+    fitting = _beside(beside, fitting) if beside else fitting
+    fitting = [t for t in fitting if not t.endswith(("/compressed", "/compressedDepth"))] or fitting
     if len(fitting) > 1:
         raise ConfigError(f"{where}: several {name} topics; type source.{name}_topic=NAME of {', '.join(fitting)}")
     return fitting[0] if fitting else ""

@@ -14,6 +14,7 @@ from __future__ import annotations
 import bz2
 import gzip
 import logging
+import re
 from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
@@ -28,6 +29,7 @@ from rhs.api.settings import nearest
 from ..replay_mounts import mount_of, mounted
 from ..replay_stamps import Truth, ascending, in_file_order, in_order, typed_truth
 from ..replay_tum import Recording
+from ..unread import GRAPH
 from .lines import Pose, Reading, flaser, robotlaser, stamped_pose
 
 logger = logging.getLogger("rhs.replay")
@@ -36,6 +38,8 @@ SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
 CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to rounding
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
 HEAD_BYTES = 200
+LOOKED_AT = 20_000  # bytes of a log without scans
+OTHER_LASER = re.compile(r"(ROBOT|RAW)LASER[2-5]")  # rear ones, or a robot's second
 MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
 FLASER, ROBOT, RAW, ODOM, TRUE = b"FLASER ", b"ROBOTLASER1 ", b"RAWLASER1 ", b"ODOM ", b"TRUEPOS "
 SCANS = (FLASER, ROBOT, RAW)
@@ -69,9 +73,15 @@ def open_carmen(path: Path, settings) -> Recording:
     own = [one.stamp_s for one in log.readings]
     if not own:
         with opened(path) as file:
-            player = b"Player" in file.read(HEAD_BYTES)
-        hint = "; this is a log of Player: play it into a CARMEN log or a ROS bag" if player else ""
-        raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; expected a CARMEN log with laser scans{hint}")
+            head = file.read(LOOKED_AT)
+        kinds = {line.split()[0].decode("ascii", "replace") for line in head.splitlines() if line.split()}
+        hint = "; a log of Player: play it into a CARMEN log or a ROS bag" if b"Player" in head[:HEAD_BYTES] else ""
+        hint = f"; {GRAPH}" if any(kind.startswith(("VERTEX", "EDGE")) for kind in kinds) else hint
+        if other := next((kind for kind in sorted(kinds) if OTHER_LASER.fullmatch(kind)), ""):
+            hint = f"; of another laser alone: write {other[:-1]}1 for it (sed s/^{other}/{other[:-1]}1/)"
+        found = ", ".join(sorted(kinds)[:6])
+        raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; found {found}; expected a CARMEN log with "
+                          f"laser scans{hint}")
     stamps, repaired = in_file_order(own, settings.max_jump_s)
     kept = range(len(own))[settings.start :: settings.stride][: settings.count or None]
     if not kept:

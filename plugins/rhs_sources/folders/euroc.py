@@ -25,31 +25,31 @@ from ..replay_images import read_color
 from ..replay_mounts import placed_camera
 from ..replay_stamps import Truth, associate, in_order, number_of, read_tum_truth, rows, typed_file
 from ..replay_tum import Recording, inside
-from .intrinsics import read_yaml
+from .intrinsics import camera_of_names, read_yaml
 from .views import Listed, led, moved
 
 TRUTHS = ("state_groundtruth_estimate0", "vicon0", "mocap0")  # the best first; the last is TUM VI's
 log = logging.getLogger("rhs.replay")
-LENSES = ("radial-tangential", "radtan", "none", "")
+CAMERAS = ("cam0", "cam1")
 
 
 def is_euroc(path: Path) -> bool:
-    return (_mav0(path) / "cam0" / "data.csv").is_file()
+    return any((_mav0(path) / name / "data.csv").is_file() for name in CAMERAS)
 
 
 def open_euroc(path: Path, settings) -> Recording:
-    """The views of cam0 with the readings of the IMU between them. Raises ConfigError naming file and line."""
+    """The views of cam0, or of cam1 where it is alone, with the readings of the IMU between them. Raises ConfigError naming
+    file and line."""
     folder = _mav0(path)
-    stamps, files, rejected = _images(folder / "cam0", settings)
-    sensor = _sensor(folder / "cam0")
-    size = read_color(files[0]).shape[1::-1]
-    recorded = _camera(sensor, folder / "cam0")
-    if settings.camera == "auto" and recorded is None and (folder.parent / "dso" / "camchain.yaml").is_file():
-        raise ConfigError(f"{folder}: found TUM VI's cameras, whose lens (dso/camchain.yaml) is equidistant: undistort the "
-                          "images (cv2.fisheye.undistortImage) and type source.camera=[fx,fy,cx,cy]")
+    name = next(name for name in CAMERAS if (folder / name / "data.csv").is_file())
+    stamps, files, rejected = _images(folder / name, settings)
+    sensor = _sensor(folder / name)
+    height, width = read_color(files[0]).shape[:2]
+    size = (width, height)
+    recorded = _camera(sensor, folder / name, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
     imu = _imu(folder / "imu0" / "data.csv")
-    truth = _truth(folder, sensor, settings)
+    truth = _truth(folder, name, sensor, settings)
     right = _right(folder, stamps, settings) if settings.stereo else {}
     beside: dict[str, np.ndarray] = {}
     if right:
@@ -94,35 +94,35 @@ def _images(folder: Path, settings) -> tuple[np.ndarray, list[Path], Counter]:
 
 
 def _sensor(folder: Path) -> dict[str, Any]:
-    """The values of sensor.yaml; nothing where there is none."""
+    """The values of sensor.yaml, or of this camera in Kalibr's camchain.yaml beside mav0 or in dso (TUM VI); nothing where
+    there is neither."""
+    above = folder.parent.parent
+    chain = next((file for place in (above / "dso", above) for file in sorted(place.glob("*camchain*.yaml"))), None)
     file = folder / "sensor.yaml"
-    if not file.is_file():
+    if not file.is_file() and (chain is None or folder.name not in CAMERAS):
         return {}
     try:
-        plain = read_yaml(file.read_text(encoding="utf-8-sig"))
+        plain = read_yaml((file if file.is_file() or chain is None else chain).read_text(encoding="utf-8-sig"))
+        plain = plain if file.is_file() else plain[folder.name]
         if not isinstance(plain, dict):
             raise ValueError("no names and values")
+        if "T_cam_imu" in plain:
+            plain["T_BS"] = {"data": inverse(np.array(plain["T_cam_imu"], float)).ravel().tolist()}
         return plain
-    except (ValueError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         short = " ".join(str(error).split())[:100]
-        raise ConfigError(f"{file}: cannot be read ({short}); expected EuRoC's sensor.yaml") from None
+        raise ConfigError(f"{file if file.is_file() else chain}: cannot be read ({short}); expected EuRoC's sensor.yaml or "
+                          "Kalibr's camchain.yaml") from None
 
 
-def _camera(sensor: dict[str, Any], folder: Path) -> Camera | None:
+def _camera(sensor: dict[str, Any], folder: Path, size: tuple[int, int]) -> Camera | None:
     if not sensor:
         return None
-    model = str(sensor.get("distortion_model", "")).lower()
-    if model not in LENSES:
-        raise ConfigError(f"{folder}/sensor.yaml: distortion_model is {model}; expected radial-tangential; undistort the "
-                          "images and type source.camera=[fx,fy,cx,cy]")
     try:
-        fx, fy, cx, cy = (float(v) for v in sensor["intrinsics"])
-        width, height = (int(v) for v in sensor["resolution"])
-        lens = tuple(float(v) for v in sensor.get("distortion_coefficients", ()))
+        return camera_of_names(sensor, size)
     except (KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{folder}/sensor.yaml: intrinsics [fu, fv, cu, cv] and resolution [width, height] are not there "
-                          f"({error}); type source.camera=[fx,fy,cx,cy]") from None
-    return Camera(width, height, fx, fy, cx, cy, distortion=(*lens, *[0.0] * 5)[:5] if any(lens) else ())
+        raise ConfigError(f"{folder}/sensor.yaml: {error}; expected intrinsics [fu, fv, cu, cv] and resolution [width, "
+                          "height]; or type source.camera=[fx,fy,cx,cy]") from None
 
 
 def _imu(file: Path) -> np.ndarray | None:
@@ -141,17 +141,21 @@ def _imu(file: Path) -> np.ndarray | None:
     return readings
 
 
-def _truth(folder: Path, sensor: dict[str, Any], settings) -> Truth | None:
-    """True poses of cam0: those of the IMU or of markers (stamp p q_wxyz ...) moved by T_BS, or a typed TUM file of the
-    camera."""
+def _truth(folder: Path, name: str, sensor: dict[str, Any], settings) -> Truth | None:
+    """True poses of a camera (name): those of the IMU or of markers (stamp p q_wxyz ...) moved by T_BS, or a typed TUM file
+    of the camera."""
     if settings.truth:
         return read_tum_truth(typed_file(settings.truth), settings)
-    file = next((file for name in TRUTHS if (file := folder / name / "data.csv").is_file()), None)
+    file = next((file for one in TRUTHS if (file := folder / one / "data.csv").is_file()), None)
     if file is None:
         if (folder / "leica0" / "data.csv").is_file():
             log.warning("%s: leica0 has positions without turns, which are no poses; no error is known", folder)
         return None
-    body_from_camera = _place(sensor, folder, "cam0", "the true poses are not the camera's; type source.truth=FILE of the "
+    if not sensor:
+        log.warning("%s: no %s/sensor.yaml says where the camera sits among the true poses; no error is known; type "
+                    "source.truth=FILE of the camera's", folder, name)
+        return None
+    body_from_camera = _place(sensor, folder, name, "the true poses are not the camera's; type source.truth=FILE of the "
                               "camera's")
     tracked = _sensor(file.parent)
     if "T_BS" in tracked:  # of markers, which are not on the IMU
@@ -175,7 +179,7 @@ def _truth(folder: Path, sensor: dict[str, Any], settings) -> Truth | None:
 def _second(folder: Path, sensor: dict[str, Any], camera: Camera) -> Camera:
     """cam1, beside cam0 where both sensor.yaml put it."""
     other = _sensor(folder / "cam1")
-    recorded = _camera(other, folder / "cam1")
+    recorded = _camera(other, folder / "cam1", (camera.width, camera.height))
     if recorded is None:
         raise ConfigError(f"{folder}/cam1: no sensor.yaml, which says which camera it is; leave out "
                           "source.stereo, sensor=stereo")
@@ -195,8 +199,8 @@ def _place(sensor: dict[str, Any], folder: Path, name: str, without: str) -> np.
 
 def _right(folder: Path, stamps: np.ndarray, settings) -> dict[int, Path]:
     """View -> file of cam1 within source.max_difference_s."""
-    if not (folder / "cam1" / "data.csv").is_file():
-        raise ConfigError(f"source.stereo=true: {folder} holds no cam1; leave it out")
+    if missing := next((name for name in CAMERAS if not (folder / name / "data.csv").is_file()), ""):
+        raise ConfigError(f"source.stereo=true: {folder} holds no {missing}; leave it out")
     times, files, _ = _images(folder / "cam1", settings)
     pairs = {i: files[j] for i, j in associate(stamps, times, settings.max_difference_s)}
     if not pairs:

@@ -17,7 +17,18 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
 from ..replay_cameras import chosen_camera
-from ..replay_images import UnreadableImage, check_depth, check_pair, hint_scale, read_color, read_depth, resized, shrunk
+from ..replay_images import (
+    UnreadableImage,
+    check_depth,
+    check_pair,
+    has_mosaic,
+    hint_scale,
+    read_color,
+    read_depth,
+    resized,
+    shrunk,
+    without_mosaic,
+)
 from ..replay_mounts import placed_camera
 from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
@@ -105,6 +116,9 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     files = [(colors[i][1], depth) for i, depth in chosen]
     scale = settings.depth_scale or depth_scale_beside(path) or DEPTH_SCALE
     first = read_color(files[0][0])
+    mosaic = has_mosaic(first)
+    if mosaic:
+        log.warning("%s: its images are the raw mosaic of a Bayer filter; they are smoothed into grey ones", path.name)
     size = (first.shape[1], first.shape[0])
     recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(path)), settings)
@@ -118,7 +132,7 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
         camera = resized(camera, smaller)
 
     def read(i: int, before: int | None) -> dict:
-        image = read_color(files[i][0])
+        image = without_mosaic(read_color(files[i][0])) if mosaic else read_color(files[i][0])
         if image.shape[:2] != first.shape[:2]:
             raise UnreadableImage(f"{files[i][0]}: found {image.shape[1]}x{image.shape[0]} pixels; expected "
                                   f"{size[0]}x{size[1]} as in the first view")

@@ -2,13 +2,16 @@
 
 JSON: Open3D's (`intrinsic_matrix`, nine numbers column by column), or fx, fy, cx, cy by name. YAML: what ROS's
 camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line;
-BundleFusion's info.txt. Replica's cam_params.json, one folder up, also says the scale of depth. Stray Scanner's
-camera_matrix.csv, Nerfstudio's transforms.json, Polycam's cameras/NUMBER.json of each view, of which the first is taken.
+BundleFusion's info.txt; DSO's camera.txt. YAML too of Kalibr (camchain.yaml: its first camera), EuRoC, OpenCV's
+calibration, ORB-SLAM (Camera.fx) and VINS (projection_parameters). Replica's cam_params.json, one folder up, also says the
+scale of depth. Stray Scanner's camera_matrix.csv, Nerfstudio's transforms.json, Polycam's cameras/NUMBER.json of each view,
+of which the first is taken.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +20,16 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera
 
+from ..lens_models import MODELS, with_lens
+
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
          "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "_info.txt", "cam_params.json",
-         "camera_matrix.csv", "transforms.json")
+         "camera_matrix.csv", "transforms.json", "*camchain*.yaml")
 ABOVE = ("cam_params.json",)  # and one folder up
 MOST_BYTES = 20_000_000  # transforms.json holds a pose of each view
 MOST_SCALE = 1e6
-LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "pinhole", "simple_pinhole",
-          "opencv", "none", "")
+PINHOLES = ("pinhole", "simple_pinhole")  # models of cameras that say nothing of a lens
+LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "opencv", "none", "")
 HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 
 
@@ -56,23 +61,25 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
     try:
         text = path.read_text(encoding="utf-8-sig")
         if "m_calibrationColorIntrinsic" in text:
-            return _of_bundle_fusion(text, size, path)
+            return _of_bundle_fusion(text, size)
+        if path.suffix == ".txt" and (camera := _of_dso(text)) is not None:
+            return camera
         if path.suffix in (".txt", ".csv"):
-            return _camera(_of_text(text), (), size, path)
+            return _camera(_of_text(text), (), size)
         plain = json.loads(text) if path.suffix == ".json" else read_yaml(text)
         if not isinstance(plain, dict):
             raise ValueError(f"found a {type(plain).__name__}, expected names and values")
-        return _of_names(plain.get("camera", plain), size, path)
-    except (ValueError, TypeError, KeyError, UnicodeDecodeError, RecursionError) as error:  # json's and yaml's, too
+        return camera_of_names(plain.get("camera") or plain.get("cam0") or plain, size)
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # json's, yaml's, of no text, too
         short = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
         raise ConfigError(f"{path}: cannot be read as a camera's intrinsics ({short}); {HOWTO}") from None
 
 
 def read_yaml(text: str) -> Any:
-    """Plain values of a YAML text; OpenCV's first line `%YAML:1.0` is no YAML and left out. Raises ValueError."""
+    """Plain values of a YAML text; OpenCV's first line `%YAML:1.0` and its tags are none and left out. Raises ValueError."""
     import yaml
 
-    lines = [line for line in text.splitlines() if not line.startswith("%")]
+    lines = [line.replace("!!opencv-matrix", "") for line in text.splitlines() if not line.startswith("%")]
     try:
         return yaml.safe_load("\n".join(lines))
     except yaml.YAMLError as error:
@@ -94,47 +101,79 @@ def _of_text(text: str) -> list[float]:
     return [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
 
 
-def _of_bundle_fusion(text: str, size: tuple[int, int], path: Path) -> Camera:
+def _of_bundle_fusion(text: str, size: tuple[int, int]) -> Camera:
     """Lines `name = values`, of the colour camera, to whose pixels depth is registered."""
     named = dict(line.split(" = ", 1) for line in text.splitlines() if " = " in line)
     matrix = [float(word) for word in named["m_calibrationColorIntrinsic"].split()]
     if len(matrix) != 16:
         raise ValueError(f"m_calibrationColorIntrinsic has {len(matrix)} numbers, expected 16")
     said = (int(named.get("m_colorWidth", size[0])), int(named.get("m_colorHeight", size[1])))
-    return _camera([matrix[0], matrix[5], matrix[2], matrix[6]], (), said, path)
+    return _camera([matrix[0], matrix[5], matrix[2], matrix[6]], (), said)
 
 
-def _of_names(plain: dict[str, Any], size: tuple[int, int], path: Path) -> Camera:
-    model = str(plain.get("distortion_model", plain.get("camera_model", ""))).lower()
-    if model not in LENSES:
-        raise ValueError(f"distortion_model is {model}, expected plumb_bob")
-    width = plain.get("width") or plain.get("image_width") or plain.get("w") or size[0]
-    height = plain.get("height") or plain.get("image_height") or plain.get("h") or size[1]
+def _of_dso(text: str) -> Camera | None:
+    """Model and numbers, width and height, two lines more (DSO's readme): five numbers alone are those of FOV, eight of
+    radtan, all of them shares of the image where its middle is below 1. None of a file of another form."""
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    if len(lines) < 2 or len(lines[1]) != 2 or not all(word.isdigit() for word in lines[1]):
+        return None
+    named = lines[0][0].isalpha()
+    numbers = [float(word) for word in lines[0][named:]]
+    model = lines[0][0].lower() if named else {5: "fov", 8: "radtan"}.get(len(numbers), "")
+    if len(numbers) < 4 or not model:
+        return None
+    width, height = (int(word) for word in lines[1])
+    fx, fy, cx, cy, *lens = numbers
+    if cx < 1.0 and cy < 1.0:
+        fx, fy, cx, cy = fx * width, fy * height, cx * width - 0.5, cy * height - 0.5
+    names = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion_model": model, "distortion": lens}
+    return camera_of_names(names, (width, height))
+
+
+def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:
+    """The camera of names and values as these programs write them. Raises ValueError."""
+    plain = {re.sub(r"^camera1?\.", "", str(key).lower()): value for key, value in given.items()}
+    plain["lens"] = given.get("Camera.type", "")  # of ORB-SLAM3
+    for key in ("projection_parameters", "distortion_parameters"):  # VINS
+        plain |= plain.get(key) or {}
+    told = (plain.get(key) or "" for key in ("distortion_model", "camera_model", "model_type", "lens"))
+    model = next((str(name).lower() for name in told if name and str(name).lower() not in PINHOLES), "")
+    if model not in (*LENSES, *MODELS):
+        raise ValueError(f"distortion_model is {model}, expected plumb_bob, equidistant or FOV")
+    width, height = (plain.get(f"image_{key}") or plain.get(key) or plain.get(key[0]) for key in ("width", "height"))
+    width, height = plain.get("resolution", (width or size[0], height or size[1]))
     said = (int(width), int(height))
     if "intrinsic_matrix" in plain:
         flat = np.array(plain["intrinsic_matrix"], float)
         matrix = flat.reshape(3, 3).T if flat.ndim == 1 else flat  # nine numbers: column by column
     elif "camera_matrix" in plain:
-        given = plain["camera_matrix"]
-        matrix = np.array(given["data"] if isinstance(given, dict) else given, float).reshape(3, 3)
+        matrix = np.array(_data(plain["camera_matrix"]), float).reshape(3, 3)
     else:
+        if "intrinsics" in plain:
+            plain |= dict(zip(("fx", "fy", "cx", "cy"), plain["intrinsics"], strict=True))
         others = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
         keys = [k if k in plain or other not in plain else other for k, other in others]
         missing = [key for key in keys if key not in plain]
         if missing:
-            raise ValueError(f"found {', '.join(map(str, list(plain)[:5]))}; expected fx, fy, cx, cy or intrinsic_matrix")
-        return _camera([float(plain[key]) for key in keys], _lens(plain), said, path)
-    return _camera([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]], _lens(plain), said, path)
+            raise ValueError(f"found {', '.join(map(str, list(given)[:5]))}; expected fx, fy, cx, cy or intrinsic_matrix")
+        matrix = np.array([[plain[keys[0]], 0.0, plain[keys[2]]], [0.0, plain[keys[1]], plain[keys[3]]]], float)
+    lens = _lens(plain, ("k1", "k2", "k3", "k4") if model in MODELS else ("k1", "k2", "p1", "p2", "k3"))
+    values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+    return with_lens(_camera(values, (), said), model, lens) if model in MODELS else _camera(values, lens, said)
 
 
-def _lens(plain: dict[str, Any]) -> list[float]:
-    given = plain.get("distortion_coefficients", plain.get("distortion", plain.get("coeffs")))
-    if given is None:
-        return [float(plain.get(key, 0.0)) for key in ("k1", "k2", "p1", "p2", "k3")]
-    return [float(v) for v in np.ravel(given["data"] if isinstance(given, dict) else given)]
+def _data(given: Any) -> Any:
+    """The numbers of a matrix: as they are, or what is called `data`."""
+    return given["data"] if isinstance(given, dict) else given
 
 
-def _camera(values, lens, size: tuple[int, int], path: Path) -> Camera:
+def _lens(plain: dict[str, Any], names: tuple[str, ...]) -> list[float]:
+    given = (plain.get(key) for key in ("distortion_coefficients", "distortion", "coeffs", "distortion_coeffs"))
+    listed = next((one for one in given if one is not None), None)
+    return [float(v) for v in np.ravel([plain.get(key, 0.0) for key in names] if listed is None else _data(listed))]
+
+
+def _camera(values, lens, size: tuple[int, int]) -> Camera:
     fx, fy, cx, cy, *more = (float(v) for v in values)
     lens = tuple(lens) or tuple(more)
     numbers = [fx, fy, cx, cy, *lens]
