@@ -20,10 +20,11 @@ from .settings import MatchSettings, ScanLoopSettings
 
 
 def scan_edges(
-    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: ScanLoopSettings, *, every_m: float = 1.0
+    views: Sequence[View], poses: np.ndarray, way_m: np.ndarray, settings: ScanLoopSettings, *, every_m: float = 1.0,
+    any_way: bool = False,
 ) -> list[LoopEdge]:
-    """Edges between views (at the believed poses (N, 4, 4), way_m (N,)) that stand close and look the other way. every_m:
-    metres of way between two tries."""
+    """Edges between views (at the believed poses (N, 4, 4), way_m (N,)) that stand close and look the other way; any_way: or
+    anywhere, as where no camera recognises anything. every_m: metres of way between two tries."""
     states = np.array([planar(pose) for pose in poses]).reshape(-1, 3)
     walls = _Walls(views, poses, settings.match)
     out, tried_m = [], -np.inf
@@ -31,7 +32,7 @@ def scan_edges(
         if view.scan is None or way_m[later] < tried_m + every_m:
             continue
         gap = np.hypot(*(states[:, :2] - states[later, :2]).T)
-        turned = np.abs(wrap(states[:, 2] - states[later, 2])) > np.radians(settings.turned_deg)
+        turned = np.abs(wrap(states[:, 2] - states[later, 2])) > (0.0 if any_way else np.radians(settings.turned_deg))
         possible = turned & (gap < settings.within_m) & (way_m < way_m[later] - settings.min_way_m)
         if not possible.any():
             continue
