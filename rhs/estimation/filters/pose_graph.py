@@ -117,7 +117,8 @@ def marginals(
         found += np.outer(tied[at], tied[at]) / (own - column[6:] @ tied)
     each = np.arange(len(rows))
     out: np.ndarray = found.reshape(len(rows), 6, len(rows), 6)[each, :, each]
-    return 0.5 * (out + np.swapaxes(out, 1, 2))
+    out = 0.5 * (out + np.swapaxes(out, 1, 2))
+    return out
 
 
 def chain(poses: np.ndarray, covariances: np.ndarray) -> Edges:
