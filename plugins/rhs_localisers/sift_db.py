@@ -149,7 +149,7 @@ class PlaceLocaliser:
                 self._hides(observation.scan, best) or self._watching.on_walls(expected)):
             # the odometry saw past who stands there, or saw what few key-points did not show
             seen = Continuity.UNKNOWN if seen is Continuity.BROKEN else Continuity.GOES_ON
-        tracking = best is not None and self._status(best.weight).on_map
+        tracking = best is not None and self._status(best).on_map
         self._confirmation.travel(motion.previous_from_body, seen)
         self._contradiction.move(motion.previous_from_body)
         if tracking:
@@ -173,7 +173,7 @@ class PlaceLocaliser:
         if self._round is None:
             return
         self._unhidden += 1
-        if best is not None and self._status(best.weight).on_map:
+        if best is not None and self._status(best).on_map:
             self._unhidden = 0 if self._hides(scan, best) else self._unhidden
             self._round.begin()
             return
@@ -291,14 +291,18 @@ class PlaceLocaliser:
         covariance = best.covariance + self._of_map + self._spread.covariance
         probability = best.weight * chance_right(covariance) * standing
         details["guesses"] = float(len(self._state.guesses))
-        return Belief(best.map_from_body, covariance, self._status(best.weight), probability, details)
+        return Belief(best.map_from_body, covariance, self._status(best), probability, details)
 
-    def _status(self, weight: float) -> BeliefStatus:
+    def _status(self, best: Hypothesis) -> BeliefStatus:
         named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held
-        if weight >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
-            straight = chance_right(self._spread.covariance) >= self._settings.tracking_above
-            return BeliefStatus.TRACKING if straight else BeliefStatus.DEGRADED
-        return BeliefStatus.CONVERGING if weight >= self._settings.lost_below else BeliefStatus.LOST
+        if best.weight >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
+            return BeliefStatus.DEGRADED if self._bent(best) else BeliefStatus.TRACKING
+        return BeliefStatus.CONVERGING if best.weight >= self._settings.lost_below else BeliefStatus.LOST
+
+    def _bent(self, best: Hypothesis) -> bool:
+        """Whether the map is so unsure that the guess, right on it, may lie elsewhere in the building."""
+        of_map = self._spread.covariance
+        return bool(of_map.any()) and chance_right(best.covariance + of_map) < self._settings.tracking_above
 
 
 def told_bits(covariance: np.ndarray, fix: np.ndarray) -> float:

@@ -107,7 +107,10 @@ class PoseGraphCloser:
         details = {"closures": float(accepted), "closures_by_scan": float(by_scan),
                    "closures_refused": float(len(last.edges) - accepted), "pairs_checked": float(checked),
                    **_of_walls(last)}  # fmt: skip
-        unsure = None if solid or len(views) < 2 else self._spread(last, between)
+        unsure = None
+        if not solid and len(views) > 1:
+            honest = _motion_covariances(views, way_m, self._settings, self._advanced.motion_share)
+            unsure = self._spread(last, replace(between, covariances=honest))
         return Closure(last.poses, tuple(last.edges), details, unsure)
 
     def _borne_out(self, edges: Sequence[LoopEdge], poses: np.ndarray) -> bool:
@@ -247,8 +250,7 @@ class PoseGraphCloser:
         out = np.full((len(solved.poses), 6, 6), np.nan)
         out[0] = EXACT * np.eye(6)
         loops = [edge for edge in solved.edges if edge.accepted]
-        between = replace(between, walls=solved.walls, covariances=between.covariances)
-        graph = self._graph(loops, solved.poses, between, self._advanced.spread_poses)
+        graph = self._graph(loops, solved.poses, replace(between, walls=solved.walls), self._advanced.spread_poses)
         rows = graph.keys.rows
         at = np.searchsorted(rows, key_rows(len(solved.poses), self._advanced.spread_poses)[1:])
         scale = None if graph.scale is None else replace(graph.scale, share=solved.share)
@@ -265,12 +267,12 @@ class PoseGraphCloser:
         return replace(held, covariances=held.covariances * alike[:, None, None])
 
 
-def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph) -> np.ndarray:
-    """(N - 1, 6, 6) of the motions between the views, widened by the drift the settings expect."""
+def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph, share: float = 1.0) -> np.ndarray:
+    """(N - 1, 6, 6) of the motions between the views, this share of them, widened by the drift the settings expect."""
     step_m = np.diff(way_m)
     turn = np.empty((len(step_m), 6, 6))
     for covariance, view in zip(turn, islice(views, 1, None), strict=True):
-        covariance[...] = view.motion.covariance
+        covariance[...] = share * view.motion.covariance
     drift_m = settings.drift_m_per_m * step_m + 1e-3
     drift_rad = settings.drift_rad_per_m * step_m + 1e-3
     turn[:, range(3), range(3)] += (drift_m**2)[:, None]
