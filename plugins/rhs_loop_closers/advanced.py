@@ -104,9 +104,9 @@ class PoseGraphAdvanced(ClosingAdvanced):
     spread_poses: int = 30
     """at so many poses, evenly spaced, it is said how unsure the solved graph is of them,"""
     motion_share: float = 0.3
-    """of the variance that motions state counting this share: the errors of neighbouring ones partly take each other away. In
-    eight surveys of plain buildings the squared error of the poses by the stated variance was 0.40 in the mean, at most 0.70
-    (1 is honest); with 1 it was 0.21, with 0.15 up to 1.1"""
+    """counting this share of the variance that motions state: the errors of neighbouring ones partly take each other away.
+    In eight surveys of plain buildings the squared error of the poses by the stated variance was 0.40 in the mean, at most
+    0.70 (1 is honest); with 1 it was 0.21, with 0.15 up to 1.1"""
     drift: DriftBounds = field(default_factory=DriftBounds)
     scan_loops: ScanLoopSettings = field(default_factory=ScanLoopSettings)
     walls: WallSettings = field(default_factory=WallSettings)
