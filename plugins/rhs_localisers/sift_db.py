@@ -88,8 +88,7 @@ class PlaceLocaliser:
         if pictured:
             self._of_fix = flat(a.pictured_sigma_m**2, a.pictured_sigma_rad**2)
             self._of_map = self._of_fix + left_on_loop(views[-1].covariance, a.pictured_share)
-        else:
-            self._spread = MapSpread(views)
+        self._spread = MapSpread(() if pictured else views)
         self._fix = self._of_fix + flat(a.places.place_sigma_m**2, np.radians(a.places.place_sigma_deg) ** 2)
         self._grid = None if grid is None else at_eye_level(grid)
         self._walls = ScanMatcher(grid, a.pictured if pictured else a.match) if grid is not None else None
