@@ -25,6 +25,7 @@ from itertools import islice
 
 import numpy as np
 
+from rhs.api.belief import RIGHT_M
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, log_so3
 from rhs.api.records import Closure, LoopEdge, View
@@ -156,8 +157,9 @@ class PoseGraphCloser:
         if self._settings.scan_every_m <= 0 or len(views) < 2:
             return solved
         by_camera = any(edge.accepted for edge in solved.edges)
+        unsure_m = float(np.sqrt(np.trace(views[-1].covariance[:2, :2])))
         found = scan_edges(views, solved.poses, way_m, self._advanced.scan_loops, every_m=self._settings.scan_every_m,
-                           any_way=not by_camera)
+                           any_way=not by_camera and unsure_m > RIGHT_M)
         more = self._judged(found, solved.poses, way_m)
         if not any(edge.accepted for edge in more):
             return replace(solved, edges=solved.edges + more)
