@@ -77,7 +77,7 @@ def lap():
 
 def test_without_any_loop_walls_take_out_drift_and_find_that_metres_are_too_short(lap):
     truth, views = lap
-    closure = _closed(views, scan_every_m=0.0)  # the lap ends where it began, by which its walls would be laid on one another
+    closure = _closed(views, scan_every_m=0.0)  # nor walls laid on walls: the lap ends where it began
     before = _ate_m([view.map_from_body for view in views], truth)
     assert before > 0.3
     assert _ate_m(closure.poses, truth) < 0.15 * before
