@@ -45,6 +45,7 @@ from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
 from .confirmation import Confirmation, Contradiction, fits, hidden, possible
 from .continuity_watch import ContinuityWatch
+from .map_spread import MapSpread
 from .panorama import LookRound
 from .scan_guess import drifted, laid_on_map
 from .sift_db_config import SiftDb
@@ -67,6 +68,7 @@ class PlaceLocaliser:
         self._steps, self._last_asked = 0, 0
         self._of_fix = np.zeros((6, 6))  # what a place lifted on pictures errs by besides what its key-points say ...
         self._of_map = np.zeros((6, 6))  # ... and covariance of a map drawn by one camera, which no fix in it takes away
+        self._spread = MapSpread()  # the same of any other map, where its loop closer says so
         self._round: LookRound | None = None  # walls seen all round, by a robot that doubts ...
         self._unhidden = 0  # ... and views since somebody or something stood before them
         self._contradicted = False
@@ -86,6 +88,7 @@ class PlaceLocaliser:
         if pictured:
             self._of_fix = flat(a.pictured_sigma_m**2, a.pictured_sigma_rad**2)
             self._of_map = self._of_fix + left_on_loop(views[-1].covariance, a.pictured_share)
+        self._spread = MapSpread(() if pictured else views)
         self._fix = self._of_fix + flat(a.places.place_sigma_m**2, np.radians(a.places.place_sigma_deg) ** 2)
         self._grid = None if grid is None else at_eye_level(grid)
         self._walls = ScanMatcher(grid, a.pictured if pictured else a.match) if grid is not None else None
@@ -104,6 +107,7 @@ class PlaceLocaliser:
             self._round.begin()
         self._contradiction = Contradiction(self._advanced.confirmation)
         self._confirmation = Confirmation(belief is not None and belief.probability > 0.9, self._advanced.confirmation)
+        self._spread.begin(None if belief is None else belief.map_from_body)
         if belief is None:
             self._state = begin(None, None)
         else:
@@ -116,6 +120,8 @@ class PlaceLocaliser:
         noise = drifted(motion.covariance, motion.previous_from_body, s.drift_m_per_m, s.drift_rad_per_m,
                         s.advanced.steady_m)
         self._state = predict(self._state, motion.previous_from_body, noise, self._trust)
+        predicted = self._state.best
+        self._spread.move(motion.previous_from_body)
         self._watch(observation, motion, noise)
         details: dict[str, float] = {}
         scan = observation.scan if observation.scan is not None else motion.scan
@@ -130,7 +136,7 @@ class PlaceLocaliser:
         self._steps += 1
         if not self._spares() or not self._watching.overlaps(observation.camera, motion.previous_from_body):
             foretell(self._context.features, observation.index + 1)
-        return self._belief(details)
+        return self._belief(predicted, details)
 
     def _watch(self, observation: Observation, motion: Motion, noise: np.ndarray) -> None:
         """Does this view go on from the last one? If not, the robot may have been carried anywhere; until a view goes on
@@ -142,7 +148,7 @@ class PlaceLocaliser:
                 self._hides(observation.scan, best) or self._watching.on_walls(expected)):
             # the odometry saw past who stands there, or saw what few key-points did not show
             seen = Continuity.UNKNOWN if seen is Continuity.BROKEN else Continuity.GOES_ON
-        tracking = best is not None and self._status(best.weight) is BeliefStatus.TRACKING
+        tracking = best is not None and self._status(best).on_map
         self._confirmation.travel(motion.previous_from_body, seen)
         self._contradiction.move(motion.previous_from_body)
         if tracking:
@@ -166,7 +172,7 @@ class PlaceLocaliser:
         if self._round is None:
             return
         self._unhidden += 1
-        if best is not None and self._status(best.weight) is BeliefStatus.TRACKING:
+        if best is not None and self._status(best).on_map:
             self._unhidden = 0 if self._hides(scan, best) else self._unhidden
             self._round.begin()
             return
@@ -273,22 +279,29 @@ class PlaceLocaliser:
         return best is not None and hidden(
             scan, self._grid, planar(best.map_from_body), self._advanced.confirmation)
 
-    def _belief(self, details: dict[str, float]) -> Belief:
+    def _belief(self, predicted: Hypothesis | None, details: dict[str, float]) -> Belief:
+        """predicted: the best guess before this view was looked at."""
         best = self._state.best
+        self._spread.follow(predicted, best)
         if best is None:
             return Belief(self._last, NOWHERE, BeliefStatus.LOST, 0.0, details)
         self._last = best.map_from_body
         standing = self._contradiction.chance(held=self._confirmation.held) * self._confirmation.chance
-        covariance = best.covariance + self._of_map
+        covariance = best.covariance + self._of_map + self._spread.covariance
         probability = best.weight * chance_right(covariance) * standing
         details["guesses"] = float(len(self._state.guesses))
-        return Belief(best.map_from_body, covariance, self._status(best.weight), probability, details)
+        return Belief(best.map_from_body, covariance, self._status(best), probability, details)
 
-    def _status(self, weight: float) -> BeliefStatus:
+    def _status(self, best: Hypothesis) -> BeliefStatus:
         named_elsewhere = self._contradiction.pending >= 2 and not self._confirmation.held
-        if weight >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
-            return BeliefStatus.TRACKING
-        return BeliefStatus.CONVERGING if weight >= self._settings.lost_below else BeliefStatus.LOST
+        if best.weight >= self._settings.tracking_above and self._confirmation.confirmed and not named_elsewhere:
+            return BeliefStatus.DEGRADED if self._bent(best) else BeliefStatus.TRACKING
+        return BeliefStatus.CONVERGING if best.weight >= self._settings.lost_below else BeliefStatus.LOST
+
+    def _bent(self, best: Hypothesis) -> bool:
+        """Whether the map is so unsure that the guess, right on it, may lie elsewhere in the building."""
+        of_map = self._spread.covariance
+        return bool(of_map.any()) and chance_right(best.covariance + of_map) < self._settings.tracking_above
 
 
 def told_bits(covariance: np.ndarray, fix: np.ndarray) -> float:

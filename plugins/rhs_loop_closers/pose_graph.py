@@ -30,7 +30,7 @@ from rhs.api.geometry import inverse, log_so3
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.key_poses import KeyPoses, key_rows
-from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, joined, log_poses, optimise
+from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, joined, log_poses, marginals, optimise
 from rhs.estimation.scans.scan_loops import scan_edges
 from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported, surprise
 from rhs.estimation.views.loops import closing_gap, edge_between, in_a_hand, poses_of, travelled_m
@@ -42,6 +42,7 @@ from .pose_graph_config import PoseGraph
 from .walls import WallGraph, crooked, followed, wall_graph
 
 ANYWHERE = 1e3  # metres and radians: says nothing
+EXACT = 1e-9  # square metres and square radians: where the map begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,18 @@ class Solved:
     poses: np.ndarray
     walls: WallGraph | None
     share: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """keys: the poses that are nodes. nodes (K + W, 4, 4): they, then the walls. edges: `of_odometry` of the odometry, then
+    the loops, then sightings of walls. scale: what the odometry's metres are too short by is solved for."""
+
+    keys: KeyPoses
+    nodes: np.ndarray
+    edges: Edges
+    of_odometry: int
+    scale: CommonScale | None
 
 
 class PoseGraphCloser:
@@ -94,7 +107,11 @@ class PoseGraphCloser:
         details = {"closures": float(accepted), "closures_by_scan": float(by_scan),
                    "closures_refused": float(len(last.edges) - accepted), "pairs_checked": float(checked),
                    **_of_walls(last)}  # fmt: skip
-        return Closure(last.poses, tuple(last.edges), details)
+        unsure = None
+        if not solid and len(views) > 1:
+            honest = _motion_covariances(views, way_m, self._settings, self._advanced.motion_share)
+            unsure = self._spread(last, replace(between, covariances=honest))
+        return Closure(last.poses, tuple(last.edges), details, unsure)
 
     def _borne_out(self, edges: Sequence[LoopEdge], poses: np.ndarray) -> bool:
         """Whether a camera in a hand came back to where its loops are by what it believes, as far as they can tell: half of
@@ -201,24 +218,42 @@ class PoseGraphCloser:
     def _optimised(self, loops: list[LoopEdge], poses: np.ndarray, between: Between) -> Solution:
         """The poses (N, 4, 4) that odometry, loops and walls agree on, solved from `poses` on; squared residuals of the
         loops, then of the walls."""
+        graph = self._graph(loops, poses, between, self._advanced.most_poses)
+        effort = self._advanced.effort if between.walls is not None else None
+        solution = optimise(graph.nodes, graph.edges, kernel=self._settings.kernel_sigma, scale=graph.scale, effort=effort)
+        solved = solution.poses[: len(graph.keys.rows)]
+        return replace(solution, poses=graph.keys.filled(solved, solution.share), chi2=solution.chi2[graph.of_odometry:])
+
+    def _graph(self, loops: list[LoopEdge], poses: np.ndarray, between: Between, most: int) -> Graph:
+        """The graph of at most so many evenly spaced poses (N, 4, 4), and of those that loops and walls hold."""
         walls, held = between.walls, self._held(loops, between.believed)
-        rows = key_rows(len(poses), self._advanced.most_poses, held.from_at, held.to_at,
+        rows = key_rows(len(poses), most, held.from_at, held.to_at,
                         np.empty(0, int) if walls is None else walls.edges.from_at)
         keys = KeyPoses(between.believed, between.covariances, rows)
         odometry = keys.chain()
         if between.level:
             odometry = joined(odometry, level_edges(between.believed[rows], self._advanced, share=len(rows) / len(poses)))
-        graph = joined(odometry, replace(held, from_at=np.searchsorted(rows, held.from_at),
+        edges = joined(odometry, replace(held, from_at=np.searchsorted(rows, held.from_at),
                                          to_at=np.searchsorted(rows, held.to_at)))
-        nodes, scale, effort = poses[rows], None, None
+        nodes, scale = poses[rows], None
         if walls is not None:
-            graph = joined(graph, replace(walls.edges, from_at=np.searchsorted(rows, walls.edges.from_at),
+            edges = joined(edges, replace(walls.edges, from_at=np.searchsorted(rows, walls.edges.from_at),
                                           to_at=len(rows) + walls.wall_of))
-            nodes, effort = np.concatenate([nodes, walls.nodes(poses)]), self._advanced.effort
-            scale = CommonScale(np.arange(len(graph)) < len(odometry), self._settings.scale_sigma)
-        solution = optimise(nodes, graph, kernel=self._settings.kernel_sigma, scale=scale, effort=effort)
-        return replace(solution, poses=keys.filled(solution.poses[: len(rows)], solution.share),
-                       chi2=solution.chi2[len(odometry):])
+            nodes = np.concatenate([nodes, walls.nodes(poses)])
+            scale = CommonScale(np.arange(len(edges)) < len(odometry), self._settings.scale_sigma)
+        return Graph(keys, nodes, edges, len(odometry), scale)
+
+    def _spread(self, solved: Solved, between: Between) -> np.ndarray:
+        """(N, 6, 6) covariances of the solved poses against the first, at every so many views; NaN at the others."""
+        out = np.full((len(solved.poses), 6, 6), np.nan)
+        out[0] = EXACT * np.eye(6)
+        loops = [edge for edge in solved.edges if edge.accepted]
+        graph = self._graph(loops, solved.poses, replace(between, walls=solved.walls), self._advanced.spread_poses)
+        rows = graph.keys.rows
+        at = np.searchsorted(rows, key_rows(len(solved.poses), self._advanced.spread_poses)[1:])
+        scale = None if graph.scale is None else replace(graph.scale, share=solved.share)
+        out[rows[at]] = marginals(graph.nodes, graph.edges, at, kernel=self._settings.kernel_sigma, scale=scale)
+        return out
 
     def _held(self, loops: list[LoopEdge], poses: np.ndarray) -> Edges:
         """The loops as edges of the graph. Where depths are read off pictures, loops of the same two stretches of the way
@@ -230,12 +265,12 @@ class PoseGraphCloser:
         return replace(held, covariances=held.covariances * alike[:, None, None])
 
 
-def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph) -> np.ndarray:
-    """(N - 1, 6, 6) of the motions between the views, widened by the drift the settings expect."""
+def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: PoseGraph, share: float = 1.0) -> np.ndarray:
+    """(N - 1, 6, 6) of the motions between the views, this share of them, widened by the drift the settings expect."""
     step_m = np.diff(way_m)
     turn = np.empty((len(step_m), 6, 6))
     for covariance, view in zip(turn, islice(views, 1, None), strict=True):
-        covariance[...] = view.motion.covariance
+        covariance[...] = share * view.motion.covariance
     drift_m = settings.drift_m_per_m * step_m + 1e-3
     drift_rad = settings.drift_rad_per_m * step_m + 1e-3
     turn[:, range(3), range(3)] += (drift_m**2)[:, None]

@@ -245,7 +245,8 @@ class Wall:
 class View:
     """One step of a survey as the loop closer, the mapper and the localiser get it afterwards.
 
-    features is None for views that were not stored as places."""
+    features is None for views that were not stored as places. of_map: (6, 6) of map_from_body against the first view's
+    (right perturbation), all loops heard: how unsure the map is there, where the loop closer says so."""
 
     index: int
     stamp_s: float
@@ -256,6 +257,7 @@ class View:
     scan: Scan | None
     features: Features | None
     obstacle: Scan | None = None
+    of_map: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,11 +289,15 @@ class LoopEdge:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """Corrected poses (N, 4, 4) of all views of a survey, and the loops they rest on."""
+    """Corrected poses (N, 4, 4) of all views of a survey, and the loops they rest on.
+
+    covariances: (N, 6, 6) of the poses against the first (right perturbations), NaN for views of which it is not said; None:
+    of none."""
 
     poses: np.ndarray
     edges: tuple[LoopEdge, ...] = ()
     details: Mapping[str, float] = field(default_factory=dict)
+    covariances: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

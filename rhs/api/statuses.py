@@ -21,10 +21,17 @@ class BeliefStatus(StrEnum):
 
     TRACKING = "tracking"
     """a place: the robot is sure of it"""
+    DEGRADED = "degraded"
+    """a place on the map, by which it drives; but the map is so unsure that this may lie elsewhere in the building"""
     CONVERGING = "converging"
     """a hope: likely, not yet confirmed"""
     LOST = "lost"
     """anywhere"""
+
+    @property
+    def on_map(self) -> bool:
+        """Whether the robot knows its place on its own map, whatever that map is worth: it can plan and drive by it."""
+        return self in (BeliefStatus.TRACKING, BeliefStatus.DEGRADED)
 
 
 class PlanReason(StrEnum):

@@ -197,7 +197,17 @@ def check_closure(closure: Closure, views: Sequence[View], *, who: str, reach_m:
         _text(edge.reason, who, "edges.reason")
         check_pose(edge.earlier_from_later, who=who, field="earlier_from_later", reach_m=reach_m)
     _details(closure.details, who)
-    return replace(closure, poses=poses, edges=tuple(closure.edges))
+    return replace(closure, poses=poses, edges=tuple(closure.edges), covariances=_spread_of(closure, len(views), who))
+
+
+def _spread_of(closure: Closure, count: int, who: str) -> np.ndarray | None:
+    """The covariances of a closure's poses: of each view, or NaN in all entries of those of which nothing is said."""
+    if closure.covariances is None:
+        return None
+    covariances = _array(closure.covariances, who, "covariances", (count, 6, 6), finite=False)
+    for covariance in covariances[~np.isnan(covariances).all(axis=(1, 2))]:
+        check_covariance(covariance, who=who)
+    return covariances
 
 
 def check_revision(revision: Revision, count: int, *, who: str, reach_m: float = FAR_M) -> Revision:

@@ -157,7 +157,12 @@ def close(views: Sequence[View], loop_closer: LoopCloser, *, who: str = "loop_cl
           reach_m: float = FAR_M) -> tuple[Sequence[View], Closure]:
     """The views moved to the poses the loop closer found. who: the loop closer as typed, for errors."""
     closure = check_closure(loop_closer.close(views), views, who=who, reach_m=reach_m)
-    return ChangedViews(views, lambda k, view: replace(view, map_from_body=closure.poses[k])), closure
+
+    def closed(k: int, view: View) -> View:
+        of_map = None if closure.covariances is None or np.isnan(closure.covariances[k, 0, 0]) else closure.covariances[k]
+        return replace(view, map_from_body=closure.poses[k], of_map=of_map)
+
+    return ChangedViews(views, closed), closure
 
 
 def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> OccupancyGrid:

@@ -9,7 +9,7 @@ import numpy as np
 from rhs.api.contracts import Source
 from rhs.api.geometry import inverse, planar
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, BeliefStatus, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
+from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
 from rhs.api.robot_shape import Footprint
 from rhs.api.task import Parts
 from rhs.api.validate import check_belief, check_capture, check_grid
@@ -87,7 +87,7 @@ class Sentinel(Barred):
         belief = check_belief(self.localiser.update(observation, motion), who=self.who["localiser"],
                               reach_m=np.inf)  # how far away it may be the loop knows
         self.expected = self.expected @ motion.previous_from_body
-        if belief.status is BeliefStatus.TRACKING:
+        if belief.status.on_map:
             off = planar(inverse(self.expected) @ belief.map_from_body)
             if np.hypot(*off[:2]) > ELSEWHERE_M or abs(off[2]) > ELSEWHERE_RAD:  # what was seen was seen elsewhere
                 self.guard.around.forget()
@@ -96,7 +96,7 @@ class Sentinel(Barred):
         return belief
 
     def note(self, belief: Belief, scan: Scan) -> None:
-        sure, pose, around = belief.status is BeliefStatus.TRACKING, planar(belief.map_from_body), self.guard.around
+        sure, pose, around = belief.status.on_map, planar(belief.map_from_body), self.guard.around
         around.map_m = self.watch.walls_near(pose, NEAR_M if around.monocular else 1.0) if sure else None
         if sure:
             shown = scan if around.monocular else self.obstacle  # pictures show a thing from its foot on the floor upwards
@@ -122,7 +122,7 @@ class Sentinel(Barred):
         if self.guard.touched and (back := self._back_off(belief, events)) is not None:
             mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
             return Decision(back, None, tuple(events), mission.mission)
-        if belief.status is not BeliefStatus.TRACKING:
+        if not belief.status.on_map:
             return self._find_oneself(belief, scan, events)
         self.lost_steps = 0
         self.search.begin()
@@ -149,7 +149,7 @@ class Sentinel(Barred):
         self.contacts += 1
         self.path, self.rebuffed = None, self.rebuffed or self.ventured
         self.search.turn_away()
-        if belief.status is not BeliefStatus.TRACKING:
+        if not belief.status.on_map:
             self.guard.bump()
             return self.guard.back_off()
         pose = planar(belief.map_from_body)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.records import BeliefStatus
 from rhs.runfolder.run import Run
 
 from .drawing import json_of
@@ -81,9 +82,11 @@ def _of_the_steps(folder: Path) -> list[str]:
     if not (steps := Run(folder).steps):
         return []
     patrol = [row for row in steps if row["phase"] == "patrol"]
-    lost = sum(row["belief_status"] != "tracking" for row in patrol)
-    return [f"In {lost} of {len(patrol)} views it did not know where it was."] if lost else \
+    lost = sum(not BeliefStatus(row["belief_status"]).on_map for row in patrol)
+    bent = sum(row["belief_status"] == BeliefStatus.DEGRADED for row in patrol)
+    lines = [f"In {lost} of {len(patrol)} views it did not know where it was."] if lost else \
         [f"It knew where it was in all {len(patrol)} views."]
+    return [*lines, f"In {bent} of them it knew its place on its map, which may be bent there."] if bent else lines
 
 
 def _place(folder: Path, row: dict[str, Any]) -> PlaceStory:

@@ -90,6 +90,8 @@ def refused(check, *arguments, **keywords) -> str:
 def test_what_keeps_the_contract_passes_and_its_arrays_are_frozen_copies():
     motion, belief = check_motion(MOTION, who=WHO), check_belief(BELIEF, who=WHO)
     scan, grid = check_scan(SCAN, who=WHO), check_grid(GRID, who=WHO)
+    said = replace(CLOSURE, covariances=np.stack([SPREAD, np.full((6, 6), np.nan), SPREAD]))
+    np.testing.assert_array_equal(check_closure(said, VIEWS, who=WHO).covariances, said.covariances)
     closure, revision = check_closure(CLOSURE, VIEWS, who=WHO), check_revision(REVISION, 3, who=WHO)
     pairs = [(motion.previous_from_body, MOTION.previous_from_body), (motion.covariance, MOTION.covariance),
              (belief.map_from_body, BELIEF.map_from_body), (scan.ranges_m, SCAN.ranges_m),
@@ -236,6 +238,9 @@ def test_a_bad_grid_is_refused(change, says):
     ({"edges": (LoopEdge(0, 3, np.eye(4), SPREAD, 20),)}, "earlier < later < 3"),
     ({"edges": (LoopEdge(0, 2, np.zeros((4, 4)), SPREAD, 20),)}, "earlier_from_later"),
     ({"details": {"loops": None}}, "details['loops']"),
+    ({"covariances": np.zeros((2, 6, 6))}, "covariances"),
+    ({"covariances": np.stack([SPREAD, SPREAD, -SPREAD])}, "variances"),
+    ({"covariances": np.stack([SPREAD, SPREAD, np.where(np.eye(6) > 0, SPREAD, np.nan)])}, "covariance"),
 ])
 def test_a_bad_closure_is_refused(change, says):
     assert says in refused(check_closure, replace(CLOSURE, **change), VIEWS)

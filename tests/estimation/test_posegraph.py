@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rhs.api.geometry import exp_se3, inverse, log_se3, planar, se2
-from rhs.estimation.filters.pose_graph import CommonScale, Edges, chain, exp_poses, joined, log_poses, optimise
+from rhs.estimation.filters.pose_graph import CommonScale, Edges, chain, exp_poses, joined, log_poses, marginals, optimise
 
 
 def _covariances(count, sigma_m=0.01, sigma_rad=0.005):
@@ -73,6 +73,20 @@ def test_metres_that_are_all_too_short_are_found_out():
     blamed = optimise(poses, graph, scale=CommonScale(chosen, 1e-6))
     assert abs(blamed.share) < 1e-6 and blamed.chi2.max() > 1.0
     assert optimise(poses, graph).share == 0.0
+
+
+def test_what_is_unsure_adds_up_along_the_way_and_is_least_where_a_loop_closes():
+    """Ten steps of 1 m, 1 cm each: the end is unsure by sqrt(10) cm. A loop of 1e-4 m from start to end leaves the middle
+    sqrt(5 * 5 / 10) cm (a Brownian bridge). Metres that may all be 1 % too short add 10 cm to the end, along the way."""
+    poses = np.stack([se2(x, 0, 0) for x in range(11)])
+    steps = chain(poses, _covariances(10, sigma_rad=1e-6))
+    assert marginals(poses, steps, np.array([10]))[0, 0, 0] == pytest.approx(10 * 1e-4, rel=1e-3)
+    held = joined(steps, _loop_edge(0, 10, poses[-1], sigma=1e-4, robust=False))
+    middle, end = marginals(poses, held, np.array([5, 10]))[:, 0, 0]
+    assert middle == pytest.approx(2.5e-4, rel=1e-3) and end == pytest.approx(1e-8, rel=1e-2)
+    short = CommonScale(np.ones(10, bool), 0.01)
+    along, across = np.diag(marginals(poses, steps, np.array([10]), scale=short)[0])[:2]
+    assert along == pytest.approx(10 * 1e-4 + 0.1**2, rel=1e-3) and across == pytest.approx(10 * 1e-4, rel=1e-3)
 
 
 def test_a_false_loop_is_outvoted_by_the_kernel_and_shown_by_its_chi2():

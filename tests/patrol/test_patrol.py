@@ -9,7 +9,7 @@ from flatland import Dijkstra, Flatland, Oracle, Through, parts, ring
 from rhs.api.contracts import KINDS
 from rhs.api.errors import ContractError
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
+from rhs.api.records import Belief, BeliefStatus, Event, Motion, Tracking
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionSettings
 from rhs.patrol.sentinel import Sentinel
@@ -102,6 +102,20 @@ def test_a_robot_that_never_finds_itself_stops_and_says_so():
     sentinel, out = patrol(world, localiser=NeverSure())
     assert all(m.status == "gave_up" and "lost" in m.reason for m in sentinel.book.missions)
     assert not any(step.collided for step in out)
+
+
+class Doubting(Oracle):
+    """Knows its place on its map, and that the map may be bent."""
+
+    def update(self, observation, motion):
+        return replace(super().update(observation, motion), status=BeliefStatus.DEGRADED)
+
+
+def test_a_robot_that_doubts_its_map_drives_by_it_all_the_same():
+    world = Flatland(ring(), (1.0, 1.0, 0.0), PLACES)
+    sentinel, out = patrol(world, localiser=Doubting(world))
+    assert [m.status for m in sentinel.book.missions] == ["arrived"] * len(PLACES)
+    assert not any(Event.LOST in step.events for step in out)
 
 
 class Broken:

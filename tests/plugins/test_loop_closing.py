@@ -149,6 +149,13 @@ def test_a_loop_is_as_surprising_as_what_it_and_the_odometry_state():
     assert "4.0 sigmas" in asked._likely(edges, spot, half)[0].reason and asked._likely(edges, spot, half)[1].accepted
 
 
+def test_the_closure_says_how_unsure_its_poses_are():
+    """A lap that comes back is least sure halfway round; half of it, which closes no loop, at its end."""
+    lap, half = (PoseGraph().build(context()).close(survey(ring(24, turns))) for turns in (1.0, 0.5))
+    of_lap, of_half = (np.sqrt(closure.covariances[:, 0, 0] + closure.covariances[:, 1, 1]) for closure in (lap, half))
+    assert of_lap[-1] < 0.5 * of_lap[12] and of_half[-1] == of_half.max() > of_lap[-1]
+
+
 def test_pose_graph_refuses_a_planted_lie_with_a_reason():
     truth = ring(36, turns=1.5)
     views = survey(truth, drift=se2(0.01, 0.004, 0.01))

@@ -47,7 +47,7 @@ class Careless:
 def test_a_name_that_an_enumeration_lacks_is_told_with_those_that_it_has():
     with pytest.raises(AttributeError) as caught:
         BeliefStatus.OK  # noqa: B018 - what is tested
-    assert words_of(caught.value) == "BeliefStatus has no OK; it has TRACKING, CONVERGING, LOST"
+    assert words_of(caught.value) == "BeliefStatus has no OK; it has TRACKING, DEGRADED, CONVERGING, LOST"
     assert words_of(ValueError("so")) == "so"
 
 

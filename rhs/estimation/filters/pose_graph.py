@@ -97,6 +97,30 @@ def optimise(
     return Solution(poses, _squared(residual, whitening), tried, scale.share)
 
 
+def marginals(
+    poses: np.ndarray, edges: Edges, rows: np.ndarray, *, kernel: float = 3.0, scale: CommonScale | None = None
+) -> np.ndarray:
+    """(R, 6, 6) covariances of the solved poses at `rows` (R,), none of them the first, which is held: of their right
+    perturbations, all edges heard (blocks of the inverse of the normal equations). kernel, scale: as for `optimise`."""
+    scale = scale or CommonScale(np.zeros(len(edges), bool), 1.0)
+    longer = _stretched(edges, scale)
+    residual, pattern = _residual(poses, longer), _Pattern(edges, len(poses))
+    information = _weighted(residual, np.linalg.inv(np.linalg.cholesky(edges.covariances)), edges, kernel)
+    blocks, _, (column, own, _) = _normal_equations(poses, residual, information, longer, scale)
+    factor = _factored(pattern.damped(pattern.filled(blocks), 1e-12))
+    at = (6 * (rows - 1)[:, None] + np.arange(6)).ravel()
+    asked = np.zeros((6 * (len(poses) - 1), len(at)))
+    asked[at, np.arange(len(at))] = 1.0
+    found = factor.solve(asked)[at]
+    if column.any():
+        tied = factor.solve(column[6:])
+        found += np.outer(tied[at], tied[at]) / (own - column[6:] @ tied)
+    each = np.arange(len(rows))
+    out: np.ndarray = found.reshape(len(rows), 6, len(rows), 6)[each, :, each]
+    out = 0.5 * (out + np.swapaxes(out, 1, 2))
+    return out
+
+
 def chain(poses: np.ndarray, covariances: np.ndarray) -> Edges:
     """The odometry edges of a trajectory: each pose (N, 4, 4) seen from the one before; covariances (N - 1, 6, 6)."""
     count = max(len(poses) - 1, 0)
