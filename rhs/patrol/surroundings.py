@@ -33,6 +33,7 @@ BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nea
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
 CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
+CAME_WIDE_M = 0.1  # and so far across the line of sight: a face seen edge-on comes and goes with each step of the robot
 
 
 class Surroundings:
@@ -136,7 +137,7 @@ class Surroundings:
         low, high = np.maximum(new - reach, 0).T, np.minimum(new + reach + 1, things.shape[0]).T
         near = counted[high[0], high[1]] - counted[low[0], high[1]] - counted[high[0], low[1]] + counted[low[0], low[1]]
         came = new[near == 0]
-        if len(came) >= CAME_CELLS:
+        if len(came) >= CAME_CELLS and _width_m(self._middles(came)) > CAME_WIDE_M:
             self.moved_s = self.now_s
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
             near = inflate(self.came_s == self.now_s, HIDES_M / CELL_M)
@@ -390,3 +391,9 @@ class Surroundings:
         """(K, 2) points of this frame, in the robot's body frame."""
         body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
         return body
+
+
+def _width_m(points_m: np.ndarray) -> float:
+    """Of points (K, 2) of the body frame, across the line of sight to their middle."""
+    ahead = points_m.mean(axis=0)
+    return float(np.ptp(points_m @ np.array([-ahead[1], ahead[0]])) / max(np.hypot(*ahead), 1e-9))
