@@ -31,7 +31,7 @@ def reach(world: World, start_m: np.ndarray, *, within_m: float) -> tuple[np.nda
     shape, origin = frame_of(world.bounds_m, cell_m)
     lattice = OccupancyGrid(np.zeros(shape, np.float32), cell_m, origin)
     points = lattice.centres(np.indices(shape).reshape(2, -1).T)
-    room = cKDTree(outlines(world)).query(points, distance_upper_bound=WIDEST_M)[0].reshape(shape)
+    room = cKDTree(_outlines(world)).query(points, distance_upper_bound=WIDEST_M)[0].reshape(shape)
     room[[0, -1]] = room[:, [0, -1]] = 0.0  # no way leads round the building
     here = tuple(np.clip(lattice.cells(start_m)[0], 0, np.array(shape) - 1))
     near = [np.flatnonzero(np.hypot(*(points - place[1:]).T) <= within_m) for place in world.places]
@@ -51,7 +51,7 @@ def reach(world: World, start_m: np.ndarray, *, within_m: float) -> tuple[np.nda
     return least, float(np.sqrt(0.5)) * cell_m
 
 
-def outlines(world: World) -> np.ndarray:
+def _outlines(world: World) -> np.ndarray:
     """(K, 2) metres: points every SAMPLE_M or less along all that stands, seen from above."""
     closed = [box.corners_m for box in world.boxes] + ([] if world.mesh is None else list(world.mesh.solid_m))
     pieces = [wall.segments_m for wall in world.walls]
