@@ -227,7 +227,7 @@ class Sentinel(Barred):
         besides = [NOTHING]
         if monocular:  # as far as its pictures err; where no way does, what its guard keeps has to do
             besides.insert(0, spread(self._near_things(pose), self.settings.advanced.guard.pictured_m))
-        elif self.guard.refused_for_hidden:  # round what its guard refuses; where there is no such way, as if that were free
+        elif self.guard.refused_for_hidden and not self.guard.moves:  # round what its guard refuses, if it can
             besides.insert(0, in_map(self.guard.around.hidden(), pose))
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
