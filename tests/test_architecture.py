@@ -54,6 +54,7 @@ SHALLOW = {
     "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",
     "testing.slams": "one kind of plugin each",
     "worlds.round_trip": "the travelling salesman, apart",
+    "patrol.ends": "where in a cell beams end: arithmetic of a grid, apart from what stands round the robot",
     "worlds.random.hall": "one family of buildings each",
 }
 HEAVY = {"cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "kiss_icp", "gtsam",

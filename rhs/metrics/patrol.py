@@ -8,6 +8,7 @@ import numpy as np
 
 from rhs.api.grid import OccupancyGrid
 from rhs.api.metric import LOOP, RunFiles, columns_of
+from rhs.api.robot_shape import Footprint
 from rhs.api.trajectory import Trajectory
 
 from .accuracy import absolute_errors_m, pair, rmse
@@ -38,6 +39,7 @@ def patrol_values(run: RunFiles) -> Values:
     errors = arrival_errors_m(missions, patrol)
     return {
         "patrol_steps": len(patrol), "places_total": len(places), "missions": len(missions),
+        **within_reach(run, facts),
         "places_visited": int(np.sum(~(errors > VISITED_M))), "replans": sum(int(m["replans"]) for m in missions),
         **touches(patrol, ""),
         "arrival_error_max_m": of_any(np.max, errors[np.isfinite(errors)]),
@@ -46,6 +48,26 @@ def patrol_values(run: RunFiles) -> Values:
         "path_optimal_m": path_optimal_m(run, facts, patrol),
         "path_optimal_informed_m": path_optimal_informed_m(run, facts, patrol),
     }
+
+
+def within_reach(run: RunFiles, facts: dict) -> Values:
+    """How many places a robot of this size can get to, and of how many nobody can tell; unknown without a true plan."""
+    found = run.json("reach")
+    if found is None:
+        return {"places_reachable": NAN, "places_undecided": NAN}
+    room_m, unsure_m = np.array([place["room_m"] for place in found["places"]]), found["unsure_m"]
+    wide_m, narrow_m = body_radii_m(facts)
+    surely = room_m >= wide_m + unsure_m
+    perhaps = room_m >= narrow_m - unsure_m
+    return {"places_reachable": int(surely.sum()), "places_undecided": int((perhaps & ~surely).sum())}
+
+
+def body_radii_m(facts: dict) -> tuple[float, float]:
+    """Radii of the discs about the turning point that hold the robot's body, and that it holds: the same of a round one."""
+    wide_m = float(facts["robot_radius_m"])
+    if not (corners := facts.get("footprint_m")):
+        return wide_m, wide_m
+    return wide_m, Footprint(tuple((x, y) for x, y in corners)).half_m
 
 
 def _unaligned_rmse_m(believed: Trajectory | None, driven: Trajectory | None) -> float:
@@ -117,6 +139,12 @@ PATROL = columns_of(
     patrol_values,
     ("patrol_steps", "", "views of the patrol", "steps.csv"),
     ("places_total", "", "places to visit", "facts.json"),
+    ("places_reachable", "",
+     "of those, places to which a disc of the robot's size gets (within 0.5 m) from where the patrol began, among walls and "
+     "boxes as they then stood, with 1.4 cm to spare beside it: as far as the widest way is known (more beyond 20 x 20 m)",
+     "reach.json, truth"),
+    ("places_undecided", "", "of those, places of which that margin leaves open whether it does: not counted as reachable",
+     "reach.json, truth"),
     ("missions", "", "missions begun: a place whose way was blocked counts again", "missions.json"),
     ("places_visited", "",
      "places at which the robot truly stood (within 0.5 m) when it said that it had arrived",
@@ -138,7 +166,8 @@ PATROL = columns_of(
      "shortest way that learns of obstacles where this robot saw them, through the places it reached",
      "rhs.metrics.path_judge"),
     tasks=("patrol", "blame"),  # a survey alone was asked to visit none
-    counts=("patrol_steps", "places_total", "missions", "places_visited", "replans", "collisions"),
+    counts=("patrol_steps", "places_total", "places_reachable", "places_undecided", "missions", "places_visited", "replans",
+            "collisions"),
     more_is_better=("places_visited", "clearance_min_m"),
 )
 STAGES_MS = columns_of(

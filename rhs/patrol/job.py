@@ -37,7 +37,7 @@ from .gate import GatedOdometry, gated
 from .kidnap import Kidnapper
 from .loop import steps
 from .mission import turning
-from .observers import RunLog, closure_rows, plan_row, write_json
+from .observers import RunLog, closure_rows, plan_row, write_json, write_reach
 from .run import RunContext
 from .sentinel import Sentinel
 from .sights import Sights
@@ -221,6 +221,7 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
            ) -> Iterator[Step]:
     """Visit the places in order in the surveyed map; at each, compare with what the survey saw there."""
     facts = parts.source.facts
+    write_reach(log, parts.source.truth())
     parts.localiser.learn(survey.views, survey.grid)
     last = survey.views[-1]
     sure = np.clip(np.diag(last.covariance), 1e-6, START_VARIANCE)

@@ -23,10 +23,12 @@ from rhs.api.task import Parts
 from rhs.base.memory import let_go_of_compiler
 from rhs.base.processes import end_unless
 from rhs.config.compose import RunConfig, to_plain
+from rhs.metrics.patrol import VISITED_M
 from rhs.recording.rerun_view import Audience, Listener, LiveView
 from rhs.recording.writer import Recorder
 from rhs.runfolder.steps_csv import StepTable
 from rhs.worlds.maps import save_map
+from rhs.worlds.reach import reach
 
 Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
 
@@ -70,13 +72,14 @@ class Beside:
 @dataclass
 class RunLog:
     """Everything of one run that listens to its steps: the table, the recording, the progress bar. in_world: the source
-    drives in the world that was typed."""
+    drives in the world that was typed; world: that one, for the judge, where it does."""
 
     folder: Path
     table: StepTable
     recorder: Listener
     watch: Watch
     in_world: bool = True
+    world: World | None = None
     counts: dict[str, int] = field(default_factory=dict)
     began_s: float | None = None
     stamp_s: float = 0.0
@@ -120,7 +123,19 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))
-    return RunLog(folder, StepTable(folder), Audience(listeners), watch, in_world)
+    return RunLog(folder, StepTable(folder), Audience(listeners), watch, in_world, world if in_world else None)
+
+
+def write_reach(log: RunLog, truth: np.ndarray | None) -> None:
+    """reach.json, for the judge alone: how wide a way there is to each place from where the patrol truly begins. truth: the
+    4x4 pose there; nothing is written where nobody knows it."""
+    if log.world is None or truth is None:
+        return
+    room_m, unsure_m = reach(log.world, np.asarray(truth)[:2, 3], within_m=VISITED_M)
+    names = [name for name, *_ in log.world.places]
+    write_json(log.folder / "reach.json", {
+        "unsure_m": unsure_m,
+        "places": [{"name": name, "room_m": room} for name, room in zip(names, room_m, strict=True)]})
 
 
 def drives_in(world: World, facts: WorldFacts) -> bool:

@@ -20,7 +20,7 @@ from .mission import MissionSettings
 LONGER = 1.2  # room is worth a way this much longer, not the other way round the building
 COMFORTS = (1.0, 0.75, 0.5, 0.25, 0.0)  # shares of the wished-for room, tried in this order
 SIDES = (1.0, 0.75, 0.5, 0.0)  # shares of the margin tried in this order in finer cells, none below TIGHT_M
-FINER = 3  # for them cells of the map are split so often, each way
+FINER = 5  # for them cells of the map are split so often, each way: their middles must hit narrow ways
 GOAL_SLACK_M = 0.05  # a goal may be moved by the distance at which a place counts as visited, less this
 
 
@@ -137,9 +137,9 @@ class TightMap:
         from scipy.ndimage import binary_erosion
 
         self._map, self._free = grid, free
-        self.grid = replace(grid, probability=grid.probability.repeat(FINER, axis=0).repeat(FINER, axis=1),
-                            resolution_m=grid.resolution_m / FINER)
-        self._inside = free.repeat(FINER, axis=0).repeat(FINER, axis=1)
+        self.grid = replace(grid, probability=self._split(grid.probability), resolution_m=grid.resolution_m / FINER)
+        self._inside = self._split(free)
+        self._mapped_m: np.ndarray | None = None  # room_m by the map alone
         taken = np.pad(~free, 1, constant_values=True)  # nobody knows what stands outside the map
         self._bounds = grid.centres(np.argwhere(taken & ~binary_erosion(taken, np.ones((3, 3)))) - 1)  # beside free cells
 
@@ -149,16 +149,32 @@ class TightMap:
         all that was seen round the robot lately, metres in the map, walls too."""
         from scipy.spatial import cKDTree
 
-        coarse = np.concatenate([self._bounds, self._map.centres(np.argwhere(obstacles & self._free))])
+        if self._mapped_m is None:
+            self._mapped_m = self._to_nearest(np.zeros(self.grid.shape), self._inside, self._bounds, most_m)
+        new = self._map.centres(np.argwhere(obstacles & self._free))
+        coarse = np.concatenate([self._bounds, new])
         if len(seen_m) and len(coarse):
             coarse = coarse[cKDTree(seen_m).query(coarse)[0] > self._map.resolution_m]
-        points = np.concatenate([coarse, seen_m])
-        room = np.zeros(self.grid.shape)
-        cells = np.argwhere(self._inside)
-        if len(points) and len(cells):
-            gaps = cKDTree(points).query(self.grid.centres(cells), distance_upper_bound=most_m)[0]
-            room[self._inside] = np.minimum(gaps, most_m)
+        changed = np.zeros(self._map.shape, bool)
+        points = np.concatenate([new, seen_m])
+        changed[tuple(self._map.cells(points[self._map.inside(points)]).T)] = True
+        near = inflate(changed, most_m / self._map.resolution_m + 2.0) & self._free
+        return self._to_nearest(self._mapped_m.copy(), self._split(near), np.concatenate([coarse, seen_m]), most_m)
+
+    def _to_nearest(self, room: np.ndarray, where: np.ndarray, points: np.ndarray, most_m: float) -> np.ndarray:
+        """room (H, W), with the metres from the middles of the finer cells `where` (H, W) to the nearest point (K, 2)."""
+        from scipy.spatial import cKDTree
+
+        cells = np.argwhere(where)
+        if len(cells):
+            gaps = cKDTree(points).query(self.grid.centres(cells), distance_upper_bound=most_m)[0] if len(points) else np.inf
+            room[where] = np.minimum(gaps, most_m)
         return room
+
+    @staticmethod
+    def _split(cells: np.ndarray) -> np.ndarray:
+        """(H, W) of the map, in finer cells."""
+        return cells.repeat(FINER, axis=0).repeat(FINER, axis=1)
 
 
 def _set_off(path: Path, grid: OccupancyGrid) -> Path:

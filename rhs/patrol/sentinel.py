@@ -224,15 +224,16 @@ class Sentinel(Barred):
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
         monocular = self.guard.around.monocular  # which may not see again from near what it saw from afar
         near = self._near_things(pose, walls=monocular) if self.barred else NOTHING
-        kept_from = [near]
+        besides = [NOTHING]
         if monocular:  # as far as its pictures err; where no way does, what its guard keeps has to do
-            wide = spread(self._near_things(pose), self.settings.advanced.guard.pictured_m)
-            kept_from = [np.concatenate([near, wide]), near] if len(wide) else [near]
+            besides.insert(0, spread(self._near_things(pose), self.settings.advanced.guard.pictured_m))
+        elif self.guard.refused_for_hidden and not self.guard.moves:  # round what its guard refuses, if it can
+            besides.insert(0, in_map(self.guard.around.hidden(), pose))
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        for things in kept_from:
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=things, squeeze=self.guard.sees,
-                                   seen_m=seen)
+        for more in besides if len(besides[0]) else [NOTHING]:
+            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=np.concatenate([near, more]),
+                                   squeeze=self.guard.sees, seen_m=None if seen is None else np.concatenate([seen, more]))
             if plan.found:
                 break
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)

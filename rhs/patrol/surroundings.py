@@ -12,6 +12,7 @@ from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
 from .control import ARC_STEP_M, arc
+from .ends import Ends
 from .neighbours import has_neighbour, near_any
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
@@ -32,6 +33,7 @@ BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nea
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
 CAME_CELLS, CAME_WITHIN_M, CAME_SEEN_S, CAME_APART_M = 5, 3.5, 10.0, 0.15
+CAME_WIDE_M = 0.1  # and so far across the line of sight: a face seen edge-on comes and goes with each step of the robot
 
 
 class Surroundings:
@@ -48,6 +50,7 @@ class Surroundings:
         cells = round(SIDE_M / CELL_M)
         corner = (-0.5 * SIDE_M, -0.5 * SIDE_M)
         self.at_eye, self.below = (Votes((cells, cells), CELL_M, corner, votes) for _ in range(2))
+        self.ends = Ends((cells, cells))
         self.seen_s = np.full((cells, cells), -np.inf)
         self.pose, self.now_s = np.eye(4), -np.inf
         self.moved_s = -np.inf  # when something was last seen where nothing had been
@@ -87,15 +90,13 @@ class Surroundings:
         if scan is None and obstacle is None and motion.scan_measured:
             scan, self.monocular = motion.scan, True
         self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
-        seen = []
+        seen, exact = [], not self.monocular  # of two pictures no end is more so than a cell
         self.at_eye.walks = self.below.walks = np.isfinite(self.came_s)
         if scan is not None:
-            seen.append((self.at_eye, 0, self.at_eye.votes.copy(), self.at_eye.look(
-                self.pose, scan, hits=np.isfinite(scan.ranges_m), within_m=0.4 * SIDE_M)))
+            seen.append((self.at_eye, 0, *self.ends.look(self.at_eye, self.pose, scan, np.isfinite(scan.ranges_m), exact)))
         if obstacle is not None:
             low = low_only(obstacle, scan)
-            seen.append((self.below, 1, self.below.votes.copy(), self.below.look(
-                self.pose, obstacle, hits=low, within_m=0.4 * SIDE_M)))
+            seen.append((self.below, 1, *self.ends.look(self.below, self.pose, obstacle, low, exact)))
             rows, columns = self._cells_at(behind(obstacle, low, HIDES_M, step_m=CELL_M)).T
             self.behind_s[rows, columns] = self.now_s
         if motion.status is Tracking.OK:  # else what was seen before may stand elsewhere in this frame
@@ -136,7 +137,7 @@ class Surroundings:
         low, high = np.maximum(new - reach, 0).T, np.minimum(new + reach + 1, things.shape[0]).T
         near = counted[high[0], high[1]] - counted[low[0], high[1]] - counted[high[0], low[1]] + counted[low[0], low[1]]
         came = new[near == 0]
-        if len(came) >= CAME_CELLS:
+        if len(came) >= CAME_CELLS and _width_m(self._middles(came)) > CAME_WIDE_M:
             self.moved_s = self.now_s
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
             near = inflate(self.came_s == self.now_s, HIDES_M / CELL_M)
@@ -208,7 +209,8 @@ class Surroundings:
         columns, rows = shift = np.rint(off / CELL_M).astype(int)
         times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, self.behind_s, *self.free_s)]
         ages = [(array, np.inf) for array in (self.came_s, self.since_s)]
-        for array, empty in ((self.at_eye.votes, 0.0), (self.below.votes, 0.0), *ages, *times):
+        none = [(array, 0.0) for array in (self.at_eye.votes, self.below.votes, *self.ends.arrays)]
+        for array, empty in (*none, *ages, *times):
             kept = np.full_like(array, empty)
             height, width = array.shape
             to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
@@ -235,8 +237,9 @@ class Surroundings:
         row, column = np.maximum(self._cells(self.pose[None, :2, 3])[0] - reach, 0)
         near = slice(row, row + 2 * reach + 1), slice(column, column + 2 * reach + 1)
         rows, columns = np.nonzero(np.maximum(self.at_eye.votes[near], self.below.votes[near]) >= least)
-        points = np.stack([columns + (column + 0.5), rows + (row + 0.5)], axis=-1) * CELL_M + self.at_eye.origin_m
         cells = rows + row, columns + column
+        points = np.stack([cells[1] + 0.5, cells[0] + 0.5], axis=-1) * CELL_M + self.at_eye.origin_m
+        points += np.stack([self.ends.x_m[cells], self.ends.y_m[cells]], axis=-1)
         seen_s, below_s, came_s = self.seen_s[cells], self.below_s[cells], self.came_s[cells]
         at_eye, below = self.at_eye.votes[cells] >= least, self.below.votes[cells] >= least
         remembered = seen_s >= self.now_s - self.remember_s
@@ -266,6 +269,7 @@ class Surroundings:
         points = ((self._reach_m(angles) + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
         cells = self._cells_at(points)
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
+        self.ends.forget(cells)
         self.below_s[cells[:, 0], cells[:, 1]] = self.now_s
         self._saw(cells)
         return points
@@ -387,3 +391,9 @@ class Surroundings:
         """(K, 2) points of this frame, in the robot's body frame."""
         body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
         return body
+
+
+def _width_m(points_m: np.ndarray) -> float:
+    """Of points (K, 2) of the body frame, across the line of sight to their middle."""
+    ahead = points_m.mean(axis=0)
+    return float(np.ptp(points_m @ np.array([-ahead[1], ahead[0]])) / max(np.hypot(*ahead), 1e-9))

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 BUCKET_CELLS = 4.0  # MovingAI: bucket k holds the problems whose optimum lies in [4 k, 4 k + 4) cells
 QUESTION = ("start", "goal", "planning.scenario")
-ASKED = ("status", "reason", "task", "plan_success", "plan_valid", "plan_reason", "places_total", "places_visited",
-         "tracked_share", "strips_registered_share")
+ASKED = ("status", "reason", "task", "plan_success", "plan_valid", "plan_reason", "places_total", "places_reachable",
+         "places_undecided", "places_visited", "tracked_share", "strips_registered_share")
 # errors along a way: of a run that broke off they are those of a shorter way than the others went
 OF_THE_WHOLE_WAY = ("ate_", "rpe_", "end_error_", "half_error_", "drift_", "patrol_rmse_", "localise_rmse_", "relations_",
                     "revisits_")

@@ -18,7 +18,6 @@ import argparse
 import json
 import subprocess
 import sys
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +25,14 @@ import numpy as np
 from shared import write
 from walkers import got_to
 
-from rhs.api.floorplan import World, after
+from rhs.api.floorplan import World
 from rhs.base.provenance import commit
 from rhs.runfolder.row import read_row
 from rhs.worlds.random.names import FAMILIES, building_of
-from rhs.worlds.random.obstacles import reached
 from rhs.worlds.world import load_world
 
-FIGURES = ("places_visited", "collisions", "belief_wrong_sure_share", "success", "ate_rmse_m", "wall_ms")
+FIGURES = ("places_reachable", "places_undecided", "places_visited", "collisions", "belief_wrong_sure_share", "success",
+           "ate_rmse_m", "wall_ms")
 
 
 def main() -> int:
@@ -67,28 +66,30 @@ def rows(folder: Path) -> list[dict[str, Any]]:
     for path in sorted(folder.glob("*/row.json")):
         row = read_row(path)
         world = load_world(str(row["world"]), seed=int(row["seed"]))
-        can = reached(after(world), radius_m=world.robot_radius_m + 0.05)
         known = [np.nan if row.get(name) is None else float(row[name]) for name in FIGURES]
-        visited, touched, sure, success, ate, wall = known
+        can, undecided, visited, touched, sure, success, ate, wall = known
         out.append({
-            **not_got_to(world, path.parent, can),
+            **not_got_to(world, path.parent),
             "family": str(row["world"]).removeprefix("random:").partition("/")[0],
             "building": building_of(str(row["world"]), row["seed"]), "status": row["status"],
-            "places": len(world.places), "reachable": len(can), "visited": visited, "collisions": touched,
+            "places": len(world.places), "reachable": can, "open": undecided, "visited": visited, "collisions": touched,
             "wrong_sure": sure, "success": success,
-            "clean": float(visited >= len(can) and touched == 0), "obstacles": len(world.obstacles),
+            "clean": float(visited >= can and touched == 0), "obstacles": len(world.obstacles),
             "ate_m": ate, "wall_ms": wall,
             "cause": str(row.get("cause") or row.get("reason") or "")})
     return out
 
 
-def not_got_to(world: World, folder: Path, can: Collection[str]) -> dict[str, int]:
+def not_got_to(world: World, folder: Path) -> dict[str, int]:
     """Places that nobody could have got to, for people and in all, and how many of these were given up in such words."""
-    missions = json.loads((folder / "missions.json").read_text()) if (folder / "missions.json").exists() else []
+    missions, reach = (json.loads(path.read_text()) if path.exists() else {} for path in
+                       (folder / "missions.json", folder / "reach.json"))
     missed = {one["place"]: one["reason"] for one in missions if one["status"] == "gave_up"}
-    barred = set(missed) & set(can)
+    spare_m = {one["name"]: one["room_m"] - world.robot_radius_m for one in reach.get("places", ())}
+    unsure_m = reach.get("unsure_m", 0.0)
+    barred = {place for place in missed if spare_m.get(place, np.nan) >= unsure_m}
     barred -= got_to(world, folder) if barred else set()
-    shut = set(missed) - set(can)
+    shut = {place for place in missed if spare_m.get(place, np.nan) < -unsure_m}
     rightly = [place for place in barred | shut if missed[place].startswith("no path")
                and ("somebody" in missed[place]) == (place in barred)]
     return {"barred": len(barred), "closed": len(barred | shut), "named": len(rightly)}
@@ -96,20 +97,20 @@ def not_got_to(world: World, folder: Path, can: Collection[str]) -> dict[str, in
 
 def table(found: list[dict[str, Any]]) -> list[str]:
     """Lines by family and of all."""
-    lines = [f"{'family':<22}{'runs':>5}{'no row':>7}{'visited':>9}{'reachable':>10}{'barred':>7}{'named':>7}"
+    lines = [f"{'family':<22}{'runs':>5}{'no row':>7}{'visited':>9}{'reachable':>10}{'open':>5}{'barred':>7}{'named':>7}"
              f"{'collisions':>11}{'in runs':>8}{'wrong_sure':>11}{'success':>8}{'clean':>7}"]
     families = sorted({row["family"] for row in found})
     for family in [*families, "all"]:
         some = [row for row in found if family in (row["family"], "all")]
         done = [row for row in some if row["status"] == "ok"]
-        summed = "visited", "reachable", "barred", "named", "closed", "collisions"
+        summed = "visited", "reachable", "open", "barred", "named", "closed", "collisions"
         total = {key: np.nansum([row[key] for row in done]) for key in summed}
         mean = {key: np.mean([row[key] for row in done if np.isfinite(row[key])]) if done else np.nan
                 for key in ("wrong_sure", "success", "clean")}
         touched = sum(row["collisions"] > 0 for row in done)
         named = f"{total['named']:.0f}/{total['closed']:.0f}"
         lines.append(f"{family:<22}{len(some):>5}{len(some) - len(done):>7}{total['visited']:>9.0f}"
-                     f"{total['reachable']:>10.0f}{total['barred']:>7.0f}{named:>7}"
+                     f"{total['reachable']:>10.0f}{total['open']:>5.0f}{total['barred']:>7.0f}{named:>7}"
                      f"{total['collisions']:>11.0f}{touched:>8}{mean['wrong_sure']:>11.4f}{mean['success']:>8.2f}"
                      f"{mean['clean']:>7.2f}")
     causes = {row["building"]: row["cause"] for row in found if row["cause"]}

@@ -23,11 +23,9 @@ from typing import Any
 import numpy as np
 from shared import write
 
-from rhs.api.floorplan import after
 from rhs.api.geometry import wrap
 from rhs.base.provenance import commit
 from rhs.runfolder.row import read_row
-from rhs.worlds.random.obstacles import reached
 from rhs.worlds.world import load_world
 
 LIMIT = 13.93 / 3.0  # chi-square of three degrees of freedom, 99.7 %
@@ -85,7 +83,7 @@ def rows(folder: Path, level: str) -> list[dict[str, Any]]:
         out.append({
             "level": level, "building": str(row["world"]).removeprefix("random:"), "localiser": row["localiser"],
             "status": row["status"], "places": len(world.places),
-            "reachable": len(reached(after(world), radius_m=world.robot_radius_m + 0.05)),
+            "reachable": np.nan if row.get("places_reachable") is None else float(row["places_reachable"]),
             "visited": row.get("places_visited"), "collisions": row.get("collisions"), "views": len(patrol),
             "tracking": len(tracking) / max(len(patrol), 1), "wrong_sure": row.get("belief_wrong_sure_share"),
             "nees": median(believed), "within": float(np.mean(believed < LIMIT)) if len(believed) else np.nan,

@@ -178,3 +178,14 @@ def test_a_place_put_off_here_is_worth_a_try_from_elsewhere():
     book.put_off(here)
     book.places = (book.places[1], book.places[0])
     assert book.others(here) == 0 and book.others(here + 1.0) == 1
+
+
+def test_a_face_seen_edge_on_that_shows_with_a_step_of_the_robot_is_nobody_who_came():
+    """Five beams that saw nothing end one behind the other over 0.4 m, within 8 cm across the line of sight."""
+    watched = guard()
+    for index in range(1, 8):
+        ranges = np.broadcast_to(WALL_M, len(BEARINGS)).astype(float).copy()
+        if index > 3:
+            ranges[18:23] = np.linspace(0.7, 1.1, 5)
+        watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, ranges, 6.0)), STILL)
+    assert not watched.moves

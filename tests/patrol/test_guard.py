@@ -247,8 +247,10 @@ class Glass(Flatland):
 
 def patrol(world, settings=None, localiser=None, grid=None):
     oracle = Oracle(world)
-    sentinel = Sentinel(parts(localiser or oracle), grid or world.grid(), (), places=world.facts.places,
-                        radius_m=world.radius, settings=settings or MissionSettings())
+    given = parts(localiser or oracle)
+    given.planner.corners = False
+    sentinel = Sentinel(given, grid or world.grid(), (), places=world.facts.places, radius_m=world.radius,
+                        settings=settings or MissionSettings())
     return sentinel, list(steps(world, Through(world.camera), oracle, sentinel))
 
 

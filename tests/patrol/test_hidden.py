@@ -3,12 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from flatland import BEARINGS
+from flatland import BEARINGS, Flatland, Oracle, parts, ring
 from test_guard import STILL, guard, seen
 
 from rhs.api.geometry import se2
 from rhs.api.records import Motion, Scan, Tracking, Twist
+from rhs.patrol.control import ahead_on_path
 from rhs.patrol.guard import MOST_HELD
+from rhs.patrol.mission import MissionSettings
+from rhs.patrol.sentinel import Sentinel
 
 
 def test_where_one_face_of_a_thing_was_seen_the_rest_of_it_may_stand_unless_all_that_is_seen_is_unknown():
@@ -60,3 +63,23 @@ def test_what_is_hidden_behind_something_low_bars_the_way_to_a_place_twenty_time
     while refused < 30 and watched.allow(Twist(0.4, 1.0, 0.5))[0] is None:
         refused, watched._held = refused + 1, 0  # between two it drives elsewhere
     assert watched.refused_for_hidden == refused == MOST_HELD
+
+
+def test_after_a_refusal_plans_lead_round_what_is_hidden_where_there_is_a_way_round():
+    """A corridor 2 m wide: hidden ground over half of it, then all about the robot, which nobody would get away from."""
+    world = Flatland(ring(), (1.0, 1.0, 0.0), (("a", 4.0, 1.0),))
+    given = parts(Oracle(world))
+    given.planner.corners = False
+    sentinel = Sentinel(given, world.grid(), (), places=world.facts.places, radius_m=world.radius,
+                        settings=MissionSettings())
+    sentinel.book.open(np.array([1.0, 1.0]))
+    sentinel.guard.observe(seen(1, 5.0), STILL)
+    angles = np.linspace(-np.pi, np.pi, 100)
+    half = np.stack(np.meshgrid(np.arange(1.2, 1.6, 0.05), np.arange(-1.0, -0.15, 0.05)), axis=-1).reshape(-1, 2)
+    about = 0.7 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for refused, hidden_m, least_m, most_m in ((0, half, 0.0, 0.3), (1, half, 0.39, 1.0), (1, about, 0.0, 0.3)):
+        sentinel.guard.around.hidden, sentinel.guard.refused_for_hidden = (lambda m=hidden_m: m), refused
+        assert sentinel._plan(np.array([1.0, 1.0, 0.0]), [])
+        way_m = ahead_on_path(sentinel.path.points_m, np.array([1.0, 1.0]), np.inf) - 1.0
+        gap_m = np.linalg.norm(way_m[:, None] - hidden_m, axis=2).min()
+        assert least_m <= gap_m <= most_m, (refused, gap_m)

@@ -44,6 +44,12 @@ def test_a_gap_12_cm_wider_than_the_robot_is_passed_in_its_middle_wherever_it_li
     assert not way(width_m, at_m, seen=False)[0].found, "the map's cells alone close it"
 
 
+@pytest.mark.parametrize("at_m", [1.7, 1.71, 1.72, 1.73, 1.74, 1.75])
+def test_a_gap_9_cm_wider_than_the_robot_is_found_wherever_it_lies_on_the_grid(at_m):
+    """A centimetre more than the guard keeps from its sides: cells of 3.3 cm, as they once were, missed half of these."""
+    assert way(2 * (RADIUS_M + TIGHT_M) + 0.01, at_m, seen=True)[0].found
+
+
 def test_a_gap_narrower_than_the_robot_stays_closed():
     assert not way(2 * RADIUS_M + 0.04, 1.73, seen=True)[0].found
 
