@@ -8,8 +8,8 @@ from typing import Any
 
 SHOWN = (
     "status", "reason", "success", "failure", "cause", "world", "sensor", "odometry", "loop_closer", "mapper", "planner",
-    "localiser", "presets", "seed", "places_visited", "places_reachable", "places_total", "missions", "replans", "collisions",
-    "clearance_min_m", "survey_collisions", "explored_share", "explore_way_m", "explore_stop", "path_length_m",
+    "localiser", "presets", "seed", "places_visited", "places_reachable", "places_total", "missions", "replans",
+    "collisions", "clearance_min_m", "survey_collisions", "explored_share", "explore_way_m", "explore_stop", "path_length_m",
     "path_optimal_m", "distance_m",
     "matched_share", "ate_rmse_m", "truth_offset_s", "ate_at_offset_m", "end_error_before_closing_m", "end_error_m",
     "tracked_share", "gated_share", "map_agreement", "map_inconsistency", "way_sigma_m", "relations_trans_m",

@@ -1,8 +1,8 @@
 """How wide a way there is to each place: the largest disc that gets there among all that stands, and how sure that is.
 
-By the true outlines, not by cells: they are sampled every 5 mm, and each point of a lattice of 2 cm knows its nearest
-sample. Within half a diagonal of any way there is one from point to neighbouring point of the lattice, and the other
-way round, so that radii are right to 0.71 of the lattice, 1.4 cm.
+By the true outlines, not by cells: they are sampled every 5 mm, and each point of a lattice of 2 cm knows the sample in the
+nearest cell that has one. Within half a diagonal of any way there is one from point to neighbouring point of the lattice,
+and the other way round, so that radii are right to 0.71 of the lattice, 1.4 cm.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ def reach(world: World, start_m: np.ndarray, *, within_m: float) -> tuple[np.nda
     how far off that may be), metres: among walls, boxes and mesh as they stand in the patrol. What moves by itself does not
     count; what hangs over the robot does, as in the true plan (rhs.api.floorplan.truth_grid)."""
     from scipy.ndimage import label
-    from scipy.spatial import cKDTree
 
     world = after(world)
     low_x, low_y, high_x, high_y = world.bounds_m
@@ -31,7 +30,7 @@ def reach(world: World, start_m: np.ndarray, *, within_m: float) -> tuple[np.nda
     shape, origin = frame_of(world.bounds_m, cell_m)
     lattice = OccupancyGrid(np.zeros(shape, np.float32), cell_m, origin)
     points = lattice.centres(np.indices(shape).reshape(2, -1).T)
-    room = cKDTree(_outlines(world)).query(points, distance_upper_bound=WIDEST_M)[0].reshape(shape)
+    room = _room_m(lattice, points, _outlines(world))
     room[[0, -1]] = room[:, [0, -1]] = 0.0  # no way leads round the building
     here = tuple(np.clip(lattice.cells(start_m)[0], 0, np.array(shape) - 1))
     near = [np.flatnonzero(np.hypot(*(points - place[1:]).T) <= within_m) for place in world.places]
@@ -49,6 +48,20 @@ def reach(world: World, start_m: np.ndarray, *, within_m: float) -> tuple[np.nda
         through = np.array([known[radius][k] for k, radius in enumerate(middle.tolist())], bool)
         least, most = np.where(through, middle, least), np.where(through, most, middle)
     return least, float(np.sqrt(0.5)) * cell_m
+
+
+def _room_m(lattice: OccupancyGrid, points: np.ndarray, outlines: np.ndarray) -> np.ndarray:
+    """(H, W) metres from each of the lattice's points (H W, 2) to the outlines (K, 2)."""
+    from scipy.ndimage import distance_transform_edt
+
+    shape = lattice.probability.shape
+    row, column = np.clip(lattice.cells(outlines), 0, np.array(shape) - 1).T
+    sample, empty = np.zeros((*shape, 2)), np.ones(shape, bool)
+    sample[row, column] = outlines
+    empty[row, column] = False
+    nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
+    out: np.ndarray = np.hypot(*np.moveaxis(points.reshape(*shape, 2) - sample[tuple(nearest)], 2, 0))
+    return out
 
 
 def _outlines(world: World) -> np.ndarray:
