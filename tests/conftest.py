@@ -8,6 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from rhs.base.processes import BLAS, NUMPY, steady
+
+if "numpy" not in sys.modules:  # rows of this process are those of the command line
+    os.environ |= {name: value for name, value in steady().items() if name in (BLAS, NUMPY)}
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(Path(__file__).parent))  # helpers beside the tests are importable
 

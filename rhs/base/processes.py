@@ -13,13 +13,24 @@ import signal
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from .system import CAN_FORK, ENDINGS, KILL, PAGE_BYTES
+from .system import CAN_FORK, ENDINGS, KILL, PAGE_BYTES, vector_units
 
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
-# Environment of a process whose sums must not depend on how many threads share them; read when numpy is imported.
+# Environment of a process whose sums must not depend on how many threads share them ...
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
            "OPENCV_FOR_THREADS_NUM")
+BLAS = "OPENBLAS_CORETYPE"  # ... nor on who made the processor: OpenBLAS and NumPy choose their inner loops by it
+NUMPY = "NPY_DISABLE_CPU_FEATURES"
 SWEEP_PATH = "RHS_SWEEP_PATH"  # in the environment of the server of a sweep: where it looks for modules
+
+
+def steady() -> dict[str, str]:
+    """Environment in which the same configuration and seed give the same row on any x86-64 processor with AVX2, and with any
+    number of threads; read when numpy is imported. OpenBLAS adds as on Haswell, NumPy without AVX-512."""
+    units = vector_units()
+    kernels = {BLAS: "Haswell"} if "avx2" in units else {}
+    narrow = {NUMPY: "X86_V4 AVX512_ICL AVX512_SPR"} if "avx512f" in units else {}
+    return dict.fromkeys(THREADS, "1") | kernels | narrow
 
 
 _helpers = False

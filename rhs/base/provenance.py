@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import subprocess
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
+
+from .processes import BLAS
+from .system import vector_units
 
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pybullet", "ompl", "hydra-core")
 FORKS = {"pybullet": "pybullet-arm64"}  # the same module by another name, where the first has no wheels (pyproject.toml)
@@ -19,10 +23,11 @@ MOST_FILES = 1000  # of a package whose code is hashed
 
 @cache
 def versions() -> str:
-    """`name=version` of the libraries that can change a number, and `vectors`: they choose their inner loops by it."""
+    """`name=version` of the libraries that can change a number; `vectors`, and `kernels`: they choose their inner loops by
+    the processor, `native`, or take those that are the same everywhere (rhs.base.processes.steady)."""
     known = [("python", platform.python_version()), ("rhs", _version("rhs"))]
     known += [(name, _version(name)) for name in LIBRARIES]
-    known += [("vectors", _vectors())]
+    known += [("vectors", _vectors()), ("kernels", os.environ.get(BLAS, "native").lower())]
     return " ".join(f"{name}={number}" for name, number in known)
 
 
@@ -58,11 +63,7 @@ def code_hash(module: str) -> str:
 
 def _vectors() -> str:
     """The widest vector unit of the processor by name, `unknown` where Linux does not tell."""
-    try:
-        flags = set(Path("/proc/cpuinfo").read_text().partition("flags")[2].partition("\n")[0].split())
-    except OSError:
-        flags = set()
-    return next((name for name in ("avx512f", "avx2", "avx", "sse2") if name in flags), "unknown")
+    return next((name for name in ("avx512f", "avx2", "avx", "sse2") if name in vector_units()), "unknown")
 
 
 def _version(name: str) -> str:

@@ -34,6 +34,14 @@ def processors() -> int:
         return os.cpu_count() or 1
 
 
+def vector_units() -> set[str]:
+    """Flags of the processor, `avx2` for example; none where Linux does not tell."""
+    try:
+        return set(Path("/proc/cpuinfo").read_text("utf-8", "replace").partition("flags")[2].partition("\n")[0].split())
+    except OSError:
+        return set()
+
+
 def total_memory_mb() -> float:
     """Memory of the machine, MB; infinity where it cannot be told."""
     try:

@@ -9,30 +9,29 @@ from __future__ import annotations
 import os
 import sys
 
-from rhs.base.processes import THREADS, raises
+from rhs.base.processes import raises, steady
 
-for _name in THREADS:  # before numpy is imported: sums must not depend on how many threads share them
-    os.environ[_name] = "1"
+os.environ |= steady()  # before numpy is imported
 
-import argparse  # noqa: E402
-import atexit  # noqa: E402
-import errno  # noqa: E402
-import faulthandler  # noqa: E402
-import gc  # noqa: E402
-import io  # noqa: E402
-import signal  # noqa: E402
-import threading  # noqa: E402
-import warnings  # noqa: E402
-from contextlib import suppress  # noqa: E402
-from pathlib import Path  # noqa: E402
+import argparse
+import atexit
+import errno
+import faulthandler
+import gc
+import io
+import signal
+import threading
+import warnings
+from contextlib import suppress
+from pathlib import Path
 
-from rhs.base.commands import Arguments, plain  # noqa: E402
-from rhs.base.errors import ConfigError, EngineError, RhsError  # noqa: E402
-from rhs.base.system import ENDINGS  # noqa: E402
+from rhs.base.commands import Arguments, plain
+from rhs.base.errors import ConfigError, EngineError, RhsError
+from rhs.base.system import ENDINGS
 
-from .arguments import JOBS, TIMEOUT, Number, add, check, limits  # noqa: E402
-from .commands import command, plugin_files  # noqa: E402
-from .one_run import Terminated, complain, one_run, signal_code  # noqa: E402
+from .arguments import JOBS, TIMEOUT, Number, add, check, limits
+from .commands import command, plugin_files
+from .one_run import Terminated, complain, one_run, signal_code
 
 COLLECT_AFTER = 20_000  # new objects: what is loaded at the start is no garbage, and a run makes little
 USAGE = "python -m rhs [options] key=value ..."

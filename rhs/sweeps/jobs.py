@@ -26,7 +26,7 @@ from pathlib import Path
 from types import ModuleType
 
 from rhs.base.errors import RhsError
-from rhs.base.processes import SWEEP_PATH, THREADS
+from rhs.base.processes import SWEEP_PATH, steady
 from rhs.base.system import processors
 from rhs.config.compose import identity, to_plain
 from rhs.config.loose import carried
@@ -265,19 +265,20 @@ def _left_by_key(sweep: Path) -> dict[str, list[Path]]:
 
 @contextlib.contextmanager
 def _as_on_the_command_line() -> Iterator[None]:
-    """For the start of a process: one thread each, whoever sweeps (sums must not depend on it), and our path for modules.
+    """For the start of a process: its sums are steady, whoever sweeps, and our path for modules.
     multiprocessing would run the file of the main module again in each process: what a job needs of it, it is sent.
     Ctrl-C waits, and is none of the server's while that loads (`server.py`)."""
     main, environment = sys.modules["__main__"], dict(os.environ)
     resource_tracker.ensure_running()  # which would take the block away again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.environ |= dict.fromkeys(THREADS, "1") | {SWEEP_PATH: os.pathsep.join(sys.path)}
+    ours = steady() | {SWEEP_PATH: os.pathsep.join(sys.path)}
+    os.environ |= ours
     sys.modules["__main__"] = ModuleType("__main__")
     try:
         yield
     finally:
         sys.modules["__main__"] = main
-        for name in (*THREADS, SWEEP_PATH):
+        for name in ours:
             os.environ.pop(name)
             if name in environment:
                 os.environ[name] = environment[name]

@@ -258,7 +258,8 @@ def test_what_was_to_be_done_at_the_end_is_done_and_all_that_was_written_is_ther
 
 
 def test_ctrl_c_while_the_program_is_loaded_ends_it_without_a_traceback():
-    code = "import signal, sys, rhs.__main__; sys.exit(signal.getsignal(signal.SIGINT) is not signal.SIG_DFL)"
+    code = ("import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); import rhs.__main__; "
+            "sys.exit(signal.getsignal(signal.SIGINT) is not signal.SIG_DFL)")
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 

@@ -12,7 +12,8 @@ import pytest
 from installing import CHOICE, FAKES, environment, installed
 
 import rhs
-from rhs.cli.main import THREADS
+from rhs.base.processes import BLAS, NUMPY, THREADS
+from rhs.base.system import vector_units
 from rhs.runfolder.row import canonical_hash, read_row
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -92,11 +93,15 @@ def test_a_run_does_not_depend_on_the_run_before_it(tmp_path):
 # --- surroundings ----------------------------------------------------------------------------------------------------
 
 
-def test_sums_are_made_on_one_thread_whatever_the_environment_says(tmp_path):
-    code = f"import rhs.__main__, os; print([os.environ[name] for name in {THREADS!r}])"
+def test_sums_are_made_on_one_thread_and_as_everywhere_whatever_the_environment_says(tmp_path):
+    """A row is the same on Intel's and AMD's processors: with the kernels that each would choose, patrols differed."""
+    code = "import rhs.__main__, os, json; print(json.dumps(dict(os.environ)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
-                          env=environment(OMP_NUM_THREADS="8", OPENBLAS_NUM_THREADS="8"))
-    assert done.stdout.strip() == str(["1"] * len(THREADS))
+                          env=environment(OMP_NUM_THREADS="8", OPENBLAS_NUM_THREADS="8", OPENBLAS_CORETYPE="Prescott"))
+    told, units = json.loads(done.stdout), vector_units()
+    assert {name: told[name] for name in THREADS} == dict.fromkeys(THREADS, "1")
+    assert told[BLAS] == ("Haswell" if "avx2" in units else "Prescott")
+    assert ("X86_V4" in told.get(NUMPY, "")) == ("avx512f" in units)
 
 
 def test_a_terminal_that_lacks_a_letter_is_no_accident(tmp_path):
