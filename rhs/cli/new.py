@@ -36,7 +36,7 @@ def main(words: Sequence[str]) -> int:
     kind, name = words[0], words[1]
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise ConfigError(f"new {kind} {name}: a plugin's name is small letters, digits and _")
-    folder = Path(words[2] if len(words) == 3 else name).expanduser()
+    folder = Path(words[2].removeprefix("output=") if len(words) == 3 else name).expanduser()
     if folder.exists():
         raise ConfigError(f"{folder} exists already; name another folder: python -m rhs new {kind} {name} FOLDER")
     module = folder / name / "__init__.py"

@@ -50,6 +50,11 @@ def test_a_new_engine_runs_a_sweep(tmp_path, capsys):
     assert "2 jobs: 2 ok" in capsys.readouterr().out
 
 
+def test_the_folder_may_be_said_as_everywhere_else(tmp_path):
+    assert main(["new", "planner", "mine", f"output={tmp_path / 'package'}"]) == 0
+    assert (tmp_path / "package" / "mine" / "__init__.py").exists()
+
+
 def test_what_is_typed_next_is_printed_for_every_kind(tmp_path, capsys):
     for kind in PLUGIN_KINDS:
         assert main(["new", kind, f"a_{kind}", str(tmp_path / kind)]) == 0
