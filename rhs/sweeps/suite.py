@@ -37,7 +37,7 @@ COMMON = ("task=patrol", "source.image_width=160", "recording=off", "pictures=of
 CELLS = ("combination", "building", "seed", "status", "success", "places", "reachable", "visited", "collisions", "ate_m",
          "wrong_sure_share", "extra_m", "arrival_m", "cause")
 MEANINGS = {
-    "success": "runs that visited every place and touched nothing, with the 95 % interval over buildings",
+    "success": "runs that visited every place, touches or not, with the 95 % interval over buildings",
     "visited": "places at which the robot truly stood, of those that a disc 5 cm wider than it can reach",
     "collisions": "separate touches of anything in the patrol, and in how many runs",
     "ate_m": "absolute trajectory error of the survey after closing: median, largest",
