@@ -82,7 +82,8 @@ def _of_the_steps(folder: Path) -> list[str]:
     if not (steps := Run(folder).steps):
         return []
     patrol = [row for row in steps if row["phase"] == "patrol"]
-    lost = sum(not BeliefStatus(row["belief_status"]).on_map for row in patrol)
+    on_map = {status for status in BeliefStatus if status.on_map}
+    lost = sum(row["belief_status"] not in on_map for row in patrol)
     bent = sum(row["belief_status"] == BeliefStatus.DEGRADED for row in patrol)
     lines = [f"In {lost} of {len(patrol)} views it did not know where it was."] if lost else \
         [f"It knew where it was in all {len(patrol)} views."]

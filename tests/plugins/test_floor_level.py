@@ -34,7 +34,7 @@ def chosen(scale: float, heights: tuple[float, ...], seed: int = 0, views: int =
         seen = np.ones(rays.shape[:2], bool)
         fit = fit_free(cameras_of(believed.clones, CAMERA.body_from_camera), rays, seen, PIXELS / CAMERA.fx)
         on = level.lies_on(believed, fit)
-        level.remember(believed, fit)
+        level.remember()
     return on.reshape(len(heights), 12).mean(axis=1)
 
 

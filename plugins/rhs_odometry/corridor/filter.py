@@ -124,7 +124,7 @@ class CorridorFilter:
         shift = np.zeros(len(prior))
         for again in reversed(range(self._settings.linearisations)):
             cameras = cameras_of(self.state.clones, self._camera.body_from_camera)
-            looked, fit = self.state, fit_free(cameras, rays, seen, self._sigma)
+            fit = fit_free(cameras, rays, seen, self._sigma)
             found = attach(self.state, fit, self._advanced.walls)
             if not self._settings.walls:
                 found = found.only(self._floor.lies_on(self.state, fit))
@@ -133,7 +133,7 @@ class CorridorFilter:
             shift, self.state = change.delta, copy(before)
             self.state.add(shift, prior if again else change.covariance)
         if not self._settings.walls:
-            self._floor.remember(looked, fit)
+            self._floor.remember()
             self.state.covariance = self.state.carried(shift)
         hit = np.where(used == 1, found.wall, -1)
         self.state.planes = record_hits(self.state.planes, hit, points, fit.anchor, self._view)

@@ -14,6 +14,7 @@ from scipy.special import ndtr
 from .advanced import FloorRules
 from .fit import TrackFit
 from .state import SCALE, CorridorState
+from .walls import met_at
 
 ERRORS = np.linspace(-0.25, 0.25, 101)[:, None]  # of the scale, share of it, that are tried
 LEAST_SIGMA = 0.01  # no point's height is known better, nor is the scale, share
@@ -25,12 +26,12 @@ class FloorLevel:
 
     def __init__(self, rules: FloorRules) -> None:
         self._rules = rules
-        self._known = np.zeros((0, 3))  # nearness, its sigma, and the scale of the motion at which they were seen
+        self._known = self._with_now = np.zeros((0, 3))  # nearness, its sigma, and the motion's scale when they were seen
 
     def lies_on(self, state: CorridorState, fit: TrackFit) -> np.ndarray:
         """(T,) bool: points that are sooner of the floor than a little above it. state, fit: before the update."""
         seen = self._seen(state, fit)
-        known = np.vstack([self._known, seen[self._telling(seen)]])[-self._rules.kept:]
+        known = self._with_now = np.vstack([self._known, seen[self._telling(seen)]])[-self._rules.kept:]
         if len(known) < self._rules.least:
             return np.zeros(len(seen), bool)
         scale = state.base[SCALE]
@@ -39,17 +40,15 @@ class FloorLevel:
         floor, above = self._densities(seen[:, 0] - error, seen[:, 1])
         return share * floor > (1.0 - share) * above + self._rules.stray
 
-    def remember(self, state: CorridorState, fit: TrackFit) -> None:
-        """Take note of the points of a view; state, fit: before the update."""
-        seen = self._seen(state, fit)
-        self._known = np.vstack([self._known, seen[self._telling(seen)]])[-self._rules.kept:]
+    def remember(self) -> None:
+        """Keep the points that were asked about last."""
+        self._known = self._with_now
 
     def _seen(self, state: CorridorState, fit: TrackFit) -> np.ndarray:
         """(T, 3): by how much nearer each point is than the floor on its ray, share of that (for a point a little above the
         floor its height by the camera's), its sigma, and the scale now."""
         floor = next(plane for plane in state.planes if plane.is_floor)
-        gap = np.minimum(floor.level() - fit.anchor @ floor.normal(), -1e-6)  # cameras are above it
-        there = fit.directions() @ floor.normal() / gap
+        there, _ = met_at(floor, fit.anchor, fit.directions())
         good = fit.good & (there > 0.03) & (fit.rho > 0.0)
         near = np.where(good, fit.rho / np.where(good, there, 1.0) - 1.0, FAR_OFF)
         sigma = np.where(good, fit.rho_sigma / np.where(good, fit.rho, 1.0), FAR_OFF) + LEAST_SIGMA

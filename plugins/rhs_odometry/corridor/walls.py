@@ -51,14 +51,20 @@ def _miss(
     """Inverse distance (T,) at which each ray (T, 3) meets plane j, and by how much of the tolerance (T,) the track's own
     depth misses it; infinite where the ray does not meet the plane within its reach."""
     plane, block = state.planes[j], state.plane_slice(j).start
-    gap = plane.level() - fit.anchor @ plane.normal()
-    gap = np.where(np.abs(gap) < 1e-6, 1e-6, gap)
-    rho = directions @ plane.normal() / gap
+    rho, gap = met_at(plane, fit.anchor, directions)
     hit = fit.anchor + directions / np.where(rho > 0, rho, 1.0)[:, None]
     reachable = (rho > 0.03) & within(plane, hit, rules.reach_m)
     plane_sigma = np.minimum(np.sqrt(state.covariance[block, block]) * np.abs(rho / gap), np.abs(rho))
     tolerance = rules.agree_sigmas * np.hypot(fit.rho_sigma, plane_sigma) + 0.03 * np.abs(fit.rho)
     return rho, np.where(reachable, np.abs(rho - fit.rho) / tolerance, np.inf)
+
+
+def met_at(plane: Plane, anchor: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse distance (T,) at which rays (T, 3) from their anchors (T, 3) meet a plane, negative behind them, and how far
+    the anchors are off it (T,), metres along its normal."""
+    gap = plane.level() - anchor @ plane.normal()
+    gap = np.where(np.abs(gap) < 1e-6, 1e-6, gap)
+    return directions @ plane.normal() / gap, gap
 
 
 def within(plane: Plane, points: np.ndarray, reach_m: float) -> np.ndarray:
