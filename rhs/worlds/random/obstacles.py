@@ -1,5 +1,5 @@
-"""What stands otherwise after the survey: boxes of 0.3 to 0.6 m put beside the way and behind corners, now and then a barrier
-that closes it; chairs, crates, bins and the like, moved or taken away."""
+"""What stands otherwise after the survey: boxes of 0.3 to 0.6 m put beside the way and behind corners, now and then a
+barrier that closes it; chairs, crates, bins and the like, moved or taken away."""
 
 from __future__ import annotations
 
