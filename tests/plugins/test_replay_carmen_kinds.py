@@ -11,7 +11,6 @@ from rhs.api.errors import ConfigError
 from rhs_sources.replay import open_recording
 from rhs_sources.replay_config import Replay
 
-
 STANDING = "0 0 0 0 0 0 0 0 1 1 0 1.0 a 1.0"  # what follows the ranges of a robot that stands
 
 
