@@ -146,7 +146,8 @@ def _flat_columns(header: str) -> tuple[list[int], float] | None:
     radians = 0.0
     for k, name in enumerate(header.lstrip("#%\ufeff ").split(separator)):
         name = re.sub(r"[\[(\s]+", " ", name.strip(" \"'_").lower()).rstrip(" )]")
-        key = "t" if _STAMP.fullmatch(name.split(" ")[0]) else next((axis for axis in "xyz" if axis in re.split(r"[._ ]", name)), "")
+        plain = re.split(r"[._ ]", name)
+        key = "t" if _STAMP.fullmatch(name.split(" ")[0]) else next((axis for axis in "xyz" if axis in plain), "")
         if heading := _HEADING.fullmatch(name):
             key, unit = "heading", heading[2] or ""
             radians = np.pi / 180.0 if unit.startswith("deg") else float(bool(unit))
