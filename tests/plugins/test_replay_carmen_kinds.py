@@ -42,6 +42,13 @@ def test_the_resolution_in_a_logs_parameters_says_what_its_beams_cover(tmp_path,
     assert said in caplog.text and bool(caplog.text) == bool(said)
 
 
+@pytest.mark.parametrize("value", ["", "nohost 0", "nan nohost 0", "-1 nohost 0"])
+def test_a_parameter_without_a_number_says_nothing(tmp_path, caplog, value):
+    with caplog.at_level(logging.WARNING, "rhs.replay"):
+        first, *_ = opened(tmp_path / "a.log", [f"PARAM laser_front_laser_resolution {value}", flaser(541)])
+    assert np.degrees(first.scan.bearings_rad[0]) == pytest.approx(-90.0) and "to cover 180 degrees" in caplog.text
+
+
 def test_a_field_of_view_that_is_typed_wins_over_the_logs_parameters(tmp_path):
     lines = ["PARAM laser_front_laser_resolution 0.5 nohost 0", flaser(541)]
     first, *_ = opened(tmp_path / "a.log", lines, laser_fov_deg=240.0)
@@ -84,3 +91,11 @@ def test_a_folder_of_laser_logs_names_the_first(tmp_path):
     (tmp_path / "intel.log").write_text(flaser(180) + "\n")
     with pytest.raises(ConfigError, match=r"found 1 laser log; type source\.path=.*intel\.log"):
         open_recording(Replay(path=str(tmp_path)))
+
+
+@pytest.mark.parametrize(("laser_m", "said"), [(0.0, True), (0.35, False)])
+def test_a_laser_whose_place_the_log_says_and_its_poses_leave_out_is_said(tmp_path, caplog, laser_m, said):
+    lines = [flaser(180, k).replace(f" {k} 0 0 {k} 0 0", f" {k + laser_m} 0 0 {k} 0 0") for k in range(2)]
+    with caplog.at_level(logging.WARNING, "rhs.replay"):
+        opened(tmp_path / "a.log", ["PARAM robot_frontlaser_offset 0.35 nohost 0", *lines])
+    assert ("type source.scan_mount=[0.35,0,0,0,0,0]" in caplog.text) == said

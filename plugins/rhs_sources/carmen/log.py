@@ -27,7 +27,7 @@ from rhs.api.records import Capture, Scan, WorldFacts
 from rhs.api.settings import nearest
 
 from ..replay_mounts import mount_of, mounted
-from ..replay_stamps import Truth, ascending, in_file_order, in_order, number_of, typed_truth
+from ..replay_stamps import Truth, ascending, in_file_order, in_order, typed_truth
 from ..replay_tum import Recording
 from ..unread import GRAPH
 from .lines import Pose, Reading, flaser, robotlaser, stamped_pose
@@ -42,6 +42,7 @@ HEAD_BYTES = 200
 LOOKED_AT = 20_000  # bytes of a log without scans
 OTHER_LASER = re.compile(r"(ROBOT|RAW)LASER[2-5]|RLASER")  # rear ones, or a robot's second
 STEP_SAID = b"PARAM laser_front_laser_resolution "  # degrees
+AHEAD_SAID = b"PARAM robot_frontlaser_offset "  # metres
 MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
 FLASER, ROBOT, RAW, ODOM, TRUE = b"FLASER ", b"ROBOTLASER1 ", b"RAWLASER1 ", b"ODOM ", b"TRUEPOS "
 SCANS = (FLASER, ROBOT, RAW)
@@ -133,13 +134,15 @@ def _read(path: Path, settings) -> Log:
     readings: list[Reading] = []
     cut: list[str] = []
     beside: dict[bytes, list[tuple[str, bytes]]] = {ODOM: [], TRUE: []}
-    kind, fov_deg, step_deg = b"", settings.laser_fov_deg, 0.0
+    kind, fov_deg, step_deg, ahead_m = b"", settings.laser_fov_deg, 0.0, 0.0
     with opened(path) as file:
         number = 0
         while line := file.readline(MAX_LINE):
             number += 1
             if line.startswith(STEP_SAID):
-                step_deg = number_of(_words(line)[2], f"{path.name}:{number}")
+                step_deg = _said(line)
+            if line.startswith(AHEAD_SAID):
+                ahead_m = _said(line)
             found = next((word for word in KINDS if line.startswith(word)), None)
             if found is None or (found in SCANS and found != kind and kind not in (b"", RAW)):
                 continue
@@ -163,6 +166,10 @@ def _read(path: Path, settings) -> Log:
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
     _check_headings(np.array(odometry).reshape(-1, 3), path)
+    if abs(ahead_m) > CONSTANT_M and kind != RAW and not settings.scan_mount and all(
+            one.laser == one.odometry for one in readings):
+        logger.warning("%s: its laser sits %g m ahead, as robot_frontlaser_offset says, and its poses are those of the "
+                       "robot: type source.scan_mount=[%g,0,0,0,0,0]", path.name, ahead_m, ahead_m)
     return Log(readings, odometry, beside[TRUE], cut)
 
 
@@ -221,6 +228,15 @@ def end_of_range(readings_m: list[np.ndarray]) -> float:
     at_end, below = int((ranges >= first).sum()), int(((ranges >= first - BELOW_M) & (ranges < first)).sum())
     clear = at_end >= END_LEAST and at_end > END_SHARE * len(ranges) and at_end > END_TIMES * AT_END_M / BELOW_M * below
     return first if clear else np.inf
+
+
+def _said(line: bytes) -> float:
+    """The number in a PARAM line; 0 where it holds none."""
+    try:
+        value = float(_words(line)[2])
+    except (IndexError, ValueError):
+        return 0.0
+    return value if np.isfinite(value) else 0.0
 
 
 def _words(line: bytes) -> list[str]:

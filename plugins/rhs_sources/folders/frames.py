@@ -76,9 +76,10 @@ def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]
         log.warning("%s: no depth is read from %s; expected numbered %s", path.name, strange.name,
                     ", ".join(DEEP_IMAGES[:5]))
     together = _images(colors or path)
-    along_rays = _images(path, (povray.DEPTH,)) if within is None else []
-    if within is not None or along_rays:
-        return together, along_rays or _images(within, DEEP_IMAGES)
+    if within is not None:
+        return together, _images(within, DEEP_IMAGES)
+    if along_rays := _images(path, (povray.DEPTH,)):
+        return together, along_rays
     deep = ["depth" in file.stem.lower() for _, file in together]
     return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
             [one for one, is_deep in zip(together, deep, strict=True) if is_deep])
