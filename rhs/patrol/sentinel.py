@@ -19,15 +19,16 @@ from .aside import PASSED_M, Trails
 from .barred import Barred
 from .changed_map import ChangedMap
 from .control import Pace, closest_gap, steer, target_on, turn
-from .guard import Guard
+from .guard import OFF_WALL_M, Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map, spread
-from .planning import RoomyPlanner
+from .planning import LONGER, RoomyPlanner, length_m
 from .relocate import Search, cut_to_room
-from .surroundings import NEAR_M, NOTHING, SURE
+from .surroundings import HIDES_M, NEAR_M, NOTHING, SURE
 
+DEPTHS_M = (HIDES_M, 0.7 * HIDES_M)  # a box of which one camera saw one face is as deep as that, tried in this order
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -231,11 +232,23 @@ class Sentinel(Barred):
             besides.insert(0, in_map(self.guard.around.hidden(), pose))
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        for more in besides if len(besides[0]) else [NOTHING]:
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=np.concatenate([near, more]),
+
+        def ask(more: np.ndarray) -> Path:
+            return self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=np.concatenate([near, more]),
                                    squeeze=self.guard.sees, seen_m=None if seen is None else np.concatenate([seen, more]))
+
+        for more in besides if len(besides[0]) else [NOTHING]:
+            plan = ask(more)
             if plan.found:
                 break
+        side_m = self.roads.side_m
+        for deep_m in DEPTHS_M if monocular and plan.found else ():
+            hidden_m = in_map(self.guard.around.hidden(within_m=NEAR_M, deep_m=deep_m, mapped_m=OFF_WALL_M), pose)
+            wider = ask(np.concatenate([besides[0], hidden_m])) if len(hidden_m) else plan
+            if wider.found and length_m(wider) <= LONGER * length_m(plan):
+                plan, side_m = wider, self.roads.side_m
+                break
+        self.roads.side_m = side_m
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
