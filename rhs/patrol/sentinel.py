@@ -244,7 +244,7 @@ class Sentinel(Barred):
         side_m = self.roads.side_m
         for deep_m in DEPTHS_M if monocular and plan.found else ():
             hidden_m = in_map(self.guard.around.hidden(within_m=NEAR_M, deep_m=deep_m, mapped_m=OFF_WALL_M), pose)
-            wider = ask(np.concatenate([besides[0], hidden_m])) if len(hidden_m) else plan
+            wider = ask(np.concatenate([more, hidden_m])) if len(hidden_m) else plan
             if wider.found and length_m(wider) <= LONGER * length_m(plan):
                 plan, side_m = wider, self.roads.side_m
                 break
