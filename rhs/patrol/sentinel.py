@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -241,14 +241,8 @@ class Sentinel(Barred):
             plan = ask(more)
             if plan.found:
                 break
-        side_m = self.roads.side_m
-        for deep_m in DEPTHS_M if monocular and plan.found else ():
-            hidden_m = in_map(self.guard.around.hidden(within_m=NEAR_M, deep_m=deep_m, mapped_m=OFF_WALL_M), pose)
-            wider = ask(np.concatenate([more, hidden_m])) if len(hidden_m) else plan
-            if wider.found and length_m(wider) <= LONGER * length_m(plan):
-                plan, side_m = wider, self.roads.side_m
-                break
-        self.roads.side_m = side_m
+        if monocular and plan.found:
+            plan = self._round_hidden(plan, lambda hidden_m: ask(np.concatenate([more, hidden_m])), pose)
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
@@ -256,6 +250,17 @@ class Sentinel(Barred):
         self.last_reason = plan.reason
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
+
+    def _round_hidden(self, plan: Path, ask: Callable[[np.ndarray], Path], pose: np.ndarray) -> Path:
+        """For one camera, which sees nothing by turning to a side it has not seen: the way round it, where that is hardly
+        longer than the plan. ask: the way round further points (K, 2) of the map."""
+        side_m = self.roads.side_m
+        for deep_m in DEPTHS_M:
+            hidden_m = in_map(self.guard.around.hidden(within_m=NEAR_M, deep_m=deep_m, mapped_m=OFF_WALL_M), pose)
+            if len(hidden_m) and (wider := ask(hidden_m)).found and length_m(wider) <= LONGER * length_m(plan):
+                return wider
+        self.roads.side_m = side_m
+        return plan
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)
