@@ -265,4 +265,6 @@ def _found(path: Path) -> str:
     if inner:
         best = min(inner, key=lambda p: (LENSED.search(str(p.relative_to(path))) is not None, is_clouds(p)))
         return f"found no recording but one in it; type source.path={best}"
+    if logs := [p for p in sorted(path.iterdir()) if is_carmen(p)]:
+        return f"found {len(logs)} laser log{'s' if len(logs) > 1 else ''}; type source.path={logs[0]}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

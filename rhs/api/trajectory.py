@@ -23,10 +23,12 @@ _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanosecond
 _NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|(roll|pitch|yaw)(_deg)?$")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
 _EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
+_HEADING = re.compile(r"(?:.*[._ ])?(yaw|theta|heading|th)[_ ]?(rad|radians|deg|degrees)?")
 _NCLT_ROW = re.compile(r"\d{16}(,\s*[^,\s]+){6}$")  # microseconds, x y z, roll pitch heading
 _ECHO_ROW = re.compile(r"\d{1,10},\d{1,9},[a-zA-Z_/][^,]*,([a-zA-Z_/][^,]*,)?[-\d]")  # ros2 topic echo --csv: s, ns, frames
 _DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
+MOST_HEADING = 6.3  # that is taken for radians where nobody says
 ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")
 
 
@@ -96,15 +98,18 @@ def seconds_in(stamp: float) -> float:
 
 def in_tum_order(text: str) -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
-    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, commented or not), or EuRoC's, which begins
-    with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2 topic echo --csv`, without one; line by line.
-    Another text as it is."""
+    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, `time,x,y,yaw`, commented or not), or
+    EuRoC's, which begins with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2 topic echo --csv`,
+    without one; line by line. Another text as it is. Raises RecordingError of headings whose unit is not to be told."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
         if order:
             nano = re.search(r"stamp[^,;]*\[ns\]|_ns\b|nsec|nanosec", line) is not None
             return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
+        if flat := _flat_columns(line):
+            below = enumerate(lines[k + 1 :], start=k + 2)
+            return "\n".join([*[""] * (k + 1), *(_of_heading(row, number, *flat) for number, row in below)])
         if words := line.split("#", 1)[0].strip():
             if _NCLT_ROW.match(words):
                 return "\n".join(map(_of_angles, lines))
@@ -131,6 +136,41 @@ def _columns(header: str) -> list[int]:
     wanted = [stamps, *(found.get(key, []) for key in ("x", "y", "z", "qx", "qy", "qz", "qw"))]
     wanted += [found["nsec"]] if "t" in found and "nsec" in found else []
     return [ks[0] for ks in wanted] if all(len(ks) == 1 for ks in wanted) else []
+
+
+def _flat_columns(header: str) -> tuple[list[int], float] | None:
+    """Where stamp x y heading stand, by the names in a header that names each of them once and no z, and the radians of one
+    step of heading, 0 where it is not said; None of another header."""
+    separator = ";" if ";" in header else "," if "," in header else None
+    found: dict[str, list[int]] = {}
+    radians = 0.0
+    for k, name in enumerate(header.lstrip("#%\ufeff ").split(separator)):
+        name = re.sub(r"[\[(\s]+", " ", name.strip(" \"'_").lower()).rstrip(" )]")
+        plain = re.split(r"[._ ]", name)
+        key = "t" if _STAMP.fullmatch(name.split(" ")[0]) else next((axis for axis in "xyz" if axis in plain), "")
+        if heading := _HEADING.fullmatch(name):
+            key, unit = "heading", heading[2] or ""
+            radians = np.pi / 180.0 if unit.startswith("deg") else float(bool(unit))
+        if key and not re.search(r"vel|twist|acc|^v_", name):
+            found.setdefault(key, []).append(k)
+    wanted = [found.get(key, []) for key in ("t", "x", "y", "heading")]
+    return ([ks[0] for ks in wanted], radians) if "z" not in found and all(len(ks) == 1 for ks in wanted) else None
+
+
+def _of_heading(row: str, number: int, order: list[int], radians: float) -> str:
+    """A row of a pose on the floor with z of zero and a quaternion; as it is where it is none. Raises RecordingError where
+    the heading may be of either unit."""
+    words = row.split("#", 1)[0].replace(",", " ").replace(";", " ").split()
+    try:
+        stamp, x, y, heading = (words[k] for k in order)
+        angle = float(heading)
+    except (ValueError, IndexError):
+        return row
+    if not radians and abs(angle) > MOST_HEADING:
+        raise RecordingError(f"line {number}: the heading {heading} is more than a turn of radians; expected a header that "
+                             "says yaw_deg or yaw_rad")
+    half = 0.5 * angle * (radians or 1.0)
+    return f"{stamp} {x} {y} 0 0 0 {np.sin(half):.9f} {np.cos(half):.9f}"
 
 
 def _ordered(row: str, order: list[int], *, nano: bool) -> str:

@@ -1,5 +1,5 @@
 """What happened on the way, drawn where it happened: missions and their direction, what the map did not know, detours,
-touches, doubt, kidnaps, and which part complained first."""
+touches, doubt, kidnaps, where the belief was none to trust, and which part complained first."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
+from rhs.metrics.calibration import beliefs_of
 from rhs.metrics.cause import first_of_failed
 
 if TYPE_CHECKING:
@@ -21,6 +22,11 @@ MARKS = (  # events, what the legend says, marker, colour, size
     (("gave_up",), "gave the place up", "X", "#222222", 10.0),
     (("contact",), "touched something", "*", "#c1121f", 8.0),  # last, so above all others
 )
+BELIEFS = (  # what the legend says, colour, which views of (status, wrong and sure)
+    ("on the map, but the map is unsure", "#e9b44c", lambda status, wrong_sure: (status == "degraded") & ~wrong_sure),
+    ("in doubt where it is", "#9d6bd0", lambda status, wrong_sure: np.isin(status, ("converging", "lost"))),
+    ("wrong, and sure of it", "#c1121f", lambda status, wrong_sure: wrong_sure),
+)
 ARROW_M = 2.5  # between two arrows on the way driven
 
 
@@ -30,6 +36,7 @@ def draw_happenings(axes: Axes, steps: Sequence[Step], missions: Sequence[dict[s
     if not patrol:
         return
     way_m = np.array([_stand(step) for step in patrol])
+    _draw_beliefs(axes, patrol, way_m)
     _draw_directions(axes, way_m)
     _draw_missions(axes, patrol, way_m)
     _draw_marks(axes, patrol, way_m)
@@ -72,6 +79,19 @@ def _stand(step: Step) -> tuple[float, float]:
     names = ("true_x_m", "true_y_m") if step.get("true_x_m") else ("x_m", "y_m")
     x, y = (float(step[name] or "nan") for name in names)
     return x, y
+
+
+def _draw_beliefs(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray) -> None:
+    """A band along the way driven wherever the belief was not simply a place, and right where the truth is known."""
+    status = np.array([step["belief_status"] for step in patrol])
+    beliefs, wrong_sure = beliefs_of(patrol), np.zeros(len(patrol), bool)
+    wrong_sure[[bool(step["true_x_m"]) for step in patrol]] = beliefs.sure & ~beliefs.right
+    driven = np.stack([way_m[:-1], way_m[1:], np.full_like(way_m[1:], np.nan)], axis=1)  # a stroke for each view, apart
+    driven[["kidnapped" in _events(step) for step in patrol[1:]]] = np.nan
+    for label, colour, which in BELIEFS:
+        strokes = driven[which(status, wrong_sure)[1:]]
+        if np.isfinite(strokes).any():
+            axes.plot(*strokes.reshape(-1, 2).T, color=colour, linewidth=7.0, alpha=0.35, zorder=2.5, label=label)
 
 
 def _draw_directions(axes: Axes, way_m: np.ndarray) -> None:

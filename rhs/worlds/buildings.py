@@ -15,6 +15,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser
+from .house_expo import floor_in
 from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
 from .maps import advice_on, is_shaded, load_map, read_header, writing_in
 from .mesh_files import MESHES
@@ -55,6 +56,8 @@ def read_building(path: Path, file: Section) -> Building:
     if path.suffix.lower() == ".xacro":
         raise ConfigError(f"{path}: a xacro is a recipe of a file; expand it first: xacro {path.name} > "
                           f"{Path(path.stem).stem}.urdf")
+    if path.suffix.lower() == ".json" and (floor := floor_in(path)) is not None:
+        return building_of(floor, radius_m, start_m, path)
     if path.suffix.lower() not in (".yaml", ".yml"):
         if advice := advice_for(path):
             raise ConfigError(f"{path}: {advice}")
@@ -119,7 +122,7 @@ def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None
     """The room of a flat map that holds the start, or the roomiest one. Raises ConfigError where the robot does not fit."""
     room = room_of(grid, radius_m, start_m)
     if not room.any():
-        raise no_room(str(path), grid, radius_m, start_m, advice_on(path))
+        raise no_room(str(path), grid, radius_m, start_m, advice_on(path) if path.suffix != ".json" else "")
     stand = roomiest_m(grid, room, radius_m + MARGIN_M + SPARE_M)
     if said := shut_words(shut_m2(grid, stand if start_m is None else start_m, radius_m)):
         log.warning("%s: %s", path.name, said)

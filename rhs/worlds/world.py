@@ -100,6 +100,10 @@ def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
     text = str(name_or_path)
     if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *FOREIGN) or ("." in text and Path(text).is_file()):
         path = Path(text).expanduser()
+        if path.is_dir():
+            inner = sorted(one.name for one in path.iterdir() if one.suffix.lower() in (".yaml", ".yml", *FOREIGN))
+            named = f"type world={path / inner[0]}" if inner else "expected a file: a map, a plan, a scene or a mesh"
+            raise ConfigError(f"world={text} is a folder; {named}")
         if not path.is_file():
             raise ConfigError(f"world={text}: there is no such file{near_file(path)}")
         return path.resolve()

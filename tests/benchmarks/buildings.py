@@ -3,12 +3,13 @@
     python tests/benchmarks/buildings.py --seeds 0-99 --out runs/buildings
     python tests/benchmarks/buildings.py --families office home --seeds 10000-10019 planner=theta_star
 
-A sweep of `world=random:FAMILY` over seeds, each its own building; further words are those of a run. Killed, it goes on
-where it stopped when the same command is given again. `reachable`: places that a disc of the robot's radius and 5 cm gets
-to from the end of the survey with the obstacles in place, on the true plan. `barred`: those of them to which nobody could
-have got for people, had he known where they would walk (walkers.py). `named`: of the places that nobody could get to, for
-things or people, those given up in such words. `clean`: every reachable one visited, nothing touched. The mean of wrong_sure
-(belief_wrong_sure_share) is over runs, collisions are summed; `no row`: failed or killed.
+A sweep of `world=random:FAMILY` over seeds, each its own building, driven once; with `--runs 2` twice, by the run's seeds 0
+and 1. Further words are those of a run. Killed, it goes on where it stopped when the same command is given again.
+`reachable`: places that a disc of the robot's radius gets to from the end of the survey with the obstacles in place, on the
+true plan (places_reachable). `barred`: those of them to which nobody could have got for people, had he known where they
+would walk (walkers.py). `named`: of the places that nobody could get to, for things or people, those given up in such words.
+`clean`: every reachable one visited, nothing touched. The mean of wrong_sure (belief_wrong_sure_share) is over runs,
+collisions are summed; `no row`: failed or killed.
 Writes buildings.csv beside the runs. Seeds below 10000 are for building and tuning, those from 10000 on for judging only.
 """
 
@@ -39,14 +40,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), help="such as office, or office+plain")
     parser.add_argument("--seeds", default="0-9", help="first-last, both included")
+    parser.add_argument("--runs", type=int, default=0, help="of each building, by seeds 0 to RUNS - 1; 0: one, by its own")
     parser.add_argument("--out", type=Path, default=Path("runs/buildings"))
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=1800.0, help="seconds for one run")
     parser.add_argument("words", nargs="*", help="key=value words of a run")
     options = parser.parse_intermixed_args()
     first, _, last = options.seeds.partition("-")
-    words = [f"world={','.join(f'random:{family}' for family in options.families)}",
-             f"seed=range({int(first)},{int(last or first) + 1})", *options.words]
+    numbers = range(int(first), int(last or first) + 1)
+    worlds = [f"random:{family}/{number}" for family in options.families for number in numbers] if options.runs else [
+        f"random:{family}" for family in options.families]
+    seeds = f"range({options.runs})" if options.runs else f"range({numbers.start},{numbers.stop})"
+    words = [f"world={','.join(worlds)}", f"seed={seeds}", *options.words]
     command = [sys.executable, "-m", "rhs", "-m", *words, f"output={options.out}", "recording=off", "pictures=off"]
     limits = [f"--jobs={options.jobs}", f"--timeout={options.timeout:g}"]
     resume = ["--resume"] if (options.out / "sweep.json").exists() else []

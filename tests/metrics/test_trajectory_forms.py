@@ -199,3 +199,54 @@ def test_poses_as_plotjuggler_and_ros2_topic_echo_export_them(tmp_path, text):
     way = read_trajectory(tmp_path / "poses.csv")
     assert way.stamps_s.tolist() == [1700000000.25] and way.positions_m.tolist() == [[1.0, 2.0, 3.0]]
     assert way.poses[0, :2, 0] == pytest.approx([0.28, 0.96])
+
+
+def colmap(way, names):
+    """images.txt: the world in the camera, w first, in any order, a line of points behind each."""
+    out = ["# Image list with two lines of data per image:\n#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n"]
+    for k in reversed(range(len(way))):
+        pose = inverse(way.poses[k])
+        x, y, z, w = quaternion_xyzw(pose[:3, :3])
+        numbers = " ".join(f"{v:.9f}" for v in (w, x, y, z, *pose[:3, 3]))
+        out.append(f"{k + 1} {numbers} 1 {names[k]}\n2362.39 248.49 58396 1784.7 268.25 -1\n")
+    return "".join(out)
+
+
+@pytest.mark.parametrize(("names", "stamps"), [
+    ([f"rgb/{1700000000 + 0.1 * k:.6f}.png" for k in range(6)], 1700000000 + 0.1 * np.arange(6)),
+    ([f"frame_{k:05d}.jpg" for k in range(6)], np.arange(6.0)),
+])
+def test_images_of_colmap_are_poses_of_the_camera_at_the_numbers_in_their_names(tmp_path, names, stamps):
+    (tmp_path / "images.txt").write_text(colmap(WAY, names))
+    read = read_trajectory(tmp_path / "images.txt")
+    np.testing.assert_allclose(read.poses, WAY.poses, atol=1e-6)
+    np.testing.assert_allclose(read.stamps_s, stamps, atol=1e-5)
+
+
+def test_images_of_colmap_without_numbers_are_refused(tmp_path):
+    (tmp_path / "images.txt").write_text(colmap(WAY, ["front.jpg"] * 6))
+    with pytest.raises(RecordingError, match="no image of COLMAP with a number in its name"):
+        read_trajectory(tmp_path / "images.txt")
+
+
+def test_a_trajectory_log_of_open3d_is_five_lines_a_pose(tmp_path):
+    rows = ("\n".join(" ".join(f"{v:.9f}" for v in row) for row in pose) for pose in WAY.poses)
+    (tmp_path / "trajectory.log").write_text("".join(f"{k} {k} {k + 1}\n{one}\n" for k, one in enumerate(rows)))
+    np.testing.assert_allclose(read_trajectory(tmp_path / "trajectory.log").poses, WAY.poses, atol=1e-6)
+
+
+@pytest.mark.parametrize(("header", "unit"), [
+    ("timestamp,x,y,yaw", 1.0), ("time;x;y;theta [rad]", 1.0), ("# t x y heading_deg", np.pi / 180),
+    ("Time (s),pose.x,pose.y,pose.yaw (deg)", np.pi / 180),
+])
+def test_a_table_of_places_and_headings_is_a_way_on_the_floor(tmp_path, header, unit):
+    comma = ";" if ";" in header else "," if "," in header else " "
+    lines = [comma.join(f"{v:.9f}" for v in (k, 0.5 * k, 0.1 * k * k, 0.1 * k / unit)) for k in range(6)]
+    (tmp_path / "way.csv").write_text("\n".join([header, *lines]))
+    np.testing.assert_allclose(read_trajectory(tmp_path / "way.csv").poses, WAY.poses, atol=1e-6)
+
+
+def test_a_heading_of_more_than_a_turn_whose_unit_nobody_says_is_refused(tmp_path):
+    (tmp_path / "way.csv").write_text("time,x,y,yaw\n0,0,0,0\n1,1,0,90.0\n")
+    with pytest.raises(RecordingError, match=r"line 3: the heading 90\.0 is more than a turn.*yaw_deg or yaw_rad"):
+        read_trajectory(tmp_path / "way.csv")

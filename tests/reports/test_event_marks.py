@@ -9,8 +9,9 @@ from rhs.reports.event_marks import draw_happenings, draw_unknown
 
 def _step(index, event="", mission="1", belief="tracking"):
     return {"index": str(index), "phase": "patrol", "mission": mission, "event": event, "true_x_m": str(0.2 * index),
-            "true_y_m": "0", "x_m": str(0.2 * index), "y_m": "0.1", "motion_status": "ok", "motion_reason": "",
-            "motion_replaced": "0", "belief_status": belief, "collided": "0"}
+            "true_y_m": "0", "x_m": str(0.2 * index), "y_m": "0.1", "yaw_rad": "0", "true_yaw_rad": "0", "stamp_s": "0",
+            "belief_probability": "0.9", "motion_status": "ok", "motion_reason": "", "motion_replaced": "0",
+            "belief_status": belief, "collided": "0"}
 
 
 def _marked(steps, missions=()):
@@ -38,6 +39,20 @@ def test_trouble_began_where_the_first_part_complained_of_the_mission_that_faile
 def test_a_kidnap_is_a_line_from_where_to_where():
     steps = [_step(0), _step(1), {**_step(2, "kidnapped"), "true_x_m": "5.0"}]
     np.testing.assert_allclose(_marked(steps)["carried off"], [[0.2, 0.0], [5.0, 0.0]])
+
+
+def test_bands_show_where_the_belief_was_unsure_doubtful_or_wrong_and_sure():
+    """Views 2 and 3 lie on an unsure map, 5 is lost, 7 is 2 m off and sure of itself."""
+    said = {2: "degraded", 3: "degraded", 5: "lost"}
+    steps = [_step(k, belief=said.get(k, "tracking")) for k in range(9)]
+    steps[7]["x_m"] = "3.4"
+    marked = _marked(steps)
+    ends = {label: xy[np.isfinite(xy).all(axis=1), 0] for label, xy in marked.items()}
+    np.testing.assert_allclose(ends["on the map, but the map is unsure"], [0.2, 0.4, 0.4, 0.6])
+    np.testing.assert_allclose(ends["in doubt where it is"], [0.8, 1.0])
+    np.testing.assert_allclose(ends["wrong, and sure of it"], [1.2, 1.4])
+    unknown = [{**step, "true_x_m": "", "true_y_m": "", "true_yaw_rad": ""} for step in steps]
+    assert "wrong, and sure of it" not in _marked(unknown)
 
 
 def test_what_is_new_and_what_is_gone_since_the_survey():

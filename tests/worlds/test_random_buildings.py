@@ -139,6 +139,24 @@ def test_people_and_obstacles_go_together():
     assert parse("random:home+obstacles+people/1") == Named("home", "obstacles+people", 1)
 
 
+@laws
+def test_things_that_are_moved_leave_every_place_within_reach(family, number):
+    """One to three chairs and the like, none on a place or the waiting robot, each inside the building."""
+    world = building(family, number, "+moved")
+    moved = {name for name, *_ in world.changes.moved}
+    assert 1 <= len(moved) + len(world.changes.removed) <= 3 and not moved & set(world.changes.removed)
+    assert not world.obstacles and not world.moving.people
+    later = after(world)
+    room = world.robot_radius_m + 0.05
+    assert set(reached(later, radius_m=room)) >= set(reached(world, radius_m=room))
+    stood = {box.name: box for box in world.boxes}
+    for box in later.boxes:
+        away = np.hypot(*(np.array(box.centre_m) - stood[box.name].centre_m))
+        assert (0.39 < away < 2.51) == (box.name in moved)
+        for _, x, y in world.places if box.name in moved else ():
+            assert distance_m(replace(later, boxes=(box,), walls=()), np.array([x, y]))[0] >= world.robot_radius_m + 0.14
+
+
 def test_buildings_are_the_same_on_every_machine():
     """Whoever changes what is drawn changes every figure that was measured in these buildings: then say so and write these
     anew (run this file as a script)."""

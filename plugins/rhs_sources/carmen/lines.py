@@ -20,6 +20,8 @@ from ..replay_stamps import number_of
 MAX_BEAMS = 10_000
 HEAD = 8  # words of ROBOTLASER1 and RAWLASER1 before the number of ranges
 MOST_RAD = 2.0 * np.pi + 0.05  # between the first beam and the last: a turn, as it is rounded
+AGREE = 0.02  # of a field of view, that rounding is
+AFTER_RANGES = (13, 14)  # words behind the ranges of a line without remissions: two poses, four or five more, the tail
 TAIL = 3  # stamp, host, when it was logged
 Pose = tuple[float, float, float]
 
@@ -56,11 +58,11 @@ def robotlaser(words: list[str], where: str, max_m: float) -> Reading:
         poses = " x y theta robot_x robot_y robot_theta" if posed else ""
         raise ConfigError(f"{where}: found {len(words)} words for {count} beams; expected {words[0]} type start fov step "
                           f"max accuracy mode n ranges{poses} stamp host logged")
-    if words[after].isdigit():  # remissions: their number and as many
+    if words[after].isdigit() and not (posed and _is_pose(words, after)):  # remissions: their number and as many
         after += 1 + int(words[after])
     start, fov, step, most = (number_of(word, where) for word in words[2:6])
     ranges = np.array([number_of(word, where) for word in words[HEAD + 1 : HEAD + 1 + count]])
-    step = step if step > 0.0 else fov / max(count - 1, 1)
+    step = fov / max(count - 1, 1) if step <= 0.0 or _is_fov(start, fov, step, count) else step
     if not np.isfinite([start, step]).all() or not 0.0 <= step * (count - 1) <= MOST_RAD:
         raise ConfigError(f"{where}: {count} beams from {start:g} by {step:g} rad; expected at most a turn")
     laser = odometry = None
@@ -72,6 +74,20 @@ def robotlaser(words: list[str], where: str, max_m: float) -> Reading:
         laser, odometry = (x, y, turn), _finite((odom_x, odom_y, odom_turn), where)
     return Reading(from_start(count, start, step), ranges, min(max_m, most) if most > 0.0 else max_m, laser, odometry,
                    number_of(words[-TAIL], where))
+
+
+def _is_pose(words: list[str], after: int) -> bool:
+    """Whether what follows the ranges is x of a pose, written without a point, and no number of remissions: with them there
+    are too few words behind."""
+    behind = len(words) - after
+    return behind in AFTER_RANGES and behind - 1 - int(words[after]) < AFTER_RANGES[-1]
+
+
+def _is_fov(start: float, fov: float, step: float, count: int) -> bool:
+    """Whether step and field of view tell of different scans, and the beams begin where the field of view, straight ahead,
+    has them begin."""
+    contradicts = abs(step * (count - 1) - fov) > AGREE * fov and abs(step * count - fov) > AGREE * fov
+    return contradicts and fov > 0.0 and abs(start + 0.5 * fov) < AGREE * fov
 
 
 def stamped_pose(words: list[str], where: str) -> tuple[float, Pose]:

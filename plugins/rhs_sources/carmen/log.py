@@ -35,11 +35,14 @@ from .lines import Pose, Reading, flaser, robotlaser, stamped_pose
 logger = logging.getLogger("rhs.replay")
 HALF_TURN_DEG, USUAL_BEAMS = 180.0, (90, 180, 360, 720)  # of SICK's scanners, or one beam more
 SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
+TEXTS = (".txt", ".script", ".carmen", ".dat", "")
 CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to rounding
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
 HEAD_BYTES = 200
 LOOKED_AT = 20_000  # bytes of a log without scans
-OTHER_LASER = re.compile(r"(ROBOT|RAW)LASER[2-5]")  # rear ones, or a robot's second
+OTHER_LASER = re.compile(r"(ROBOT|RAW)LASER[2-5]|RLASER")  # rear ones, or a robot's second
+STEP_SAID = b"PARAM laser_front_laser_resolution "  # degrees
+AHEAD_SAID = b"PARAM robot_frontlaser_offset "  # metres
 MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
 FLASER, ROBOT, RAW, ODOM, TRUE = b"FLASER ", b"ROBOTLASER1 ", b"RAWLASER1 ", b"ODOM ", b"TRUEPOS "
 SCANS = (FLASER, ROBOT, RAW)
@@ -64,7 +67,13 @@ class Log(NamedTuple):
 
 
 def is_carmen(path: Path) -> bool:
-    return path.is_file() and path.name.lower().endswith(SUFFIXES)
+    """A log by its ending, or a text of another ending that begins as one."""
+    if not path.is_file() or path.name.lower().endswith(SUFFIXES):
+        return path.is_file()
+    if path.suffix.lower() not in TEXTS:
+        return False
+    with path.open("rb") as file:
+        return any(line.startswith(SCANS) for line in file.read(LOOKED_AT).splitlines())
 
 
 def open_carmen(path: Path, settings) -> Recording:
@@ -78,7 +87,9 @@ def open_carmen(path: Path, settings) -> Recording:
         hint = "; a log of Player: play it into a CARMEN log or a ROS bag" if b"Player" in head[:HEAD_BYTES] else ""
         hint = f"; {GRAPH}" if any(kind.startswith(("VERTEX", "EDGE")) for kind in kinds) else hint
         if other := next((kind for kind in sorted(kinds) if OTHER_LASER.fullmatch(kind)), ""):
-            hint = f"; of another laser alone: write {other[:-1]}1 for it (sed s/^{other}/{other[:-1]}1/)"
+            first = "FLASER" if other == "RLASER" else f"{other[:-1]}1"
+            hint = f"; of another laser alone: write {first} for it (sed s/^{other}/{first}/)"
+        hint = "; GMapping's own log: give the CARMEN log that it was made of" if "LASER_READING" in kinds else hint
         found = ", ".join(sorted(kinds)[:6])
         raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; found {found}; expected a CARMEN log with "
                           f"laser scans{hint}")
@@ -123,11 +134,15 @@ def _read(path: Path, settings) -> Log:
     readings: list[Reading] = []
     cut: list[str] = []
     beside: dict[bytes, list[tuple[str, bytes]]] = {ODOM: [], TRUE: []}
-    kind, fov = b"", float(np.radians(settings.laser_fov_deg))
+    kind, fov_deg, step_deg, ahead_m = b"", settings.laser_fov_deg, 0.0, 0.0
     with opened(path) as file:
         number = 0
         while line := file.readline(MAX_LINE):
             number += 1
+            if line.startswith(STEP_SAID):
+                step_deg = _said(line)
+            if line.startswith(AHEAD_SAID):
+                ahead_m = _said(line)
             found = next((word for word in KINDS if line.startswith(word)), None)
             if found is None or (found in SCANS and found != kind and kind not in (b"", RAW)):
                 continue
@@ -138,29 +153,43 @@ def _read(path: Path, settings) -> Log:
             words = _words(line)
             if found != kind:  # scans that carry their pose are better than those that do not
                 kind, readings = found, []
+                fov_deg = _fov_deg(words, step_deg, settings, path) if found == FLASER else 0.0
             try:
-                readings.append(flaser(words, where, fov, settings.max_laser_m) if found == FLASER
+                readings.append(flaser(words, where, float(np.radians(fov_deg)), settings.max_laser_m) if found == FLASER
                                 else robotlaser(words, where, settings.max_laser_m))
             except ConfigError:
                 if line.endswith(b"\n") or not readings:
                     raise
                 cut.append(f"the log is cut: its last line, {number}, is not whole")
-    if kind == FLASER and readings and settings.laser_fov_deg == HALF_TURN_DEG:
-        _say_fov(len(readings[0].ranges_m), path)
     _check_unit([one.ranges_m for one in readings], path)
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
     _check_headings(np.array(odometry).reshape(-1, 3), path)
+    if abs(ahead_m) > CONSTANT_M and kind != RAW and not settings.scan_mount and all(
+            one.laser == one.odometry for one in readings):
+        logger.warning("%s: its laser sits %g m ahead, as robot_frontlaser_offset says, and its poses are those of the "
+                       "robot: type source.scan_mount=[%g,0,0,0,0,0]", path.name, ahead_m, ahead_m)
     return Log(readings, odometry, beside[TRUE], cut)
 
 
-def _say_fov(beams: int, path: Path) -> None:
-    """FLASER lines do not say what their beams cover. Half a turn in whole degrees or parts of one is a SICK's; of other
-    numbers it is said what is taken."""
-    if not any(beams in (usual, usual + 1) for usual in USUAL_BEAMS):
-        logger.warning("%s: its %d beams are taken to cover %.0f degrees, as the log does not say; if the laser sees more "
-                       "or less type source.laser_fov_deg=DEGREES (Hokuyo: 240 or 270)", path.name, beams, HALF_TURN_DEG)
+def _fov_deg(words: list[str], step_deg: float, settings, path: Path) -> float:
+    """What the beams of FLASER lines, which do not say it, cover. Half a turn in whole degrees or parts of one is a SICK's
+    (GMapping and others take it so, whatever the resolution in the log's PARAM lines); of other numbers that resolution is
+    believed, and without one it is said what is taken."""
+    beams = int(words[1]) if len(words) > 1 and words[1].isdigit() else 0
+    usual = any(beams in (count, count + 1) for count in USUAL_BEAMS)
+    if settings.laser_fov_deg != HALF_TURN_DEG or (usual and not step_deg):
+        return float(settings.laser_fov_deg)
+    said_deg = step_deg * (beams if beams % 2 == 0 else beams - 1)
+    believed = 0.0 < said_deg <= 360.0 and not usual
+    if usual and abs(said_deg - HALF_TURN_DEG) <= 2.0 * step_deg:
+        return HALF_TURN_DEG
+    why = "as the log does not say" if not step_deg else f"{'as' if believed else 'though'} the log says {step_deg:g} a beam"
+    taken_deg = said_deg if believed else HALF_TURN_DEG
+    logger.warning("%s: its %d beams are taken to cover %.0f degrees, %s; if the laser sees more or less type "
+                   "source.laser_fov_deg=DEGREES (Hokuyo: 240 or 270)", path.name, beams, taken_deg, why)
+    return taken_deg
 
 
 def _check_unit(readings_m: list[np.ndarray], path: Path) -> None:
@@ -199,6 +228,15 @@ def end_of_range(readings_m: list[np.ndarray]) -> float:
     at_end, below = int((ranges >= first).sum()), int(((ranges >= first - BELOW_M) & (ranges < first)).sum())
     clear = at_end >= END_LEAST and at_end > END_SHARE * len(ranges) and at_end > END_TIMES * AT_END_M / BELOW_M * below
     return first if clear else np.inf
+
+
+def _said(line: bytes) -> float:
+    """The number in a PARAM line; 0 where it holds none."""
+    try:
+        value = float(_words(line)[2])
+    except (IndexError, ValueError):
+        return 0.0
+    return value if np.isfinite(value) else 0.0
 
 
 def _words(line: bytes) -> list[str]:

@@ -32,6 +32,7 @@ from ..replay_images import (
 from ..replay_mounts import placed_camera
 from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
+from . import povray
 from .intrinsics import depth_scale_beside, intrinsics_beside
 from .poses import poses_beside
 from .views import Listed, led, moved, numbered, one_series, stamps_by_name, truth_of
@@ -40,7 +41,7 @@ COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_imag
           "lowres_wide")
 DEPTHS = ("depth", "depths", "depth_images", "lowres_depth")  # ARKitScenes' are the last
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm", ".webp", ".tif", ".tiff")
-DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".jpg", ".jpeg")  # the last two are refused by name
+DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".depth", ".jpg", ".jpeg")  # the last two are refused by name
 RATE_HZ = 30.0
 DEPTH_SCALE = 1000.0
 SAME_SHAPE = 0.02  # by which width to height of two images of one scene may differ
@@ -77,6 +78,8 @@ def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]
     together = _images(colors or path)
     if within is not None:
         return together, _images(within, DEEP_IMAGES)
+    if along_rays := _images(path, (povray.DEPTH,)):
+        return together, along_rays
     deep = ["depth" in file.stem.lower() for _, file in together]
     return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
             [one for one, is_deep in zip(together, deep, strict=True) if is_deep])
@@ -114,7 +117,9 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     """chosen: (which of colors, depth image or None) of each view; stamped: stamps (N,), counts."""
     stamps, rejected = stamped
     files = [(colors[i][1], depth) for i, depth in chosen]
-    scale = settings.depth_scale or depth_scale_beside(path) or DEPTH_SCALE
+    deep = files[0][1] is not None
+    along_rays = deep and files[0][1].suffix == povray.DEPTH
+    scale = settings.depth_scale or (1.0 if along_rays else depth_scale_beside(path) or DEPTH_SCALE)
     first = read_color(files[0][0])
     mosaic = has_mosaic(first)
     if mosaic:
@@ -122,9 +127,14 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     size = (first.shape[1], first.shape[0])
     recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(path)), settings)
-    deep = files[0][1] is not None
-    typed = bool(settings.depth_scale or depth_scale_beside(path))
-    smaller = _first_depth(first, files[0][1], scale, typed=typed) if deep else None
+    typed = bool(along_rays or settings.depth_scale or depth_scale_beside(path))
+
+    def depth_in(file: Path, max_depth_m: float = settings.max_depth_m) -> np.ndarray:
+        if along_rays:
+            return povray.read_ray_depth(file, camera, scale=scale, max_depth_m=max_depth_m)
+        return read_depth(file, scale=scale, max_depth_m=max_depth_m, typed=typed)
+
+    smaller = _first_depth(first, depth_in(files[0][1], np.inf), files[0][1].name, scale) if deep else None
     if deep and not typed:
         hint_scale([depth for _, depth in files], scale=scale, where=path.name)
     if smaller is not None:
@@ -138,7 +148,7 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
                                   f"{size[0]}x{size[1]} as in the first view")
         if not deep:
             return {"image": image}
-        depth = read_depth(files[i][1], scale=scale, max_depth_m=settings.max_depth_m, typed=typed)
+        depth = depth_in(files[i][1])
         image = image if smaller is None else shrunk(image, smaller)
         check_pair(image, depth, files[i][0].name)
         return {"image": image, "depth": depth}
@@ -146,6 +156,9 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     numbers = [number for number, _ in colors]
     timed = bool(settings.rate_hz) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
     true, counts = truth_of(poses_beside(path), settings, numbers, untimed=not timed)
+    if along_rays and not settings.truth and poses_beside(path) is None:
+        posed = [povray.ray_pose(color.with_suffix(".txt"), scale) for _, color in colors]
+        true = lambda line, stamp_s: posed[line]  # noqa: E731
     camera_from_body = inverse(camera.body_from_camera)
 
     def pose(i: int) -> np.ndarray | None:
@@ -156,16 +169,15 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
                settings)
 
 
-def _first_depth(color: np.ndarray, file: Path, scale: float, *, typed: bool) -> tuple[int, int] | None:
+def _first_depth(color: np.ndarray, depth: np.ndarray, where: str, scale: float) -> tuple[int, int] | None:
     """(width, height) of depth that shows all of the colour image in fewer pixels (ScanNet); None: in as many. Raises
     ConfigError where they do not fit each other, or the scale is wrong."""
-    depth = read_depth(file, scale=scale, max_depth_m=np.inf, typed=typed)
     (height, width), (deep_height, deep_width) = color.shape[:2], depth.shape[:2]
     same_shape = abs(deep_width * height / (deep_height * width) - 1.0) < SAME_SHAPE
     smaller = (deep_width, deep_height) if same_shape and deep_width < width else None
     if smaller is None:
-        check_pair(color, depth, file.name)
-    check_depth(depth, scale=scale, where=file.name)
+        check_pair(color, depth, where)
+    check_depth(depth, scale=scale, where=where)
     return smaller
 
 

@@ -36,6 +36,7 @@ HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
     """The camera of the only intrinsics file in a folder; None where there is none. Raises ConfigError."""
     found = sorted({path for pattern in NAMES for path in folder.glob(pattern) if path.is_file()})
+    found = [path for path in found if "depth" not in path.name.lower()] or found  # ScanNet's intrinsics_color.txt beside
     found = found or [folder.parent / name for name in ABOVE if (folder.parent / name).is_file()]
     found = found or sorted(folder.glob("cameras/*.json"))[:1]
     if len(found) > 1:
@@ -44,11 +45,16 @@ def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
 
 
 def depth_scale_beside(folder: Path) -> float | None:
-    """Steps of a depth image in one metre as Replica's cam_params.json says it; None where nothing does."""
+    """Steps of a depth image in one metre as Replica's cam_params.json or SensReader's info.txt says it; None where nothing
+    does."""
     path = next((path / name for name in ABOVE for path in (folder, folder.parent) if (path / name).is_file()), None)
+    info = next((one for one in (folder / "info.txt", folder / "_info.txt") if one.is_file()), None)
     try:
-        plain = {} if path is None else json.loads(path.read_text(encoding="utf-8-sig"))
-        scale = float(plain.get("camera", plain).get("scale", 0.0))
+        if info is not None:
+            scale = float(_named(info.read_text(encoding="utf-8-sig")).get("m_depthShift", 0.0))
+        else:
+            plain = {} if path is None else json.loads(path.read_text(encoding="utf-8-sig"))
+            scale = float(plain.get("camera", plain).get("scale", 0.0))
     except (ValueError, TypeError, AttributeError, UnicodeDecodeError, RecursionError):
         return None  # whoever needs its intrinsics says so
     return scale if 0.0 < scale <= MOST_SCALE else None
@@ -103,12 +109,17 @@ def _of_text(text: str) -> list[float]:
 
 def _of_bundle_fusion(text: str, size: tuple[int, int]) -> Camera:
     """Lines `name = values`, of the colour camera, to whose pixels depth is registered."""
-    named = dict(line.split(" = ", 1) for line in text.splitlines() if " = " in line)
+    named = _named(text)
     matrix = [float(word) for word in named["m_calibrationColorIntrinsic"].split()]
     if len(matrix) != 16:
         raise ValueError(f"m_calibrationColorIntrinsic has {len(matrix)} numbers, expected 16")
     said = (int(named.get("m_colorWidth", size[0])), int(named.get("m_colorHeight", size[1])))
     return _camera([matrix[0], matrix[5], matrix[2], matrix[6]], (), said)
+
+
+def _named(text: str) -> dict[str, str]:
+    """Of lines `name = values`."""
+    return dict(line.split(" = ", 1) for line in text.splitlines() if " = " in line)
 
 
 def _of_dso(text: str) -> Camera | None:

@@ -1,5 +1,6 @@
-"""True poses as data sets write them: 12 or 16 numbers a line (KITTI, Replica), Open3D's trajectory.log, a folder of one
-4x4 matrix a view (ScanNet). Poses as the file has them; None of one that holds NaN or infinity: it was not found.
+"""True poses as data sets write them: 12 or 16 numbers a line (KITTI, Replica), or behind a number (KITTI-360) or
+a stamp (MulRan), Open3D's trajectory.log, a folder of one 4x4 matrix a view (ScanNet). Poses as the file has them; None of
+one that holds NaN or infinity: it was not found.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
+from rhs.api.trajectory import seconds_in
 
 from ..replay_cameras import check_pose
 from ..replay_stamps import number_of, rows
 
-FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log")
+FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log", "traj_w_c.txt")
 FOLDERS = ("pose", "poses")
 _NUMBER = re.compile(r"(\d+)(?:\.pose)?$")  # 12, frame_0012, frame-000012.pose
 Poses = dict[int, np.ndarray | None]  # by line from 0, or by the number in the name
@@ -42,6 +44,23 @@ def poses_by_line(path: Path) -> Poses | None:
         if len(words) != width:
             raise ConfigError(f"{where}: found {len(words)} numbers; expected the {width} of a {width // 4}x4 pose")
         out[k] = _pose([number_of(word, where) for word in words], where)
+    return out
+
+
+def poses_by_first(path: Path) -> dict[float, np.ndarray | None] | None:
+    """Of a file whose lines are 12 or 16 numbers behind the number of a view or a stamp, by that; None of another. Raises
+    ConfigError with its line."""
+    table = rows(path)
+    width = len(table[0][1]) if table else 0
+    if width not in (13, 17):
+        return None
+    out: dict[float, np.ndarray | None] = {}
+    for number, words in table:
+        where = f"{path.name}:{number}"
+        if len(words) != width:
+            raise ConfigError(f"{where}: found {len(words)} numbers; expected {width}: a number or stamp and a pose")
+        first = number_of(words[0], where)
+        out[first * seconds_in(first)] = _pose([number_of(word, where) for word in words[1:]], where)
     return out
 
 

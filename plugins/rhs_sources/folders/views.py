@@ -16,9 +16,9 @@ from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
 from ..replay_images import UnreadableImage
-from ..replay_stamps import UNITS_S, read_tum_truth, typed_file
+from ..replay_stamps import UNITS_S, Truth, read_tum_truth, typed_file
 from ..replay_tum import UNREADABLE, Recording
-from .poses import poses_by_line, poses_by_number
+from .poses import poses_by_first, poses_by_line, poses_by_number
 
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
 _AND_TIME = re.compile(r"^\d{7}-(\d{12})$")  # number, and microseconds from the beginning (SUN3D, Redwood's objects)
@@ -125,6 +125,13 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untime
     poses = poses_by_line(file)
     if poses is not None:
         return (lambda line, stamp_s: poses.get(line)), Counter()
+    first = poses_by_first(file)
+    if first is not None and untimed:
+        return (lambda line, stamp_s: first.get(float(numbers[line]))), Counter()
+    if first is not None:
+        known = sorted(stamp for stamp, pose in first.items() if pose is not None)
+        stamped = Truth(np.array(known), np.array([first[stamp] for stamp in known]), settings.max_truth_gap_s)
+        return (lambda line, stamp_s: stamped.at(stamp_s)), Counter(truth_unknown=len(first) - len(known))
     truth = read_tum_truth(file, settings)
     if untimed and len(truth.stamps_s) == len(numbers):
         return (lambda line, stamp_s: truth.poses[line]), Counter()

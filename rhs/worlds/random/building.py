@@ -2,7 +2,7 @@
 
 A pure function of the family, its number and the word after `+`: everything comes from generators named after them, and
 every coordinate is rounded to a tenth of a millimetre. The obstacles have a generator of their own: `+plain` is the same
-building without them. So have the people.
+building without them. So have the people, and the things that are moved.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .hall import draw_hall
 from .looks import looks
 from .loops import draw_ladder, draw_loop
 from .names import parse
-from .obstacles import with_drawn_obstacles
+from .obstacles import movable, with_drawn_moves, with_drawn_obstacles
 from .people import with_drawn_people
 from .rooms import draw_home, draw_office
 from .shapes import edges_of, nearest_gap_m, turned, within
@@ -86,10 +86,12 @@ def _world(family: str, word: str, number: int) -> World:
             name = f"random:{family}{'+' if word else ''}{word}/{number}"
             world = replace(world, name=name, path=Path(name))
             rng = generator(number, f"obstacles of {family} {draw}")
-            bare = word in ("plain", "people")
+            bare = word in ("plain", "people", "moved", "moved+people")
             if not bare and (rng.uniform() < 0.5 or "obstacles" in word):
                 world = with_drawn_obstacles(world, rng)
                 check_world(world, _Drawn(world.name))
+            if "moved" in word:
+                world = _rearranged(world, generator(number, f"moves of {family} {draw}"))
             return _peopled(world, generator(number, f"people of {family} {draw}")) if "people" in word else world
         except (Unfit, ConfigError) as error:
             last = error
@@ -98,6 +100,15 @@ def _world(family: str, word: str, number: int) -> World:
 
 def _peopled(world: World, rng: np.random.Generator) -> World:
     world = with_drawn_people(world, rng, *free_space(after(world)))
+    check_world(world, _Drawn(world.name))
+    return world
+
+
+def _rearranged(world: World, rng: np.random.Generator) -> World:
+    """Raises Unfit where nothing stands that could be moved: the next draw may have something."""
+    if not movable(world):
+        raise Unfit("nothing in it can be moved")
+    world = with_drawn_moves(world, rng)
     check_world(world, _Drawn(world.name))
     return world
 

@@ -1,5 +1,5 @@
-"""What stands in the way only after the survey: boxes of 0.3 to 0.6 m beside the way and behind corners, now and then a
-barrier that closes it."""
+"""What stands otherwise after the survey: boxes of 0.3 to 0.6 m put beside the way and behind corners, now and then a
+barrier that closes it; chairs, crates, bins and the like, moved or taken away."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ import numpy as np
 from rhs.api.floorplan import Box, World, after, truth_grid
 from rhs.api.grid import configuration_space
 
+from .furniture import FREE_STANDING
 from .looks import furniture_surface
 from .shapes import edges_of, nearest_gap_m, polygon_gaps_m
 from .sketch import rectangle
 
 BARRIERS = 0.15  # share of the buildings with obstacles in which one of them closes the way from wall to wall
 TRIES = 60
+TAKEN = 0.3  # share of the things moved that are taken away
+MOVED_M = (0.4, 2.5)  # how far the others
 
 
 def with_drawn_obstacles(world: World, rng: np.random.Generator) -> World:
@@ -51,7 +54,7 @@ def _with_box(world: World, rng: np.random.Generator) -> World:
         middle = _beside_way(world.route_m, rng, out_m=0.75)
         size = (float(rng.uniform(0.3, 0.6)), float(rng.uniform(0.3, 0.6)))
         yaw = float(rng.uniform(-1.57, 1.57))
-        if not _stands(world, middle, size, yaw):
+        if not stands(world, middle, size, yaw):
             continue
         other = _put(world, _box("obstacle", world, middle, (*size, float(rng.uniform(0.3, 1.6))), yaw, rng))
         if reached(after(other), radius_m=radius + 0.05) == before:
@@ -72,7 +75,7 @@ def _barred(world: World, rng: np.random.Generator) -> World:
             continue
         centre = middle + 0.5 * (left - right) * way
         size = (left + right - 0.06, float(rng.uniform(0.1, 0.4)))
-        if _stands(world, centre, size, across):
+        if stands(world, centre, size, across):
             return _put(world, _box("barrier", world, centre, (*size, float(rng.uniform(0.8, 1.8))), across, rng))
     return world
 
@@ -107,7 +110,7 @@ def _beside_way(route_m: np.ndarray, rng: np.random.Generator, *, out_m: float) 
     return point
 
 
-def _stands(world: World, middle: np.ndarray, size: tuple[float, float], yaw: float) -> bool:
+def stands(world: World, middle: np.ndarray, size: tuple[float, float], yaw: float) -> bool:
     """In the building, through no wall and no box, and off the robot's start, its waiting place and every place."""
     footprint = rectangle(middle, size, yaw)
     solid = [wall.segments_m for wall in world.walls] + [edges_of(box.corners_m) for box in world.boxes + world.obstacles]
@@ -131,3 +134,38 @@ def _box(name: str, world: World, middle: np.ndarray, size: tuple[float, float, 
 
 def _put(world: World, box: Box) -> World:
     return replace(world, obstacles=(*world.obstacles, box))
+
+
+def movable(world: World) -> list[Box]:
+    """The things that somebody moves without a second pair of hands."""
+    return [box for box in world.boxes if box.name.rpartition(" ")[0] in FREE_STANDING]
+
+
+def with_drawn_moves(world: World, rng: np.random.Generator) -> World:
+    """The world in which one to three things are moved or taken away between survey and patrol. None comes to stand where
+    the robot waits or on a place, and none cuts a place off."""
+    things = movable(world)
+    for index in rng.permutation(len(things))[: int(rng.integers(1, 4))]:
+        box = things[int(index)]
+        world = _taken(world, box) if rng.uniform() < TAKEN else _moved(world, box, rng)
+    return world
+
+
+def _taken(world: World, box: Box) -> World:
+    return replace(world, changes=replace(world.changes, removed=(*world.changes.removed, box.name)))
+
+
+def _moved(world: World, box: Box, rng: np.random.Generator) -> World:
+    """The thing stands elsewhere, turned as it came; it is taken away if all draws fail."""
+    radius_m = world.robot_radius_m + 0.05
+    before, without = set(reached(after(world), radius_m=radius_m)), after(_taken(world, box))
+    for _ in range(TRIES):
+        way, distance_m, yaw = rng.uniform(-math.pi, math.pi), rng.uniform(*MOVED_M), rng.uniform(-math.pi, math.pi)
+        middle = np.array(box.centre_m) + distance_m * np.array([math.cos(way), math.sin(way)])
+        if not stands(without, middle, box.size_m[:2], yaw):
+            continue
+        move = (box.name, round(float(middle[0]), 4), round(float(middle[1]), 4), round(float(yaw), 6))
+        other = replace(world, changes=replace(world.changes, moved=(*world.changes.moved, move)))
+        if before <= set(reached(after(other), radius_m=radius_m)):
+            return other
+    return _taken(world, box)
