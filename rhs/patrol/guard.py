@@ -150,7 +150,8 @@ class Guard:
         if not touched and self.moves and len(behind) >= FEW_PATCHES:
             return None  # somebody may have come up there
         walls_m = np.concatenate([walls_m, self._told_m])
-        way_m = self.around.free_way_m(back, BEHIND_M, self.settings.back_off_m, walls_m=walls_m)
+        behind_m = BEHIND_M + (self.settings.pictured_m if self.around.monocular else 0.0)
+        way_m = self.around.free_way_m(back, behind_m, self.settings.back_off_m, walls_m=walls_m)
         return _cut(back, way_m) if way_m >= LEAST_M else None
 
     def bump(self, known_m: np.ndarray = NOTHING) -> np.ndarray:

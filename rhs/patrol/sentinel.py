@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,15 +19,16 @@ from .aside import PASSED_M, Trails
 from .barred import Barred
 from .changed_map import ChangedMap
 from .control import Pace, closest_gap, steer, target_on, turn
-from .guard import Guard
+from .guard import OFF_WALL_M, Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import ELSEWHERE_M, Logbook, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map, spread
-from .planning import RoomyPlanner
+from .planning import LONGER, RoomyPlanner, length_m
 from .relocate import Search, cut_to_room
-from .surroundings import NEAR_M, NOTHING, SURE
+from .surroundings import HIDES_M, NEAR_M, NOTHING, SURE
 
+DEPTHS_M = (HIDES_M, 0.7 * HIDES_M)  # a box of which one camera saw one face is as deep as that, tried in this order
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -231,11 +232,17 @@ class Sentinel(Barred):
             besides.insert(0, in_map(self.guard.around.hidden(), pose))
         seen = in_map(self.guard.around.things(least=SURE), pose) if self._squeezes else None
         goal_m = np.array(mission.goal_m) if aside_m is None else aside_m
-        for more in besides if len(besides[0]) else [NOTHING]:
-            plan = self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=np.concatenate([near, more]),
+
+        def ask(more: np.ndarray) -> Path:
+            return self.roads.plan(pose[:2], goal_m, obstacles=self.watch.cells, things_m=np.concatenate([near, more]),
                                    squeeze=self.guard.sees, seen_m=None if seen is None else np.concatenate([seen, more]))
+
+        for more in besides if len(besides[0]) else [NOTHING]:
+            plan = ask(more)
             if plan.found:
                 break
+        if monocular and plan.found:
+            plan = self._round_hidden(plan, lambda hidden_m: ask(np.concatenate([more, hidden_m])), pose)
         self.watch.planned(squeezed=plan.found and self.roads.side_m < self.settings.margin_m)
         self.guard.tight = plan.found and self.roads.side_m < self.settings.advanced.guard.side_m
         self.plans.append((mission.mission, plan))
@@ -243,6 +250,17 @@ class Sentinel(Barred):
         self.last_reason = plan.reason
         events.append(Event.PLAN if self.path is not None else Event.NO_PLAN)
         return self.path is not None
+
+    def _round_hidden(self, plan: Path, ask: Callable[[np.ndarray], Path], pose: np.ndarray) -> Path:
+        """For one camera, which sees nothing by turning to a side it has not seen: the way round it, where that is hardly
+        longer than the plan. ask: the way round further points (K, 2) of the map."""
+        side_m = self.roads.side_m
+        for deep_m in DEPTHS_M:
+            hidden_m = in_map(self.guard.around.hidden(within_m=NEAR_M, deep_m=deep_m, mapped_m=OFF_WALL_M), pose)
+            if len(hidden_m) and (wider := ask(hidden_m)).found and length_m(wider) <= LONGER * length_m(plan):
+                return wider
+        self.roads.side_m = side_m
+        return plan
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)

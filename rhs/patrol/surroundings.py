@@ -258,9 +258,9 @@ class Surroundings:
         body = self.in_body(points[(votes >= SPECK_VOTES) | has_neighbour(points, SPECK_M)])
         return body[np.hypot(*body.T) < NEAR_M]
 
-    def _on_map(self, points_m: np.ndarray) -> np.ndarray:
+    def _on_map(self, points_m: np.ndarray, within_m: float = MAPPED_M) -> np.ndarray:
         """(K,) bool: of points (K, 2) of the body frame, those where the map knows something: that does not go."""
-        return near_any(points_m, NOTHING if self.map_m is None else self.map_m, MAPPED_M)
+        return near_any(points_m, NOTHING if self.map_m is None else self.map_m, within_m)
 
     def bump(self, ahead: float, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back: where something is known to stand, by what was seen or
@@ -349,27 +349,28 @@ class Surroundings:
         ahead = self._patches[(gaps < self.radius_m) & (np.hypot(*self._patches.T) > self.radius_m + margin_m)]
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
-    def hidden(self, *, low: bool = True) -> np.ndarray:
+    def hidden(self, *, low: bool = True, within_m: float = HIDDEN_M, deep_m: float = HIDES_M,
+               mapped_m: float = MAPPED_M) -> np.ndarray:
         """(K, 2) middles of cells near the robot, in its body frame, where the rest of a thing that the map does not know
         may stand: one face of it was seen, and no view of the last remember_s has covered them, or, behind the face of a
         low one, which the scan at the camera's height looks over, shown their floor. low: whether those count too."""
         row, column = self._cells(self.pose[None, :2, 3])[0]
-        reach = np.arange(-round(HIDDEN_M / CELL_M), round(HIDDEN_M / CELL_M) + 1)
+        reach = np.arange(-round(within_m / CELL_M), round(within_m / CELL_M) + 1)
         rows, columns = (grid.ravel() for grid in np.meshgrid(row + reach, column + reach, indexing="ij"))
         body = self._middles(np.stack([rows, columns], axis=1))
         old_s = self.now_s - self.remember_s
         unseen = self.seen_s[rows, columns] < old_s
         looked_over = low & (self.floor_s[rows, columns] < old_s) & (self.behind_s[rows, columns] >= old_s)
-        things, lies_low = self._unknown()
-        unseen[unseen] = near_any(body[unseen], things, HIDES_M)
-        looked_over[looked_over] = near_any(body[looked_over], things[lies_low], HIDES_M)
+        things, lies_low = self._unknown(mapped_m)
+        unseen[unseen] = near_any(body[unseen], things, deep_m)
+        looked_over[looked_over] = near_any(body[looked_over], things[lies_low], deep_m)
         return body[unseen | looked_over]
 
-    def _unknown(self) -> tuple[np.ndarray, np.ndarray]:
+    def _unknown(self, mapped_m: float = MAPPED_M) -> tuple[np.ndarray, np.ndarray]:
         """((K, 2) things that the map does not know, in the body frame, (K,) bool: only the whole depth image showed them);
         none while the robot is lost: all walls are unknown then."""
         things = NOTHING if self.map_m is None else self.things()
-        things = things[~self._on_map(things)]
+        things = things[~self._on_map(things, mapped_m)]
         rows, columns = self._cells_at(things).T
         return things, np.isfinite(self.since_s[rows, columns])
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from flatland import BEARINGS, Flatland, Oracle, parts, ring
 from test_guard import STILL, guard, seen
 
@@ -65,8 +66,10 @@ def test_what_is_hidden_behind_something_low_bars_the_way_to_a_place_twenty_time
     assert watched.refused_for_hidden == refused == MOST_HELD
 
 
-def test_after_a_refusal_plans_lead_round_what_is_hidden_where_there_is_a_way_round():
-    """A corridor 2 m wide: hidden ground over half of it, then all about the robot, which nobody would get away from."""
+@pytest.mark.parametrize("monocular", [False, True])
+def test_plans_lead_round_what_is_hidden_where_there_is_a_way_round(monocular):
+    """A corridor 2 m wide: hidden ground over half of it, then all about the robot, which nobody would get away from.
+    A robot that measures depth looks there first and plans so after a refusal; one camera sees nothing by turning to it."""
     world = Flatland(ring(), (1.0, 1.0, 0.0), (("a", 4.0, 1.0),))
     given = parts(Oracle(world))
     given.planner.corners = False
@@ -77,8 +80,10 @@ def test_after_a_refusal_plans_lead_round_what_is_hidden_where_there_is_a_way_ro
     angles = np.linspace(-np.pi, np.pi, 100)
     half = np.stack(np.meshgrid(np.arange(1.2, 1.6, 0.05), np.arange(-1.0, -0.15, 0.05)), axis=-1).reshape(-1, 2)
     about = 0.7 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    for refused, hidden_m, least_m, most_m in ((0, half, 0.0, 0.3), (1, half, 0.39, 1.0), (1, about, 0.0, 0.3)):
-        sentinel.guard.around.hidden, sentinel.guard.refused_for_hidden = (lambda m=hidden_m: m), refused
+    sentinel.guard.around.monocular, least_before_m = monocular, 0.39 if monocular else 0.0
+    for refused, hidden_m, least_m, most_m in ((0, half, least_before_m, least_before_m + 0.3), (1, half, 0.39, 1.0),
+                                               (1, about, 0.0, 0.3)):
+        sentinel.guard.around.hidden, sentinel.guard.refused_for_hidden = (lambda m=hidden_m, **_: m), refused
         assert sentinel._plan(np.array([1.0, 1.0, 0.0]), [])
         way_m = ahead_on_path(sentinel.path.points_m, np.array([1.0, 1.0]), np.inf) - 1.0
         gap_m = np.linalg.norm(way_m[:, None] - hidden_m, axis=2).min()

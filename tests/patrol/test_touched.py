@@ -93,6 +93,17 @@ def test_a_robot_that_came_on_a_tight_arc_does_not_swing_round_as_it_goes_back()
     assert abs(back.turn_radps) * back.duration_s <= np.radians(6.5) + 1e-9
 
 
+def test_one_eye_goes_back_no_nearer_to_a_wall_of_the_map_than_it_errs() -> None:
+    """The map's wall 0.48 m behind the middle of a robot of 0.3 m: a measured one leaves 15 cm, one off pictures 10."""
+    watched, wall_m = guard(), np.array([[-0.48, 0.0]])
+    watched.observe(*pictured(1, 5.0))
+    back = watched.back_off(wall_m)
+    assert back is not None and back.forward_mps * back.duration_s == pytest.approx(-0.1, abs=0.03)
+    watched.around.monocular = False
+    back = watched.back_off(wall_m)
+    assert back is not None and back.forward_mps * back.duration_s == pytest.approx(-0.15, abs=0.03)
+
+
 def test_one_eye_counts_refusals_on_end_and_then_drives_by_what_is_known() -> None:
     """Refused again and again it gives up what it saw, and then it keeps from the walls of the map."""
     watched, refused = guard(), (None, Event.STOPPED)
