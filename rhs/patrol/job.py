@@ -75,7 +75,7 @@ class PatrolJob(StepJob):
         log = self.context.open_log(self.parts, self.world)
         settings, sights = self.settings, None
         if self.patrols and isinstance(settings, Patrol) and self.context.config.pictures != "off":
-            sights = Sights(settings.places.every, self.context.features)
+            sights = Sights(settings.places.every, self.context.features, settings.mission.look_m)
         if self.context.shared is not None:
             survey = self.context.shared.hand_over(log)
         else:
@@ -238,11 +238,13 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
                 picture = take_picture(step, sentinel, log.folder / "places")
                 if sights is not None:
                     sights.compare(step, picture, log.folder / "places_before", rng=generator(seed, "sights"))
+            elif sights is not None:
+                sights.look(step, rng=generator(seed, f"look {step.index}"))
             yield step
     finally:
         write_json(log.folder / "missions.json", sentinel.book.to_rows())
         if sights is not None:
-            write_json(log.folder / "changes.json", sights.rows)
+            write_json(log.folder / "changes.json", [*sights.rows, *sights.on_way(log.folder / "on_way")])
         write_json(log.folder / "plans.json", [plan_row(number, plan) for number, plan in sentinel.plans])
         if sentinel.changed is not None:
             save_map(log.folder / "map_patrol", sentinel.changed.grid)

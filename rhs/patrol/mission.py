@@ -56,6 +56,9 @@ class MissionSettings:
     update_map: bool = False
     """between two places the map forgets what was seen through in ten views and takes in what was seen to stand for ten
     seconds; false: the map is that of the survey, and what it does not know is remembered for one place"""
+    look_m: float = 0.0
+    """metres between two views on the way that are compared with the survey, as those at the places are; what two of them
+    say is new or gone stands in the report. 0: places only"""
     contacts: int = 3
     """a place on the way to which the robot touched something more often is given up"""
     lost_views: int = 400
@@ -82,7 +85,7 @@ class MissionSettings:
         check_choice("mission", "turn", self.turn, ("auto", "pivot", "arc"))
         check_ranges("mission", self, arrive_m=(0.05, 5.0), margin_m=(0.0, 2.0), comfort_m=(0.0, 2.0), tries=(1, 1000),
                      stuck_steps=(2, 10000), views_max=(1, 10_000_000), watch_m=(0.2, 20.0),
-                     wall_tolerance_m=(0.0, 2.0), contacts=(1, 10_000), lost_views=(1, 10_000_000),
+                     wall_tolerance_m=(0.0, 2.0), look_m=(0.0, 100.0), contacts=(1, 10_000), lost_views=(1, 10_000_000),
                      lost_views_total=(1, 10_000_000), arc_radius_m=(0.1, 5.0), step_m=(0.02, 2.0),
                      turn_step_deg=(1.0, 90.0), speed_mps=(0.02, 3.0))
 

@@ -19,7 +19,7 @@ HEAD = """<!doctype html>
 
 PATROL = """{% if story %}
 <h2>What happened</h2>{% for line in story.lines %}<p>{{ line }}</p>{% endfor %}
-<h2>What changed at each place</h2>
+<h2>What changed</h2>
 <p>Red: new. Blue: gone. Yellow: looks different. Left: now; right: the survey's pictures of the same.</p>
 {% for place in story.places %}<section><h3>{{ place.title }}</h3><p>{{ place.found }}</p>
 {% if place.pictures %}<img src="{{ place.pictures }}" alt="{{ place.title }}: now, and before">{% endif %}

@@ -33,7 +33,7 @@ class PlaceStory:
 
 @dataclass(frozen=True)
 class Story:
-    """lines: what happened; places: one for each place reached."""
+    """lines: what happened; places: one for each place reached, then one for each view on the way that shows a change."""
 
     lines: tuple[str, ...]
     places: tuple[PlaceStory, ...]
@@ -48,9 +48,11 @@ def patrol_story(folder: Path, row: Mapping[str, Any]) -> Story:
 
 def _changed(rows: list[dict[str, Any]]) -> str:
     """What was found changed at the places, of those that could be compared with the survey."""
+    way, rows = [row for row in rows if row.get("on_way")], [row for row in rows if not row.get("on_way")]
     changed, compared = ([row["picture"][3:] for row in rows if row[key]] for key in ("changes", "before"))
-    if changed:
-        return f"Something changed at {', '.join(changed)}."
+    if changed or way:
+        where = [f"at {', '.join(changed)}"] * bool(changed) + [f"on the way, in {_count(len(way), 'view')}"] * bool(way)
+        return f"Something changed {' and '.join(where)}."
     if not compared:
         return "None of them could be compared with the survey."
     return "Nothing was found changed " + ("at any of them." if len(compared) == len(rows) else f"at {', '.join(compared)}.")
@@ -96,7 +98,8 @@ def _place(folder: Path, row: dict[str, Any]) -> PlaceStory:
     where = f"({row['x_m']:.2f}, {row['y_m']:.2f}) m, looking {np.degrees(row['yaw_rad']):.0f} degrees"
     words = f"The robot was {'sure' if sure else 'not sure'} of where it stood: {where}, give or take " \
             f"{100 * row['sigma_m']:.1f} cm and {turn_deg:.1f} degrees (1 sigma)."
-    return PlaceStory(row["picture"][3:], _found(row), _pictures(folder, row), words)
+    title = f"On the way, near ({row['x_m']:.1f}, {row['y_m']:.1f}) m" if row.get("on_way") else row["picture"][3:]
+    return PlaceStory(title, _found(row), _pictures(folder, row), words)
 
 
 def _found(row: dict[str, Any]) -> str:
@@ -112,13 +115,14 @@ def _pictures(folder: Path, row: dict[str, Any]) -> str:
     """Now and before, side by side, what changed outlined; a JPEG as a data address. Empty without pictures."""
     import cv2
 
-    path = folder / "places" / f"{row['picture']}.png"
+    now_in, before_in = ("on_way", "on_way") if row.get("on_way") else ("places", "places_before")
+    path = folder / now_in / f"{row['picture']}.png"
     now = cv2.imread(str(path)) if path.is_file() else None  # a laser takes no pictures
     if now is None:
         return ""
     shown = [_outlined(now, row["width_px"], [(c["verdict"], c["outline_px"]) for c in row["changes"]])]
     for number in _telling(row):
-        image = cv2.imread(str(folder / "places_before" / f"{row['before'][number]}.png"))
+        image = cv2.imread(str(folder / before_in / f"{row['before'][number]}.png"))
         if image is not None:
             shown.append(_outlined(image, row["width_px"], [(c["verdict"], c["before_px"][number]) for c in row["changes"]]))
     height = min(image.shape[0] for image in shown)

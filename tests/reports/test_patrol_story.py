@@ -51,6 +51,17 @@ def test_the_words_say_what_the_files_say(run):
     assert west.found.startswith("Not compared") and "not sure" in west.sure
 
 
+def test_what_was_found_on_the_way_stands_behind_the_places(run):
+    rows = json.loads((run / "changes.json").read_text())
+    (run / "changes.json").write_text(json.dumps([*rows, {**rows[0], "picture": "way_0007", "on_way": True}]))
+    (run / "on_way").mkdir()
+    cv2.imwrite(str(run / "on_way" / "way_0007.png"), np.full((120, 160, 3), 128, np.uint8))
+    story = patrol_story(run, {})
+    assert "Something changed at east and on the way, in 1 view." in story.lines
+    assert story.places[2].title == "On the way, near (1.0, 2.0) m"
+    assert story.places[2].pictures.startswith("data:image/jpeg")
+
+
 def test_both_pictures_stand_side_by_side_with_a_red_outline(run):
     import base64
 
@@ -65,7 +76,7 @@ def test_both_pictures_stand_side_by_side_with_a_red_outline(run):
 
 def test_the_page_needs_nothing_else_and_is_small(run):
     page = html(run).read_text(encoding="utf-8")
-    assert len(page) < 5e6 and "What changed at each place" in page
+    assert len(page) < 5e6 and "<h2>What changed</h2>" in page
     assert not re.search(r"https?://|<script|<link|src=\"(?!data:)", page)
 
 
