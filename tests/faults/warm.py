@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ class Warm:
         self.process = subprocess.Popen(
             [sys.executable, __file__], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
+        self._heard = b""  # what of its answers nobody has asked for yet
         self._hear(120.0)
         self.kept: dict[str, Any] = {}  # answers that several tests look at
 
@@ -66,15 +68,23 @@ class Warm:
         try:
             answer = self._hear(timeout_s)
         except TimeoutError:
-            os.killpg(pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):
+                os.killpg(pid, signal.SIGKILL)
             self._hear(10.0)
             raise
         return Spent(**answer, wall_s=time.monotonic() - began_s)
 
     def _hear(self, timeout_s: float) -> dict[str, Any]:
-        if not select.select([self.process.stdout], [], [], timeout_s)[0]:
-            raise TimeoutError(f"no answer for {timeout_s:g} s")
-        answer: dict[str, Any] = json.loads(self.process.stdout.readline())  # type: ignore[union-attr]
+        """The next answer. Read past Python's buffer: of two lines that come at once `select` would not show the second."""
+        while b"\n" not in self._heard:
+            if not select.select([self.process.stdout], [], [], timeout_s)[0]:
+                raise TimeoutError(f"no answer for {timeout_s:g} s")
+            piece = os.read(self.process.stdout.fileno(), 65536)  # type: ignore[union-attr]
+            if not piece:
+                raise EOFError("the process that forks has ended")
+            self._heard += piece
+        line, _, self._heard = self._heard.partition(b"\n")
+        answer: dict[str, Any] = json.loads(line)
         return answer
 
     def close(self) -> None:
