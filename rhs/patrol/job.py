@@ -40,7 +40,7 @@ from .mission import turning
 from .observers import RunLog, closure_rows, plan_row, write_json, write_reach
 from .run import RunContext
 from .sentinel import Sentinel
-from .sights import Sights
+from .sights import Sights, check_looks
 from .tasks import Patrol, Survey, explores
 
 logger = logging.getLogger("rhs.patrol")
@@ -63,6 +63,10 @@ class PatrolJob(StepJob):
             check_explorable(self.parts, context.settings("sensor").provides)
         if self.patrols and settings.mission.update_map:  # type: ignore[attr-defined]
             check_updates(self.parts, context.settings("sensor").provides)
+        if self.patrols and settings.mission.look_m:  # type: ignore[attr-defined]
+            check_looks(settings.mission.look_m, context.settings("sensor").provides)  # type: ignore[attr-defined]
+            if context.config.pictures == "off":
+                logger.warning("mission.look_m compares pictures, and pictures=off: nothing is compared; type pictures=on")
         self.ungated = self.parts.odometry
         if context.shared is not None:
             self.parts.odometry = context.shared.odometry

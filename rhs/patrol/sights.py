@@ -16,6 +16,7 @@ import numpy as np
 from rhs.api.geometry import inverse, planar
 from rhs.api.records import BeliefStatus, FeatureSettings, Observation, Step, View
 from rhs.api.spare import later
+from rhs.base.errors import ConfigError
 from rhs.estimation.views.change_settings import ChangeSettings
 from rhs.estimation.views.features import features, write_image
 
@@ -148,6 +149,14 @@ def confirmed(looks: Sequence[Sequence[Change]], at_places: Sequence[dict[str, A
 
 def _same(change: Change, verdict: str, at_m: np.ndarray) -> bool:
     return change.verdict == verdict and float(np.hypot(*(change.at_m - at_m)[:2])) <= AGREE_M
+
+
+def check_looks(look_m: float, provides: Iterable[str]) -> None:
+    """Raises ConfigError where mission.look_m would compare nothing: it needs a sensor with image and depth."""
+    if not {"image", "depth"} <= set(provides):
+        found = ", ".join(sorted(provides))
+        raise ConfigError(f"mission.look_m={look_m:g} needs a sensor with image and depth; found {found}; type sensor=rgbd, "
+                          "or mission.look_m=0")
 
 
 def _complete(observation: Observation) -> bool:

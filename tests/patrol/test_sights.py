@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from helpers.synthetic_run import make_steps
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import se2
 from rhs.api.records import BeliefStatus, FeatureSettings
 from rhs.estimation.views.changes import Change
 from rhs.patrol import sights as module
-from rhs.patrol.sights import Sights, confirmed
+from rhs.patrol.sights import Sights, check_looks, confirmed
 
 
 def test_every_third_picture_is_kept_and_beyond_the_bound_every_sixth(monkeypatch):
@@ -61,3 +62,9 @@ def test_a_look_is_due_half_a_metre_or_45_degrees_on_where_the_robot_is_sure(loo
         lost = replace(belief, map_from_body=se2(x_m, 9.0, 0.0), status=BeliefStatus.LOST)
         sights.look(replace(step, index=number + 100, belief=lost), rng=np.random.default_rng(0))
     assert [look()["index"] for look in sights._looks] == ([0, 2, 3, 4] if look_m else [])
+
+
+def test_looks_of_a_sensor_without_depth_are_refused():
+    check_looks(0.5, {"image", "depth", "scan"})
+    with pytest.raises(ConfigError, match="found gray, image; type sensor=rgbd"):
+        check_looks(0.5, {"image", "gray"})
