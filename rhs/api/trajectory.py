@@ -79,7 +79,7 @@ def read_tum(path: Path) -> Trajectory:
     Raises RecordingError naming file and line for anything that is not eight finite numbers with a usable quaternion.
     """
     rows = []
-    for number, line in enumerate(in_tum_order(_text(Path(path))).splitlines(), start=1):
+    for number, line in enumerate(in_tum_order(_text(Path(path)), str(path)).splitlines(), start=1):
         words = line.split("#", 1)[0].replace(",", " ").split()
         if words:
             rows.append(_tum_row(words, f"{path}:{number}"))
@@ -96,11 +96,12 @@ def seconds_in(stamp: float) -> float:
     return next((10.0**-behind for digits, behind in _DIGITS.items() if 10.0 ** (digits - 1) <= stamp < 10.0**digits), 1.0)
 
 
-def in_tum_order(text: str) -> str:
+def in_tum_order(text: str, where: str = "line") -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
     (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, `time,x,y,yaw`, commented or not), or
     EuRoC's, which begins with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2 topic echo --csv`,
-    without one; line by line. Another text as it is. Raises RecordingError of headings whose unit is not to be told."""
+    without one; line by line. Another text as it is. where: its file. Raises RecordingError of headings whose unit nobody
+    says."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
@@ -109,7 +110,7 @@ def in_tum_order(text: str) -> str:
             return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
         if flat := _flat_columns(line):
             below = enumerate(lines[k + 1 :], start=k + 2)
-            return "\n".join([*[""] * (k + 1), *(_of_heading(row, number, *flat) for number, row in below)])
+            return "\n".join([*[""] * (k + 1), *(_of_heading(row, f"{where}:{number}", *flat) for number, row in below)])
         if words := line.split("#", 1)[0].strip():
             if _NCLT_ROW.match(words):
                 return "\n".join(map(_of_angles, lines))
@@ -157,7 +158,7 @@ def _flat_columns(header: str) -> tuple[list[int], float] | None:
     return ([ks[0] for ks in wanted], radians) if "z" not in found and all(len(ks) == 1 for ks in wanted) else None
 
 
-def _of_heading(row: str, number: int, order: list[int], radians: float) -> str:
+def _of_heading(row: str, where: str, order: list[int], radians: float) -> str:
     """A row of a pose on the floor with z of zero and a quaternion; as it is where it is none. Raises RecordingError where
     the heading may be of either unit."""
     words = row.split("#", 1)[0].replace(",", " ").replace(";", " ").split()
@@ -167,7 +168,7 @@ def _of_heading(row: str, number: int, order: list[int], radians: float) -> str:
     except (ValueError, IndexError):
         return row
     if not radians and abs(angle) > MOST_HEADING:
-        raise RecordingError(f"line {number}: the heading {heading} is more than a turn of radians; expected a header that "
+        raise RecordingError(f"{where}: the heading {heading} is more than a turn of radians; expected a header that "
                              "says yaw_deg or yaw_rad")
     half = 0.5 * angle * (radians or 1.0)
     return f"{stamp} {x} {y} 0 0 0 {np.sin(half):.9f} {np.cos(half):.9f}"

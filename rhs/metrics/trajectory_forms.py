@@ -45,7 +45,7 @@ def read_trajectory(path: Path) -> Trajectory:
         return _matrices(path, joined, 0)
     if first[0].startswith("VERTEX"):
         return _graph(path, rows)
-    if in_tum_order(text) is not text or not _is_number(first[0]):
+    if in_tum_order(text, str(path)) is not text or not _is_number(first[0]):
         return read_tum(path)  # a header, or a form with one order
     for stamped in (0, 1):  # EuRoC's has seventeen too, but no rotation there
         if len(first) - stamped in (MATRIX, WHOLE) and (not stamped or _is_rotation(first[1:])):

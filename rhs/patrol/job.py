@@ -243,7 +243,7 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
                 if sights is not None:
                     sights.compare(step, picture, log.folder / "places_before", rng=generator(seed, "sights"))
             elif sights is not None:
-                sights.look(step, rng=generator(seed, f"look {step.index}"))
+                sights.look(step, seed=seed)
             yield step
     finally:
         write_json(log.folder / "missions.json", sentinel.book.to_rows())

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rhs.api.geometry import inverse, planar
+from rhs.api.randomness import generator
 from rhs.api.records import BeliefStatus, FeatureSettings, Observation, Step, View
 from rhs.api.spare import later
 from rhs.base.errors import ConfigError
@@ -83,13 +84,14 @@ class Sights:
         else:
             self._rows.append(lambda: row)
 
-    def look(self, step: Step, *, rng: np.random.Generator) -> None:
+    def look(self, step: Step, *, seed: int) -> None:
         """Compare a view on the way, where the robot is sure of its pose and has gone or turned far enough since the last
-        look."""
+        look. seed: the run's."""
         sure = step.belief.status is BeliefStatus.TRACKING
         if self.look_m and sure and self.references and _complete(step.observation) and self._due(step.belief.map_from_body):
             self._last = step.belief.map_from_body
-            self._looks.append(self._compared(step, _row(step, f"way_{step.index:04d}"), rng, lambda look: look))
+            rng, row = generator(seed, f"look {step.index}"), _row(step, f"way_{step.index:04d}")
+            self._looks.append(self._compared(step, row, rng, lambda look: look))
 
     @property
     def rows(self) -> list[dict[str, Any]]:

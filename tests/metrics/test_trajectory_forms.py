@@ -248,5 +248,5 @@ def test_a_table_of_places_and_headings_is_a_way_on_the_floor(tmp_path, header, 
 
 def test_a_heading_of_more_than_a_turn_whose_unit_nobody_says_is_refused(tmp_path):
     (tmp_path / "way.csv").write_text("time,x,y,yaw\n0,0,0,0\n1,1,0,90.0\n")
-    with pytest.raises(RecordingError, match=r"line 3: the heading 90\.0 is more than a turn.*yaw_deg or yaw_rad"):
+    with pytest.raises(RecordingError, match=r"\w:3: the heading 90\.0 is more than a turn.*yaw_deg or yaw_rad"):
         read_trajectory(tmp_path / "way.csv")

@@ -58,9 +58,9 @@ def test_a_look_is_due_half_a_metre_or_45_degrees_on_where_the_robot_is_sure(loo
     poses = [(0.0, 0), (0.3, 0), (0.55, 0), (0.6, 50), (1.2, 50)]
     for number, (x_m, turn_deg) in enumerate(poses):
         belief = replace(step.belief, map_from_body=se2(x_m, 0.0, np.radians(turn_deg)), status=BeliefStatus.TRACKING)
-        sights.look(replace(step, index=number, belief=belief), rng=np.random.default_rng(0))
+        sights.look(replace(step, index=number, belief=belief), seed=0)
         lost = replace(belief, map_from_body=se2(x_m, 9.0, 0.0), status=BeliefStatus.LOST)
-        sights.look(replace(step, index=number + 100, belief=lost), rng=np.random.default_rng(0))
+        sights.look(replace(step, index=number + 100, belief=lost), seed=0)
     assert [look()["index"] for look in sights._looks] == ([0, 2, 3, 4] if look_m else [])
 
 

@@ -119,7 +119,8 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     files = [(colors[i][1], depth) for i, depth in chosen]
     deep = files[0][1] is not None
     along_rays = deep and files[0][1].suffix == povray.DEPTH
-    scale = settings.depth_scale or (1.0 if along_rays else depth_scale_beside(path) or DEPTH_SCALE)
+    said = settings.depth_scale or (1.0 if along_rays else depth_scale_beside(path))
+    scale, typed = said or DEPTH_SCALE, bool(said)
     first = read_color(files[0][0])
     mosaic = has_mosaic(first)
     if mosaic:
@@ -127,7 +128,6 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     size = (first.shape[1], first.shape[0])
     recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(path)), settings)
-    typed = bool(along_rays or settings.depth_scale or depth_scale_beside(path))
 
     def depth_in(file: Path, max_depth_m: float = settings.max_depth_m) -> np.ndarray:
         if along_rays:
@@ -155,10 +155,11 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
 
     numbers = [number for number, _ in colors]
     timed = bool(settings.rate_hz) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
-    true, counts = truth_of(poses_beside(path), settings, numbers, untimed=not timed)
-    if along_rays and not settings.truth and poses_beside(path) is None:
-        posed = [povray.ray_pose(color.with_suffix(".txt"), scale) for _, color in colors]
-        true = lambda line, stamp_s: posed[line]  # noqa: E731
+    beside = poses_beside(path)
+    if along_rays and beside is None and not settings.truth:
+        true, counts = povray.truth_of([color for _, color in colors], scale), Counter[str]()
+    else:
+        true, counts = truth_of(beside, settings, numbers, untimed=not timed)
     camera_from_body = inverse(camera.body_from_camera)
 
     def pose(i: int) -> np.ndarray | None:

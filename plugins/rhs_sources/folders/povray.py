@@ -7,10 +7,12 @@ camera and in the world alike.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, se3
 
 from ..replay_images import UnreadableImage
@@ -36,11 +38,14 @@ def read_ray_depth(path: Path, camera: Camera, *, scale: float, max_depth_m: flo
 
 
 def ray_pose(path: Path, scale: float) -> np.ndarray | None:
-    """World_from_camera (4, 4) of a view's .txt, y down; None where there is none."""
+    """World_from_camera (4, 4) of a view's .txt, y down; None where there is none. Raises ConfigError."""
     if not path.is_file():
         return None
-    given = {key: np.array(text.replace(",", " ").split(), float)
-             for key, text in _NUMBERS.findall(path.read_text("ascii", "replace"))}
+    try:
+        given = {key: np.array(text.replace(",", " ").split(), float)
+                 for key, text in _NUMBERS.findall(path.read_text("ascii", "replace"))}
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}; expected cam_pos = [x, y, z] and so on") from None
     if set(given) != {"pos", "dir", "up"} or any(len(one) != 3 for one in given.values()):
         return None
     ahead = given["dir"] / np.linalg.norm(given["dir"])
@@ -48,3 +53,9 @@ def ray_pose(path: Path, scale: float) -> np.ndarray | None:
     right /= np.linalg.norm(right)
     turn = np.column_stack([right, np.cross(ahead, right), ahead])
     return se3(Y_DOWN @ turn @ Y_DOWN, Y_DOWN @ given["pos"] / scale)
+
+
+def truth_of(colors: Sequence[Path], scale: float) -> Callable[[int, float], np.ndarray | None]:
+    """True poses by (line from 0, stamp), of the .txt beside each image. Raises ConfigError."""
+    posed = [ray_pose(color.with_suffix(".txt"), scale) for color in colors]
+    return lambda line, stamp_s: posed[line]

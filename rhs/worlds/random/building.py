@@ -86,8 +86,8 @@ def _world(family: str, word: str, number: int) -> World:
             name = f"random:{family}{'+' if word else ''}{word}/{number}"
             world = replace(world, name=name, path=Path(name))
             rng = generator(number, f"obstacles of {family} {draw}")
-            bare = word in ("plain", "people", "moved", "moved+people")
-            if not bare and (rng.uniform() < 0.5 or "obstacles" in word):
+            boxes = not word or "obstacles" in word
+            if boxes and (rng.uniform() < 0.5 or "obstacles" in word):
                 world = with_drawn_obstacles(world, rng)
                 check_world(world, _Drawn(world.name))
             if "moved" in word:
