@@ -18,20 +18,17 @@ from rhs.estimation.survey import known_free
 from .aside import PASSED_M, Trails
 from .barred import Barred
 from .changed_map import ChangedMap
-from .control import Pace, ahead_on_path, closest_gap, steer, target_on, turn
+from .control import Pace, closest_gap, steer, target_on, turn
 from .guard import OFF_WALL_M, Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
 from .mission import ELSEWHERE_M, Logbook, MissionSettings
-from .neighbours import near_any
 from .obstacles import ObstacleWatch, in_body, in_map, spread
 from .planning import LONGER, RoomyPlanner, length_m
 from .relocate import Search, cut_to_room
 from .surroundings import HIDES_M, NEAR_M, NOTHING, SURE
 
-DEPTHS_M = (HIDES_M, 0.7 * HIDES_M, 0.4 * HIDES_M)  # a box of which one camera saw one face is so deep, tried in this order
-BEHIND_M = 1.25  # so far ahead it looks whether its way turns in behind a face
-AGAIN_M = 0.3  # between two plans round hidden sides: so much further on one camera sees what it did not before
+DEPTHS_M = (HIDES_M, 0.7 * HIDES_M)  # a box of which one camera saw one face is as deep as that, tried in this order
 ELSEWHERE_RAD = 0.5  # and ELSEWHERE_M: what was seen so far off was not seen here
 
 
@@ -58,7 +55,6 @@ class Sentinel(Barred):
         self.lost_in_all, self.trails = 0, Trails()
         self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
         self.plans: list[tuple[int, Path]] = []
-        self.unhid_m = np.full(2, np.inf)  # where it last planned anew for what a face may hide
         self.kidnapper: Kidnapper | None = None
         self.search = Search(radius_m, self.pace)
         self._begin_place()
@@ -188,8 +184,6 @@ class Sentinel(Barred):
             self.path = None
             self.book.missions[-1].replans += 1
             events.append(Event.REPLAN)
-        if (before := self.path) is not None and self._turns_in_behind(before, pose) and not self._plan(pose, []):
-            self.path = before
         if self.path is None and not self._plan(pose, events):
             return self._after_failed_plan(pose, events)
         assert self.path is not None
@@ -267,20 +261,6 @@ class Sentinel(Barred):
                 return wider
         self.roads.side_m = side_m
         return plan
-
-    def _turns_in_behind(self, path: Path, pose: np.ndarray) -> bool:
-        """Whether one camera's way leads over what a face seen lately may hide: it is planned anew every AGAIN_M, as a way
-        round that was not seen to be free from afar is seen from nearer by."""
-        around = self.guard.around
-        if not around.monocular or np.linalg.norm(pose[:2] - self.unhid_m) < AGAIN_M:
-            return False
-        hidden_m = in_map(around.hidden(within_m=BEHIND_M, deep_m=DEPTHS_M[1], mapped_m=OFF_WALL_M), pose)
-        ahead_m = ahead_on_path(path.points_m, pose[:2], BEHIND_M)
-        if not near_any(ahead_m, hidden_m, self.radius_m + self.settings.advanced.guard.side_m).any():
-            return False
-        self.unhid_m = pose[:2].copy()
-        self.attempts -= not self.guard.moves  # such plans end as the way does
-        return True
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
         self.book.close(status, reason)

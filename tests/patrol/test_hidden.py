@@ -8,7 +8,7 @@ from flatland import BEARINGS, Flatland, Oracle, parts, ring
 from test_guard import STILL, guard, seen
 
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, Motion, Scan, Tracking, Twist
+from rhs.api.records import Motion, Scan, Tracking, Twist
 from rhs.patrol.control import ahead_on_path
 from rhs.patrol.guard import MOST_HELD
 from rhs.patrol.mission import MissionSettings
@@ -88,33 +88,3 @@ def test_plans_lead_round_what_is_hidden_where_there_is_a_way_round(monocular):
         way_m = ahead_on_path(sentinel.path.points_m, np.array([1.0, 1.0]), np.inf) - 1.0
         gap_m = np.linalg.norm(way_m[:, None] - hidden_m, axis=2).min()
         assert least_m <= gap_m <= most_m, (refused, gap_m)
-
-
-def test_one_camera_plans_anew_where_its_way_turns_in_behind_a_face_as_it_sees_more():
-    """On its way hidden ground comes up 1.1 m ahead, over all of the corridor, then half: where it cannot be passed the
-    robot goes on, 0.3 m further on it has seen more, and its way leads round what is left. Such plans are no tries."""
-    world = Flatland(ring(), (1.0, 1.0, 0.0), (("a", 4.0, 1.0),))
-    given = parts(Oracle(world))
-    given.planner.corners = False
-    sentinel = Sentinel(given, world.grid(), (), places=world.facts.places, radius_m=world.radius,
-                        settings=MissionSettings())
-    sentinel.book.open(np.array([1.0, 1.0]))
-    sentinel.guard.observe(seen(1, 5.0), STILL)
-    around = sentinel.guard.around
-    around.monocular, around.hidden = True, lambda **_: np.zeros((0, 2))
-    assert sentinel._plan(np.array([1.0, 1.0, 0.0]), [])
-    straight, tried = sentinel.path, sentinel.attempts
-    ends = ((-1.0, 1.05), (-1.0, -0.15))  # of what is hidden, across: from wall to wall, then half of it
-    for at_m, (right_m, left_m), again in ((1.2, ends[0], True), (1.3, ends[1], False), (1.6, ends[1], True)):
-        across = np.meshgrid(np.arange(2.3, 2.7, 0.05) - at_m, np.arange(right_m, left_m, 0.05))
-        hidden_m = np.stack(across, axis=-1).reshape(-1, 2)
-        around.hidden = lambda m=hidden_m, **_: m
-        pose, plans = np.array([at_m, 1.0, 0.0]), len(sentinel.plans)
-        sentinel._pursue(pose, Belief(se2(*pose), 1e-6 * np.eye(6)), None, [])
-        assert (len(sentinel.plans) > plans) == again
-        gap_m = np.linalg.norm(ahead_on_path(sentinel.path.points_m, pose[:2], np.inf)[:, None] - hidden_m - pose[:2],
-                               axis=2).min()
-        assert (gap_m > world.radius) == (at_m == 1.6)
-    assert sentinel.attempts == tried and sentinel.path is not straight
-    around.monocular = False
-    assert not sentinel._turns_in_behind(straight, np.array([1.0, 1.0, 0.0]))
