@@ -327,18 +327,18 @@ class Surroundings:
         steps = max(1, int(np.ceil(abs(turn_rad) / TURN_STEP_RAD)))
         yaw_rad = turn_rad * np.arange(1, steps + 1) / steps
         stands = np.column_stack([np.zeros((steps, 2)), yaw_rad])
-        bad = self._too_near(self.footprint, things, stands, margin_m, by_m=0.001).any(axis=1)  # 2 degrees are up to 1 cm
+        bad = self._too_near(self.footprint, things, stands, margin_m).any(axis=1)
         return float(turn_rad * np.argmax(bad) / steps) if bad.any() else turn_rad
 
     @staticmethod
-    def _too_near(footprint: Footprint, things_m: np.ndarray, stands: np.ndarray, margin_m: float | np.ndarray,
-                  by_m: float = 0.01) -> np.ndarray:
+    def _too_near(footprint: Footprint, things_m: np.ndarray, stands: np.ndarray,
+                  margin_m: float | np.ndarray) -> np.ndarray:
         """(M, K) bool: on each of stands (M, 3), x, y, yaw in the body frame, the robot's side is nearer than margin_m
-        (K,) to the thing (K, 2), and by more than by_m nearer than now."""
+        (K,) to the thing (K, 2), and nearer than now."""
         from_m, (c, s) = things_m - stands[:, None, :2], (f(stands[:, None, 2]) for f in (np.cos, np.sin))
         turned = np.stack([from_m[..., 0] * c + from_m[..., 1] * s, from_m[..., 1] * c - from_m[..., 0] * s], axis=-1)
         gaps = footprint.gaps_m(turned)
-        near: np.ndarray = (gaps < margin_m) & (gaps < footprint.gaps_m(things_m) - by_m)
+        near: np.ndarray = (gaps < margin_m) & (gaps < footprint.gaps_m(things_m) - 0.01)
         return near
 
     def unseen(self, command: Twist, *, margin_m: float, up_to_m: float, since_s: float) -> np.ndarray:

@@ -91,28 +91,6 @@ def test_the_guard_cuts_a_turn_to_the_room_of_the_corners():
         assert guard.allow(right) == (None, Event.STOPPED), "no room at all"
 
 
-def test_turns_cut_short_one_after_the_other_do_not_creep_up_to_a_wall():
-    """A wall 0.3 m to its right; it turns right as often as it is let. Two degrees bring its corner 0.7 cm nearer."""
-    robot = footprint_of([[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]], "it")
-    guard, heading = Guard(robot.radius_m, Pace(), GuardSettings(), robot), 0.0
-    wall = np.column_stack([np.linspace(-0.6, 1.2, 120), np.full(120, -0.3)])
-
-    def in_body() -> np.ndarray:
-        c, s = np.cos(heading), np.sin(heading)
-        return wall @ np.array([[c, -s], [s, c]])
-
-    turned = 0.0
-    for index in range(20):
-        seen = in_body()
-        scan = Scan(np.arctan2(seen[:, 1], seen[:, 0]), np.hypot(*seen.T), 6.0)
-        guard.observe(Observation(index, 0.1 * index, CAMERA, scan=scan),
-                      Motion(se2(0.0, 0.0, turned), 1e-6 * np.eye(6), Tracking.OK))
-        command = guard.turn_in_room(Twist(0.0, -1.0, 0.2)) if index > 2 else Twist(0.0, 0.0, 0.2)
-        turned = command.turn_radps * command.duration_s
-        heading += turned
-    assert robot.gaps_m(in_body()).min() > BEHIND_M - 0.03
-
-
 def test_words_and_files_mean_one_shape(tmp_path):
     text = "like: square_small\nfootprint_m: [[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]\n"
     path = tmp_path / "mine.yaml"

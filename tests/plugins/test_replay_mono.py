@@ -47,7 +47,7 @@ def test_a_folder_of_colour_alone_runs_when_the_camera_sits_on_a_robot(colour_al
 
 
 def test_what_a_camera_log_threw_away_stands_in_columns_of_the_row(tmp_path):
-    """Six colour stamps, one of them backward, one without depth and, in both lists, one after a break of two minutes; of the
+    """Six colour stamps, one of them backward, one without depth and, in both, one after a break of two minutes; of the
     true poses one is unknown, one backward, one after the break."""
     folder = tmp_path / "log"
     for name, stamps in (("rgb", [0.0, 0.1, 0.05, 0.2, 0.3, 120.0]), ("depth", [0.0, 0.1, 0.2, 120.0])):
