@@ -2,7 +2,7 @@
 
 A plugin is one dataclass named by one entry point in a group `rhs.<kind>`. The dataclass holds the settings (all with
 defaults, units in the names: numbers, bool, str, Path, Enum, Literal, list, tuple, dict, nested dataclasses, `| None`; what
-is not finite is refused), checks their ranges in `__post_init__`, declares
+is not finite is refused), keeps their ranges (`Bounded` and `within` of rhs.api, or checks in `__post_init__`), declares
 
     needs: ClassVar[frozenset[str]]      what it takes from the parts before it
     provides: ClassVar[frozenset[str]]   what it offers to the parts after it

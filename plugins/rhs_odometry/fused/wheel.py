@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.errors import check_ranges
+from rhs.api.errors import Bounded, within
 
 from ..advanced import GuessNoise
 
@@ -19,25 +19,21 @@ class WheelAdvanced:
 
 
 @dataclass
-class Wheel:
+class Wheel(Bounded):
     """Wheel encoders: planar motion with errors that grow with distance and turn."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
     provides: ClassVar[frozenset[str]] = frozenset()
 
-    distance_share: float = 0.05
+    distance_share: float = within(0.05, 0.0, 1.0)
     """One-sigma error as a share of the distance since the last view."""
-    turn_share: float = 0.05
+    turn_share: float = within(0.05, 0.0, 1.0)
     """One-sigma error as a share of the turn since the last view."""
-    least_m: float = 0.001
+    least_m: float = within(0.001, 1e-6, 1.0)
     """Least error of a reading of distance, metres."""
-    least_rad: float = 0.001
+    least_rad: float = within(0.001, 1e-6, 1.0)
     """Least error of a reading of turn, radians."""
     advanced: WheelAdvanced = field(default_factory=WheelAdvanced)
-
-    def __post_init__(self) -> None:
-        check_ranges("odometry.wheel", self, distance_share=(0.0, 1.0), turn_share=(0.0, 1.0), least_m=(1e-6, 1.0),
-                     least_rad=(1e-6, 1.0))
 
     def build(self, context: Context) -> Odometry:
         return WheelOdometry(self)
