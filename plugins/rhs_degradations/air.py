@@ -7,15 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 
 from .light import with_grey
 
 
 @dataclass
-class Fog(Bounded):
+class Fog(PartSettings):
     """Fog, smoke or dust: far things fade into grey (Koschmieder 1924), and their depth is lost."""
 
     extinction_per_m: float = within(0.1, 0.0, 100.0)
@@ -24,7 +24,6 @@ class Fog(Bounded):
     """grey level of the air"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Degradation:
         return Murky(self, context.rng)

@@ -7,15 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 
 IMAGE = frozenset({"image"})
 
 
 @dataclass
-class LowLight(Bounded):
+class LowLight(PartSettings):
     """Less light, with the shot noise of few photons and the noise of reading them out (EMVA 1288)."""
 
     dark_share: float = within(0.8, 0.0, 1.0)
@@ -28,7 +28,6 @@ class LowLight(Bounded):
     """noise of reading a pixel out, electrons (one sigma)"""
 
     needs: ClassVar[frozenset[str]] = IMAGE
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Degradation:
         return Dark(self, context.rng)
@@ -51,14 +50,13 @@ class Dark(Degradation):
 
 
 @dataclass
-class SideLight(Bounded):
+class SideLight(PartSettings):
     """Light from the left: the picture darkens towards its right edge."""
 
     side_share: float = within(0.6, 0.0, 1.0)
     """share of the light that is missing at the right edge; 0: none"""
 
     needs: ClassVar[frozenset[str]] = IMAGE
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Degradation:
         return FromTheSide(self)
@@ -78,7 +76,7 @@ class FromTheSide(Degradation):
 
 
 @dataclass
-class ExposureSteps(Bounded):
+class ExposureSteps(PartSettings):
     """An exposure that jumps now and then, as an automatic one does before a window."""
 
     exposure_stops: float = within(1.0, 0.0, 8.0)
@@ -87,7 +85,6 @@ class ExposureSteps(Bounded):
     """chance of a jump at a view"""
 
     needs: ClassVar[frozenset[str]] = IMAGE
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Degradation:
         return Jumps(self, context.rng)

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 
 
 @dataclass
-class WheelSlip(Bounded):
+class WheelSlip(PartSettings):
     """Wheels that spin for a stretch of the way: they count more than the robot moves."""
 
     slip_share: float = within(0.5, 0.0, 100.0)
@@ -24,7 +24,6 @@ class WheelSlip(Bounded):
     """length of a stretch, views"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Degradation:
         return Spinning(self, context.rng)

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.engine import Engine, EngineContext
-from rhs.api.errors import Bounded, ConfigError, check_choice, within
+from rhs.api.errors import ConfigError, check_choice, within
 
 CLUSTERS = ("", "slurm", "pbs", "htcondor", "lsf", "sge", "oar")
 
 
 @dataclass
-class Dask(Bounded):
+class Dask(PartSettings):
     """Dask's workers: on this machine, in a running cluster (address), or as jobs of a batch system (cluster)."""
 
     address: str = ""
@@ -30,8 +31,6 @@ class Dask(Bounded):
     chunk_s: float = within(30.0, 0.1, 86400.0)
     """seconds of work sent at once"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     requires: ClassVar[tuple[str, ...]] = ("distributed:'rhs[dask]'",)
 
     def __post_init__(self) -> None:

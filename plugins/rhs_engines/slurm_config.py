@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.engine import Engine, EngineContext
-from rhs.api.errors import Bounded, within
+from rhs.api.errors import within
 
 
 @dataclass
-class Slurm(Bounded):
+class Slurm(PartSettings):
     """Jobs of Slurm, each with a chunk of runs. Needs no open port, but a disk that head and nodes share."""
 
     partition: str = ""
@@ -28,8 +29,6 @@ class Slurm(Bounded):
     poll_s: float = within(2.0, 0.1, 3600.0)
     """how often to look for answers, and to ask Slurm for its queue"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     requires: ClassVar[tuple[str, ...]] = ("submitit:'rhs[slurm]'",)
 
     def build(self, context: EngineContext) -> Engine:

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Localiser
-from rhs.api.errors import Bounded, ConfigError, check_range, within
+from rhs.api.contracts import Context, Localiser, PartSettings
+from rhs.api.errors import ConfigError, check_range, within
 
 from .advanced import ParticleAdvanced, ScanAdvanced
 
 
 @dataclass
-class Particles(Bounded):
+class Particles(PartSettings):
     """What both filters have."""
-
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     particles_min: int = within(500, 10, 1_000_000)
     """Fewest particles, when the belief is sharp."""

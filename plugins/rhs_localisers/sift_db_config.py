@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Localiser
-from rhs.api.errors import Bounded, check_range, one_of, within
+from rhs.api.contracts import Context, Localiser, PartSettings
+from rhs.api.errors import check_range, one_of, within
 
 from .advanced import SiftDbAdvanced
 
 
 @dataclass
-class SiftDb(Bounded):
+class SiftDb(PartSettings):
     """Odometry corrected by recognised places: a few Kalman filters, weighed against each other (thesis 5.2)."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     every: int = within(3, 1, 10000)
     """The places are asked every so many views, and at each view while lost."""

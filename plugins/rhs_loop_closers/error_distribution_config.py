@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, LoopCloser
-from rhs.api.errors import Bounded, one_of, within
+from rhs.api.contracts import Context, LoopCloser, PartSettings
+from rhs.api.errors import one_of, within
 
 from .advanced import ErrorDistributionAdvanced
 
 
 @dataclass
-class ErrorDistribution(Bounded):
+class ErrorDistribution(PartSettings):
     """Spreads the error of the end pose over the survey in proportion to the way travelled (thesis eq. 3.14)."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     positions: str = one_of("turned", "printed")
     """printed: the equation alone, axis by axis; turned: angles first, then the steps are walked again with them."""

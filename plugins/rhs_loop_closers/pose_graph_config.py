@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, LoopCloser
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Context, LoopCloser, PartSettings
+from rhs.api.errors import within
 
 from .advanced import PoseGraphAdvanced
 
 
 @dataclass
-class PoseGraph(Bounded):
+class PoseGraph(PartSettings):
     """Finds loops anywhere on the route, refuses those that do not fit together, and solves a robust pose graph."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     min_way_m: float = within(5.0, 0.1, 10000.0)
     """Two views closer than this along the way are neighbours, not a loop, metres."""

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Mapper
-from rhs.api.errors import Bounded, ConfigError, within
+from rhs.api.contracts import Context, Mapper, PartSettings
+from rhs.api.errors import ConfigError, within
 
 
 @dataclass
-class Occupancy(Bounded):
+class Occupancy(PartSettings):
     """Bayes occupancy grid of the thesis (eqs 3.8-3.13) from scans."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     resolution_m: float = within(0.1, 0.01, 2.0)
     """Side of a cell, metres. The thesis uses 0.1."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Planner
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Context, PartSettings, Planner
+from rhs.api.errors import within
 
 
 def scaled_to(free_cells: int, *, each: float, least: int, most: int = 1_000_000) -> int:
@@ -26,11 +26,9 @@ def repeated(first: int, total: int) -> list[int]:
 
 
 @dataclass
-class PlannerSettings(Bounded):
+class PlannerSettings(PartSettings):
     """What all planners of this package share; see problem.begin."""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     preload: ClassVar[tuple[str, ...]]
 
     start_radius_m: float = within(0.3, 0.0, 10.0)

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from rhs.api.contracts import Blockage, Blocked, Context
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Blockage, Blocked, Context, PartSettings
+from rhs.api.errors import within
 
 MOST = 100_000
 
 
-class OwnPart(Bounded):
+class OwnPart(PartSettings):
     """Settings that decide themselves: what is built of them is what was typed."""
-
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Any:
         return self

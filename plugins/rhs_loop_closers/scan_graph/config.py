@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, LoopCloser
+from rhs.api.contracts import Context, LoopCloser, PartSettings
 from rhs.api.errors import Bounded, within
 from rhs.estimation.scans.settings import PointSettings
 from rhs.estimation.views.settings import DriftBounds
@@ -118,11 +118,10 @@ class ScanGraphAdvanced(Bounded):
 
 
 @dataclass
-class ScanGraph(Bounded):
+class ScanGraph(PartSettings):
     """Places that laser scans see again, a pose graph, and every scan laid onto its neighbours. After the survey."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     key_m: float = within(0.5, 0.01, 10.0)
     """A scan is a node of the graph after so much way, metres."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.errors import Bounded, ConfigError, one_of, within
 
 from ..advanced import GuessNoise
@@ -41,11 +42,10 @@ class CloudAdvanced(Bounded):
 
 
 @dataclass
-class CloudSettings(Bounded):
+class CloudSettings(PartSettings):
     """How a depth image becomes a cloud, what motion is expected, and when the shape says too little."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     guess: str = one_of("motion", "last")
     """Where an alignment starts: motion (wheels, else the command, else the last motion) or last (the last motion)."""

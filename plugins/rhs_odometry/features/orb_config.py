@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 from rhs.api.contracts import Context, Odometry
 from rhs.api.errors import one_of, within
@@ -23,9 +22,6 @@ class OrbAdvanced(ProcrustesAdvanced):
 @dataclass
 class Orb(Procrustes):
     """Frame-to-frame RGB-D odometry with fast features: ORB instead of SIFT, otherwise as `procrustes`."""
-
-    needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     features: int = within(500, 20, 20_000)
     """key-points per view; twice as many cost a third more time"""

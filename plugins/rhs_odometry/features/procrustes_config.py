@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
+from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import Bounded, one_of, within
 
 from ..advanced import GuessNoise, SwaySettings
@@ -26,11 +26,10 @@ class ProcrustesAdvanced(Bounded):
 
 
 @dataclass
-class Procrustes(Bounded):
+class Procrustes(PartSettings):
     """Frame-to-frame RGB-D odometry: SIFT, RANSAC on the rigid model, weighted Procrustes (thesis section 3.1)."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     refine: str = one_of("reprojection", "none")
     """none: the thesis; reprojection: then Gauss-Newton on pixels and inverse depth, each weighed by the noise that the

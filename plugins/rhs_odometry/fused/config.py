@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
+from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import Bounded, within
 
 from ..clouds.gicp_config import Gicp
@@ -31,11 +31,10 @@ class FusedAdvanced(Bounded):
 
 
 @dataclass
-class Fused(Bounded):
+class Fused(PartSettings):
     """Pictures with depth where they show something, the shape of the walls where they do not, joined per direction."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     picture_widening: float = within(1.5, 0.1, 100.0)
     """Sigmas of what procrustes says are multiplied by this: errors of neighbouring views go together."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Context, Odometry, PartSettings
+from rhs.api.errors import within
 
 from ..advanced import GuessNoise
 
@@ -19,11 +19,10 @@ class WheelAdvanced:
 
 
 @dataclass
-class Wheel(Bounded):
+class Wheel(PartSettings):
     """Wheel encoders: planar motion with errors that grow with distance and turn."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     distance_share: float = within(0.05, 0.0, 1.0)
     """One-sigma error as a share of the distance since the last view."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
+from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import Bounded, within
 
 from ..advanced import DirectSettings, GuessNoise, PatchSearch, SurfaceSettings, SwaySettings
@@ -97,11 +97,10 @@ class KeyframeAdvanced(Bounded):
 
 
 @dataclass
-class Keyframe(Bounded):
+class Keyframe(PartSettings):
     """Frame to key-frame map: Lucas-Kanade tracks, robust Gauss-Newton, old key frames found again, a pose graph."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     points: int = within(400, 30, 5000)
     """Points followed at a time; more cost time in proportion and gain little."""

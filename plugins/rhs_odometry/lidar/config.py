@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
+from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import Bounded, ConfigError, within
 
 
@@ -50,11 +50,10 @@ class VgicpAdvanced(LidarAdvanced):
 
 
 @dataclass
-class LidarOdometry(Bounded):
+class LidarOdometry(PartSettings):
     """What both are told of the clouds: the extra modality `cloud`, and `cloud_time_s` where a recording knows it."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"cloud"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     voxel_m: float = within(0.0, 0.0, 10.0)
     """Side of the voxels of the map, metres; 0: by how far the first cloud's points are (advanced.voxels_of_range)."""

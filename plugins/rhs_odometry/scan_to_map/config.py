@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
+from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import Bounded, within
 from rhs.estimation.scans.settings import PointSettings
 
@@ -70,11 +70,10 @@ class ScanToMapAdvanced:
 
 
 @dataclass
-class ScanToMap(Bounded):
+class ScanToMap(PartSettings):
     """Laser scans laid onto a map of the last key scans, point to line; wheels say where to look, if there are any."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     key_m: float = within(0.3, 0.01, 10.0)
     """A scan becomes part of the map after so much way, metres."""

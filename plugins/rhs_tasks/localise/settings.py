@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, ClassVar
 
-from rhs.api.errors import Bounded, ConfigError, within
+from rhs.api.contracts import PartSettings
+from rhs.api.errors import ConfigError, within
 from rhs.api.task import Job, TaskContext
 
 
 @dataclass
-class Localise(Bounded):
+class Localise(PartSettings):
     """A localiser alone in a map made before, on a recording or a robot led along its route: how soon it finds itself, and
     whether it knows."""
 
@@ -33,8 +34,6 @@ class Localise(Bounded):
     kidnap_skip_m: float = within(5.0, 0.1, 1e6)
     """length of the stretch that is left out then, metres"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "localiser")
 
     def __post_init__(self) -> None:

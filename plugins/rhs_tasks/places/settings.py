@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.errors import Bounded, within
 from rhs.api.task import Job, TaskContext
 
@@ -30,13 +31,12 @@ class Recognition(Bounded):
 
 
 @dataclass
-class Places:
+class Places(PartSettings):
     """Recognise single views: one survey stored, other views asked one by one (thesis 5.2)."""
 
     places: Recognition = field(default_factory=Recognition)
 
     needs: ClassVar[frozenset[str]] = frozenset({"driving", "image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "mapper", "localiser")
 
     def build(self, context: TaskContext) -> Job:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.errors import Bounded, ConfigError, within
 from rhs.api.task import Job, TaskContext
 
@@ -26,7 +27,7 @@ class Problem(Bounded):
 
 
 @dataclass
-class Planning:
+class Planning(PartSettings):
     """A planner alone on a map: its path is judged and stands beside the true shortest one."""
 
     start: list[float] = field(default_factory=list)
@@ -35,8 +36,6 @@ class Planning:
     """where to go, [x_m, y_m]; empty: the world's"""
     planning: Problem = field(default_factory=Problem)
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("planner",)
     preload: ClassVar[tuple[str, ...]] = ("rhs_tasks.planning.task",)
 

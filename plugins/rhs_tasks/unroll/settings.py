@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.errors import Bounded, ConfigError, check_range, one_of, within
 from rhs.api.task import Job, TaskContext
 
@@ -76,13 +77,11 @@ class Unrolling(Bounded):
 
 
 @dataclass
-class Unroll:
+class Unroll(PartSettings):
     """The wall of a tube or corridor as one flat picture (thesis section 4.3)."""
 
     unroll: Unrolling = field(default_factory=Unrolling)
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor")
 
     def build(self, context: TaskContext) -> Job:
