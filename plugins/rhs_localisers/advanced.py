@@ -103,8 +103,6 @@ class PanoramaSettings(Bounded):
 class ByPlaces(Bounded):
     """What the localisers that recognise places share."""
 
-    min_coverage: float = within(0.0, 0.0, 1.0)
-    """least share of the key-points which ought to be seen again, were the place the same, that are; 0: not asked"""
     weak: float = within(0.5, 0.01, 0.9999)
     """chance that a place named with a small explained share (confirmation.strong) is right"""
     smooth_share: float = within(0.9, 0.0, 1.0)

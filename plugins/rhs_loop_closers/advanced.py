@@ -56,14 +56,6 @@ class ClosingAdvanced(Bounded):
 
 
 @dataclass
-class ErrorDistributionAdvanced(ClosingAdvanced):
-    """Thresholds of `loop_closer=error_distribution`."""
-
-    min_coverage: float = within(0.0, 0.0, 1.0)
-    """least share of the key-points which both views should show that are found again; 0: not asked"""
-
-
-@dataclass
 class PoseGraphAdvanced(ClosingAdvanced):
     """Thresholds of `loop_closer=pose_graph`."""
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 from rhs.api.contracts import Context, LoopCloser, PartSettings
 from rhs.api.errors import one_of, within
 
-from .advanced import ErrorDistributionAdvanced
+from .advanced import ClosingAdvanced
 
 
 @dataclass
@@ -19,15 +19,6 @@ class ErrorDistribution(PartSettings):
 
     positions: str = one_of("turned", "printed")
     """printed: the equation alone, axis by axis; turned: angles first, then the steps are walked again with them."""
-    trust: str = one_of("sighting", "both")
-    """Whom to believe at the end. sighting: the recognised place alone (the thesis). both: place and odometry, each
-    by its covariance; for an odometry whose covariance is that of its pose, as corridor_ekf's: it knows headings
-    better."""
-    sighting_sigma_m: float = within(0.05, 0.0, 10.0)
-    """trust=both: what the covariance of a sighting lacks in position, because points lifted on walls are themselves
-    estimates, metres (1 sigma)."""
-    sighting_sigma_deg: float = within(1.0, 0.0, 90.0)
-    """trust=both: what the covariance of a sighting lacks in each angle, degrees (1 sigma)."""
     reach_views: int = within(6, 1, 1000)
     """The last and the first so many stored views are compared."""
     checks: int = within(8, 1, 1000)
@@ -37,7 +28,7 @@ class ErrorDistribution(PartSettings):
     max_drift_share: float = within(0.15, 0.0, 10.0)
     """A closure that moves the end by more than this share of the distance travelled (plus half a metre) is refused:
     visual odometry drifts by 1-4 %, in bad light by 10 %."""
-    advanced: ErrorDistributionAdvanced = field(default_factory=ErrorDistributionAdvanced)
+    advanced: ClosingAdvanced = field(default_factory=ClosingAdvanced)
 
     def build(self, context: Context) -> LoopCloser:
         from .error_distribution import ErrorSpreader
