@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import numpy as np
+
 from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import within
+from rhs.api.geometry import se2
+from rhs.api.records import Motion, Observation, Tracking
 
 from ..advanced import GuessNoise
+from .fallback import guess_motion
 
 
 @dataclass
@@ -38,25 +43,14 @@ class Wheel(PartSettings):
         return WheelOdometry(self)
 
 
-class WheelOdometry:
+class WheelOdometry(Odometry):
     """Hands on the encoders' travel; says `lost` when a view came without it."""
-
-    keeps_moving: tuple[float, float] | None = None
-    short_steps: tuple[float, float] | None = None
-    scale_from = ""
 
     def __init__(self, settings: Wheel) -> None:
         self._settings = settings
         self._begun = False
 
-    def update(self, observation):
-        import numpy as np
-
-        from rhs.api.geometry import se2
-        from rhs.api.records import Motion, Tracking
-
-        from .fallback import guess_motion
-
+    def update(self, observation: Observation) -> Motion:
         if not self._begun:
             self._begun = True
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view")
@@ -69,7 +63,3 @@ class WheelOdometry:
         # a wheel says nothing of height, roll and pitch; the floor does
         sigmas = np.array([sigma_m, sigma_m, 1e-3, 1e-3, 1e-3, sigma_rad])
         return Motion(se2(*observation.wheel), np.diag(sigmas**2), Tracking.OK, observability=1.0 / sigmas)
-
-    def revise(self):
-        """Nothing to say afterwards."""
-        return None
