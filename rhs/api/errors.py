@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rhs.base.errors import (
     ConfigError,
@@ -34,7 +34,7 @@ def one_of(default: str, *others: str) -> str:
     return dataclasses.field(default=default, metadata={"words": (default, *others)})
 
 
-def limits_of(cls: type, kind: str) -> dict[str, tuple]:
+def limits_of(cls: type, kind: str) -> dict[str, tuple[Any, ...]]:
     """What the settings of a class keep to, by name. kind: `range`, see `within`, or `words`, see `one_of`."""
     fields = [item for base in reversed(cls.__mro__) for item in vars(base).get("__dataclass_fields__", {}).values()]
     return {item.name: item.metadata[kind] for item in fields if kind in item.metadata}
