@@ -18,6 +18,7 @@ from rhs.api.geometry import Camera, camera_from_fov, planar, se2
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.api.records import Capture, FeatureSettings, Observation, Scan, Twist, WorldFacts
 
+LOW, HIGH = np.array([-4.0, -3.0, 0.0]), np.array([4.0, 3.0, 2.6])
 TEXELS_PER_M = 40.0
 RATE_HZ = 5.0  # views per second of a drive
 # steps of drives: metres ahead and radians to the left per view, turning further to the left than to the right
