@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import ConfigError, ContractError, within
+from rhs.api.errors import ContractError, within
 from rhs.api.records import Capture, Observation, Scan
 
 from .degrade import Encoders, frozen
@@ -24,15 +24,10 @@ class Laser(Wheeled):
 
     range_sigma_m: float = within(0.01, 0.0, 10.0)
     """noise of each range, metres (1 sigma); 0.01: a Hokuyo UTM-30LX"""
-    min_range_m: float = within(0.05, 0.0, 100.0)
+    min_range_m: float = within(0.05, 0.0, 100.0, below="max_range_m")
     """nearer readings are unknown, metres (dirt and the robot itself)"""
     max_range_m: float = within(30.0, 0.1, 1000.0)
     """readings beyond this say only that nothing is nearer, metres"""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.min_range_m >= self.max_range_m:
-            raise ConfigError(f"min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
 
     def build(self, context: Context) -> Sensor:
         return LaserSensor(self, context)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import Bounded, ConfigError, ContractError, within
+from rhs.api.errors import Bounded, ContractError, within
 from rhs.api.records import Capture, Observation, Scan
 
 from .degrade import frozen
@@ -21,22 +21,16 @@ class Lidar(Bounded):
     needs: ClassVar[frozenset[str]] = frozenset({"cloud"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "wheel", "command"})
 
-    low_m: float = within(0.1, -100.0, 100.0)
+    low_m: float = within(0.1, -100.0, 100.0, below="high_m")
     """the scan is the nearest point on each bearing from this height over the body's origin, metres; above the floor"""
     high_m: float = within(1.0, -100.0, 100.0)
     """up to this height, metres"""
     beams: int = within(360, 8, 10_000)
     """beams of the scan, all around"""
-    min_range_m: float = within(0.5, 0.0, 100.0)
+    min_range_m: float = within(0.5, 0.0, 100.0, below="max_range_m")
     """nearer points are the robot itself, metres"""
     max_range_m: float = within(50.0, 0.1, 1000.0)
     """further points do not enter the scan, metres"""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for low, high in (("low_m", "high_m"), ("min_range_m", "max_range_m")):
-            if getattr(self, low) >= getattr(self, high):
-                raise ConfigError(f"{low}={getattr(self, low)} is not below {high}={getattr(self, high)}")
 
     def build(self, context: Context) -> Sensor:
         return LidarSensor(self, context)

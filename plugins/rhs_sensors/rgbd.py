@@ -29,7 +29,7 @@ class Rgbd(Wheeled):
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
 
-    min_range_m: float = within(0.4, 0.0, 100.0)
+    min_range_m: float = within(0.4, 0.0, 100.0, below="max_range_m")
     """nearer depths are unknown, metres along the optical axis (Kinect: 0.4)"""
     max_range_m: float = within(8.0, 0.1, 1000.0)
     """further depths are unknown, metres (Kinect: 8)"""
@@ -54,8 +54,6 @@ class Rgbd(Wheeled):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("", "disparity_m_px", self.disparity_m_px, low=0.1, high=10_000.0, unit="m px")
-        if self.min_range_m >= self.max_range_m:
-            raise ConfigError(f"min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
         if self.scan_rows % 2 == 0:
             raise ConfigError(f"scan_rows={self.scan_rows} is even; expected an odd number such as 1 or 3")
 

@@ -16,7 +16,7 @@ from .wheeled import Wheeled
 class StereoAdvanced(Bounded):
     """Thresholds of `sensor=stereo`."""
 
-    step_penalty: float = within(8.0, 0.0, 1e4)
+    step_penalty: float = within(8.0, 0.0, 1e4, below="jump_penalty")
     """P1 of semi-global matching: of a disparity that differs by 1 from its neighbour's, grey levels times the block's
     pixels (OpenCV's example)"""
     jump_penalty: float = within(32.0, 0.0, 1e4)
@@ -27,11 +27,6 @@ class StereoAdvanced(Bounded):
     """texture is measured in a square of this half side, pixels"""
     obstacle: BandSettings = field(default_factory=lambda: BandSettings(floor_m=0.1, floor_per_m=0.05, range_m=3.0))
     floor_end: FloorEndSettings = field(default_factory=FloorEndSettings)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.step_penalty >= self.jump_penalty:
-            raise ConfigError(f"step_penalty={self.step_penalty} is not below jump_penalty={self.jump_penalty}")
 
 
 @dataclass

@@ -23,10 +23,12 @@ __all__ = ["Bounded", "ConfigError", "ContractError", "EngineError", "PluginErro
 T = TypeVar("T")
 
 
-def within(default: T, low: float, high: float) -> T:
+def within(default: T, low: float, high: float, *, below: str = "") -> T:
     """A number of a `Bounded` settings dataclass with the closed range [low, high] that it keeps: `share: float =
-    within(0.5, 0.0, 1.0)`. A default of None is not looked at, nor is None where somebody types it."""
-    return dataclasses.field(default=default, metadata={"range": (low, high)})
+    within(0.5, 0.0, 1.0)`. A default of None is not looked at, nor is None where somebody types it. below: a setting of the
+    same class that is larger."""
+    limits = {"range": (low, high)} | ({"below": below} if below else {})
+    return dataclasses.field(default=default, metadata=limits)
 
 
 def one_of(default: str, *others: str) -> str:
@@ -34,8 +36,8 @@ def one_of(default: str, *others: str) -> str:
     return dataclasses.field(default=default, metadata={"words": (default, *others)})
 
 
-def limits_of(cls: type, kind: str) -> dict[str, tuple[Any, ...]]:
-    """What the settings of a class keep to, by name. kind: `range`, see `within`, or `words`, see `one_of`."""
+def limits_of(cls: type, kind: str) -> dict[str, Any]:
+    """What the settings of a class keep to, by name. kind: `range` and `below`, see `within`, or `words`, see `one_of`."""
     fields = [item for base in reversed(cls.__mro__) for item in vars(base).get("__dataclass_fields__", {}).values()]
     return {item.name: item.metadata[kind] for item in fields if kind in item.metadata}
 
@@ -53,3 +55,6 @@ class Bounded:
         check_ranges("", self, **{name: ranges[name] for name in ranges if getattr(self, name) is not None})
         for name, words in limits_of(type(self), "words").items():
             check_choice("", name, getattr(self, name), words)
+        for low, high in limits_of(type(self), "below").items():
+            if getattr(self, low) >= getattr(self, high):
+                raise ConfigError(f"{low}={getattr(self, low)} is not below {high}={getattr(self, high)}")

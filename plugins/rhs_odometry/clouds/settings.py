@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from rhs.api.contracts import PartSettings
-from rhs.api.errors import Bounded, ConfigError, one_of, within
+from rhs.api.errors import Bounded, one_of, within
 
 from ..advanced import GuessNoise
 
@@ -51,7 +51,7 @@ class CloudSettings(PartSettings):
     """Where an alignment starts: motion (wheels, else the command, else the last motion) or last (the last motion)."""
     stride_px: int = within(4, 1, 64)
     """One point per square of this side, pixels."""
-    min_range_m: float = within(0.3, 0.0, 100.0)
+    min_range_m: float = within(0.3, 0.0, 100.0, below="max_range_m")
     """Depths nearer than this are not used, metres."""
     max_range_m: float = within(8.0, 0.1, 1000.0)
     """Depths beyond this are not used, metres."""
@@ -65,8 +65,3 @@ class CloudSettings(PartSettings):
     planar: bool = True
     """The camera stands on a robot: keep the motion on the floor; no effect when it is hand-held."""
     advanced: CloudAdvanced = field(default_factory=CloudAdvanced)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.min_range_m >= self.max_range_m:
-            raise ConfigError(f"min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Odometry, PartSettings
-from rhs.api.errors import Bounded, ConfigError, within
+from rhs.api.errors import Bounded, within
 
 
 @dataclass
@@ -59,7 +59,7 @@ class LidarOdometry(PartSettings):
     """Side of the voxels of the map, metres; 0: by how far the first cloud's points are (advanced.voxels_of_range)."""
     deskew: bool = True
     """Points whose time is known are moved to where they would have been at the stamp of their cloud, as the robot moves."""
-    min_range_m: float = within(0.5, 0.0, 100.0)
+    min_range_m: float = within(0.5, 0.0, 100.0, below="max_range_m")
     """Nearer points are the robot itself, metres."""
     max_range_m: float = within(100.0, 0.1, 1000.0)
     """Further points are not used, metres (KISS-ICP's authors' habit)."""
@@ -72,11 +72,6 @@ class LidarOdometry(PartSettings):
     iterations: int = within(100, 1, 500)
     """Most iterations of one alignment."""
     advanced: LidarAdvanced = field(default_factory=LidarAdvanced)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.min_range_m >= self.max_range_m:
-            raise ConfigError(f"min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
 
 
 @dataclass
